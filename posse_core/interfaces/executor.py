@@ -1,0 +1,48 @@
+"""Executors: where frames are made."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from pydantic import BaseModel
+
+
+class FrameWorker(Protocol):
+    """Makes frames in one worker; lives as long as the worker."""
+
+    def make(self, index: int) -> Mapping[str, Any]:
+        """Make frame ``index``, write its files, return its labels."""
+        ...
+
+    def close(self) -> None:
+        """Free the renderer."""
+        ...
+
+
+@dataclass(frozen=True)
+class FrameResult:
+    """What became of one frame: labels, or the error that it ended with after all tries."""
+
+    index: int
+    labels: Mapping[str, Any] | None
+    error: str = ""
+
+
+class Executor(ABC):
+    """Spreads frames over workers. A frame whose worker dies is tried again in a new one."""
+
+    def __init__(self, options: BaseModel) -> None:
+        self.options = options
+
+    @abstractmethod
+    def run(
+        self, make_worker: Callable[[], FrameWorker], indices: Iterable[int]
+    ) -> Iterator[FrameResult]:
+        """Make the frames, in any order; yield each as it is done.
+
+        Args:
+            make_worker: picklable; called once in each worker.
+        """

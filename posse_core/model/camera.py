@@ -1,0 +1,88 @@
+"""The camera: a pinhole in OpenCV axes (x right, y down, z forward)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from posse_core.model.arrays import FloatArray
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Intrinsics. The centre of the top-left pixel is (0, 0).
+
+    Attributes:
+        width_px, height_px: image size.
+        fx_px, fy_px: focal lengths in pixels.
+        cx_px, cy_px: principal point; an image's middle is ((W − 1)/2, (H − 1)/2).
+        sensor_width_m: physical width of the sensor; gives the pixel pitch and the focal length.
+    """
+
+    width_px: int
+    height_px: int
+    fx_px: float
+    fy_px: float
+    cx_px: float
+    cy_px: float
+    sensor_width_m: float
+
+    @property
+    def matrix(self) -> FloatArray:
+        """(3, 3) camera matrix K in pixels: u = K x / z."""
+        return np.array([[self.fx_px, 0.0, self.cx_px], [0.0, self.fy_px, self.cy_px], [0.0, 0.0, 1.0]])
+
+    @property
+    def pixel_pitch_m(self) -> float:
+        """Width of a pixel on the sensor."""
+        return self.sensor_width_m / self.width_px
+
+    @property
+    def focal_length_m(self) -> float:
+        """Distance between the pinhole and the sensor."""
+        return self.fx_px * self.pixel_pitch_m
+
+    def project(self, x_cam_m: FloatArray) -> FloatArray:
+        """Project points: (..., 3) metres in camera axes → (..., 2) pixels; NaN where z ≤ 0."""
+        x_cam_m = np.asarray(x_cam_m, dtype=np.float64)
+        z = x_cam_m[..., 2]
+        z = np.where(z > 0, z, np.nan)
+        u = self.fx_px * x_cam_m[..., 0] / z + self.cx_px
+        v = self.fy_px * x_cam_m[..., 1] / z + self.cy_px
+        return np.stack([u, v], axis=-1)
+
+    def rays(self, uv_px: FloatArray) -> FloatArray:
+        """Directions through pixels: (..., 2) pixels → (..., 3) in camera axes with z = 1."""
+        uv_px = np.asarray(uv_px, dtype=np.float64)
+        x = (uv_px[..., 0] - self.cx_px) / self.fx_px
+        y = (uv_px[..., 1] - self.cy_px) / self.fy_px
+        return np.stack([x, y, np.ones_like(x)], axis=-1)
+
+
+@dataclass(frozen=True)
+class PixelBox:
+    """A rectangle of whole pixels: columns x0 … x0+width−1, rows y0 … y0+height−1."""
+
+    x0: int
+    y0: int
+    width: int
+    height: int
+
+    @property
+    def slices(self) -> tuple[slice, slice]:
+        """(rows, columns) of the box in an image array."""
+        return slice(self.y0, self.y0 + self.height), slice(self.x0, self.x0 + self.width)
+
+    @property
+    def is_empty(self) -> bool:
+        """No pixel is in the box."""
+        return self.width <= 0 or self.height <= 0
+
+    def pixel_centres_px(self) -> FloatArray:
+        """(height, width, 2) pixel coordinates (u, v) of the centres."""
+        u, v = np.meshgrid(
+            np.arange(self.x0, self.x0 + self.width, dtype=np.float64),
+            np.arange(self.y0, self.y0 + self.height, dtype=np.float64),
+        )
+        return np.stack([u, v], axis=-1)

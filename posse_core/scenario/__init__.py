@@ -1,0 +1,1 @@
+"""The scenario: a YAML file that says everything about a run."""

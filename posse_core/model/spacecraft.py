@@ -27,6 +27,8 @@ class Material:
     Attributes:
         base_color: (3,) linear reflectance in red, green, blue, 0 … 1.
         metallic, roughness: 0 … 1; roughness is perceptual, alpha = roughness².
+        specular: 0 … 1, strength of the reflection at a non-metal's surface, whose F0 is 4 % at 1
+            (``specularFactor`` of KHR_materials_specular). With 0 a non-metal is Lambertian.
         base_color_texture: (H, W, 3) uint8, sRGB-coded.
         metallic_roughness_texture: (H, W, 2) uint8, linear: metallic, roughness.
         normal_texture: (H, W, 3) uint8, tangent space, +Y up (OpenGL style): n = 2 t/255 − 1.
@@ -36,6 +38,7 @@ class Material:
     base_color: tuple[float, float, float] = (1.0, 1.0, 1.0)
     metallic: float = 0.0
     roughness: float = 1.0
+    specular: float = 1.0
     base_color_texture: AnyArray | None = None
     metallic_roughness_texture: AnyArray | None = None
     normal_texture: AnyArray | None = None

@@ -28,4 +28,30 @@ def posse_writers() -> list[ComponentSpec]:
 
 @hookimpl
 def posse_executors() -> list[ComponentSpec]:
-    return []
+    return [
+        ComponentSpec(
+            "local",
+            "worker processes on this machine",
+            "posse_core.pipeline.local:LocalExecutor",
+            "posse_core.pipeline.local:LocalOptions",
+        ),
+    ]
+
+
+@hookimpl
+def posse_subcommands() -> list[ComponentSpec]:
+    return [
+        ComponentSpec(
+            "describe", "keys of a scenario, options of a component", "posse_core.cli.describe:command"
+        ),
+        ComponentSpec(
+            "doctor", "what works on this machine, and how to mend it", "posse_core.cli.doctor:command"
+        ),
+        ComponentSpec(
+            "plugins", "what is installed, and what became of it", "posse_core.cli.plugins:command"
+        ),
+        ComponentSpec(
+            "propagate", "the trajectory of a scenario, alone", "posse_core.cli.propagate:command"
+        ),
+        ComponentSpec("run", "scenario to labelled dataset", "posse_core.cli.run:command"),
+    ]

@@ -9,6 +9,8 @@ from typing import Any, Protocol
 
 from pydantic import BaseModel
 
+from posse_core.errors import ComponentError
+
 
 class FrameWorker(Protocol):
     """Makes frames in one worker; lives as long as the worker."""
@@ -31,6 +33,10 @@ class FrameResult:
     error: str = ""
 
 
+class WorkerSetupError(ComponentError):
+    """A worker could not be made, so no frame can."""
+
+
 class Executor(ABC):
     """Spreads frames over workers. A frame whose worker dies is tried again in a new one."""
 
@@ -45,4 +51,8 @@ class Executor(ABC):
 
         Args:
             make_worker: picklable; called once in each worker.
+
+        Raises:
+            WorkerSetupError: ``make_worker`` failed; no frame can be made.
+            OSError: a worker could not write, as when the disk is full.
         """

@@ -79,6 +79,15 @@ class PixelBox:
         """No pixel is in the box."""
         return self.width <= 0 or self.height <= 0
 
+    def grown(self, margin_px: int, camera: Camera) -> PixelBox:
+        """The box with a margin around it, within the image; an empty one stays empty."""
+        if self.is_empty:
+            return self
+        x0, y0 = max(self.x0 - margin_px, 0), max(self.y0 - margin_px, 0)
+        x1 = min(self.x0 + self.width + margin_px, camera.width_px)
+        y1 = min(self.y0 + self.height + margin_px, camera.height_px)
+        return PixelBox(x0, y0, x1 - x0, y1 - y0)
+
     def pixel_centres_px(self) -> FloatArray:
         """(height, width, 2) pixel coordinates (u, v) of the centres."""
         u, v = np.meshgrid(

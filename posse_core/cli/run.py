@@ -1,0 +1,108 @@
+"""``posse run``: a scenario becomes a dataset."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import click
+from tqdm import tqdm
+
+from posse_core.cli.common import DEFAULT_SCENARIO, echo_json, read_scenario, scenario_options
+from posse_core.errors import InputError
+from posse_core.interfaces.executor import Executor, FrameResult
+from posse_core.pipeline.plan import make_plan
+from posse_core.pipeline.run import RunResult, run
+from posse_core.plugins import Plugins, load_plugins
+from posse_core.scenario.load import scenario_members
+
+
+@click.command()
+@click.argument("scenario", required=False)
+@click.option("--renderer", metavar="NAME", help="Who renders; 'posse plugins' lists the names.")
+@click.option("--out", type=click.Path(path_type=Path), help="Folder of the dataset.")
+@click.option("--workers", type=int, default=1, show_default=True, help="Number of workers.")
+@click.option("--executor", default="local", show_default=True, help="Where frames are made.")
+@click.option("--resume", is_flag=True, help="Go on with the run in --out.")
+@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
+@scenario_options
+def command(
+    scenario: str | None,
+    renderer: str | None,
+    out: Path | None,
+    workers: int,
+    executor: str,
+    resume: bool,
+    as_json: bool,
+    seed: int | None,
+    frames: int | None,
+    overrides: tuple[str, ...],
+) -> int:
+    """Make a labelled dataset from SCENARIO: a YAML file, or the name of a built-in scenario.
+
+    Without SCENARIO it makes one of Aqua over the Earth. A collection of scenarios makes a folder each.
+    """
+    plugins = load_plugins()
+    if resume and out is None:
+        raise InputError("--resume: name the folder of the run by --out")
+    source = scenario or DEFAULT_SCENARIO
+    if resume and scenario is None and out is not None and (out / "scenario.yaml").exists():
+        source = str(out / "scenario.yaml")
+    named = {"renderer.name": renderer, "seed": seed, "frames": frames}
+    pool = _executor(plugins, executor, workers)
+    members = scenario_members(source)
+    plans = {
+        Path(member).stem: make_plan(read_scenario(member, overrides, **named), plugins.registry)
+        for member in members
+    }
+    folder = out or _free_folder(Path(source).stem)
+    folders = {name: folder / name if len(plans) > 1 else folder for name in plans}
+    results = [
+        run(plan, folders[name], plugins, pool, resume=resume, progress=_bar)
+        for name, plan in plans.items()
+    ]
+    if as_json:
+        echo_json([_as_json(result) for result in results])
+    for result in results:
+        _tell(result, to_stdout=not as_json)
+    return 3 if any(result.failed for result in results) else 0
+
+
+def _executor(plugins: Plugins, name: str, workers: int) -> Executor:
+    options = plugins.registry.options("executor", name, {"workers": workers}, where="--")
+    made: Executor = plugins.registry.create("executor", name, options)
+    return made
+
+
+def _free_folder(stem: str) -> Path:
+    """``out/STEM-20260131-120000``: a folder that no run has yet."""
+    return Path("out") / f"{stem}-{time.strftime('%Y%m%d-%H%M%S')}"
+
+
+def _bar(results: Iterable[FrameResult], frames: int, done: int) -> Iterable[FrameResult]:
+    with tqdm(total=frames, initial=done, unit="frame", file=sys.stderr, smoothing=0.1) as bar:
+        for result in results:
+            bar.update()
+            yield result
+
+
+def _as_json(result: RunResult) -> dict[str, Any]:
+    return {
+        "dataset": str(result.folder),
+        "frames": result.frames,
+        "made": result.made,
+        "failed": {str(index): error for index, error in result.failed.items()},
+        "seconds": round(result.seconds, 3),
+    }
+
+
+def _tell(result: RunResult, *, to_stdout: bool) -> None:
+    if to_stdout:
+        click.echo(
+            f"{result.folder}: {result.made} frames made of {result.frames} in {result.seconds:.1f} s"
+        )
+    for index, error in sorted(result.failed.items()):
+        click.echo(f"posse: frame {index} failed: {' '.join(error.split())}", err=True)

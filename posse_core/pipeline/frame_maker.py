@@ -1,0 +1,154 @@
+"""Making one frame: geometry → labels, radiance → image, files on disk. Lives in a worker."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from posse_core.environment.time import Epoch
+from posse_core.errors import ComponentError
+from posse_core.files import write_bytes, write_json
+from posse_core.geometry.raycast import RayCaster
+from posse_core.interfaces.annotator import Annotator
+from posse_core.interfaces.renderer import Renderer
+from posse_core.model.arrays import AnyArray
+from posse_core.model.camera import Camera
+from posse_core.model.labels import View
+from posse_core.model.scene import FrameState, Radiance, RenderRequest, Scene
+from posse_core.plugins import load_plugins
+from posse_core.randomness import derived_seed
+from posse_core.registry import Registry
+from posse_core.scenario.component import ComponentChoice
+from posse_core.scenario.load import load_scenario
+from posse_core.sensor.sensor import Sensor
+from posse_core.sky.sky import Sky
+from posse_core.trajectory import frame_state, load_trajectory
+
+RENDERER_FILE = "renderer.json"
+"""What the renderer says of itself, for the manifest."""
+BOX_MARGIN_PX = 1
+"""Pixels around the geometry's box that are rendered too: the craft may cover a part of them."""
+
+
+class FrameMaker:
+    """Makes the frames of the dataset in ``folder`` from its scenario and trajectory files."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        registry = load_plugins().registry
+        scenario = load_scenario(str(folder / "scenario.yaml"), registry)
+        self._seed = scenario.seed
+        self._constants = scenario.constants
+        self._trajectory = load_trajectory(folder / "trajectory.npz")
+        self._epoch = Epoch.from_iso(self._trajectory.epoch_utc)
+        camera = scenario.camera.camera()
+        craft = create(registry, "scene", scenario.target).build()
+        self._scene = Scene(craft, camera)
+        self._geometry = RayCaster(self._scene)
+        self._annotators: list[Annotator] = [
+            create(registry, "annotator", choice) for choice in scenario.annotators
+        ]
+        self._sky = Sky(scenario.sky, camera, scenario.seed)
+        self._sensor = Sensor(scenario.sensor, camera)
+        self._renderer: Renderer = create(registry, "renderer", scenario.renderer)
+        self._renderer.open(self._scene)
+        write_json(folder / RENDERER_FILE, dict(self._renderer.describe()))
+
+    def make(self, index: int) -> Mapping[str, Any]:
+        """Make one frame, write its files, return its labels."""
+        frame = frame_state(self._trajectory, index, self._constants)
+        view = self._geometry.view(frame)
+        labels, arrays = self.annotate(frame, view)
+        image = self.expose(frame, view)
+        labels["image"] = f"images/{index:06d}.png"
+        labels["truth"] = f"truth/{index:06d}.npz" if arrays else None
+        write_bytes(self._folder / labels["image"], _png(image))
+        if arrays:
+            write_bytes(self._folder / labels["truth"], _npz(arrays))
+        return labels
+
+    def annotate(self, frame: FrameState, view: View) -> tuple[dict[str, Any], dict[str, AnyArray]]:
+        """Labels of a frame, and its full-size arrays (H, W, ...) by name."""
+        i = frame.index
+        labels: dict[str, Any] = {
+            "index": i,
+            "t_s": frame.t_s,
+            "epoch_utc": self._epoch.shifted(frame.t_s).iso(),
+            "sequence": int(self._trajectory.sequence[i]),
+            "spacecraft": self._scene.spacecraft.name,
+            "sun_fraction_target": frame.sun_fraction_target,
+            "sun_fraction_camera": frame.sun_fraction_camera,
+            "solar_flux_w_m2": frame.solar_flux_w_m2,
+        }
+        arrays: dict[str, AnyArray] = {}
+        for annotator in self._annotators:
+            made = annotator.annotate(self._scene, frame, view)
+            twice = (labels.keys() & made.values.keys()) | (arrays.keys() & made.arrays.keys())
+            if twice:
+                raise ComponentError(f"two annotators write the label {min(twice)!r}; name one of them")
+            labels.update(made.values)
+            for name, array in made.arrays.items():
+                arrays[name] = _full_size(array, view, self._scene.camera)
+        return labels, arrays
+
+    def radiance(self, frame: FrameState, view: View) -> Radiance | None:
+        """The renderer's light of the craft; None where no ray meets it."""
+        camera = self._scene.camera
+        box = view.box.grown(BOX_MARGIN_PX, camera)
+        if box.is_empty:
+            return None
+        environment = self._sky.environment(frame)
+        seed = derived_seed(self._seed, frame.index, "renderer")
+        return self._renderer.render(RenderRequest(frame, box, environment, seed))
+
+    def expose(self, frame: FrameState, view: View) -> AnyArray:
+        """The image, (H, W) or (H, W, 3) RGB, uint8 or uint16."""
+        craft = self.radiance(frame, view)
+        return self._sensor.expose(self._sky.look(frame), craft, self._seed, frame.index)
+
+    def close(self) -> None:
+        """Free the renderer."""
+        self._renderer.close()
+
+
+def create(registry: Registry, kind: str, choice: ComponentChoice) -> Any:
+    """Make the component that a scenario chose."""
+    options = registry.options(kind, choice.name, choice.options)
+    return registry.create(kind, choice.name, options)
+
+
+def _full_size(array: AnyArray, view: View, camera: Camera) -> AnyArray:
+    """Paste an array over the view's box into the whole image: −1 or NaN elsewhere."""
+    fill = -1 if np.issubdtype(array.dtype, np.integer) else np.nan
+    full = np.full((camera.height_px, camera.width_px, *array.shape[2:]), fill, dtype=array.dtype)
+    if not view.box.is_empty:
+        full[view.box.slices] = array
+    return full
+
+
+def _png(image: AnyArray) -> bytes:
+    colour = cv2.cvtColor(image, cv2.COLOR_RGB2BGR) if image.ndim == 3 else image
+    ok, data = cv2.imencode(".png", colour, [cv2.IMWRITE_PNG_COMPRESSION, 3])
+    if not ok:
+        raise ComponentError("the image could not be coded as PNG")
+    return bytes(data)
+
+
+def _npz(arrays: Mapping[str, AnyArray]) -> bytes:
+    """An .npz whose bytes depend on the arrays alone (numpy's own carries no date either, but packs
+    slower)."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for name, array in arrays.items():
+            member = io.BytesIO()
+            np.lib.format.write_array(member, np.ascontiguousarray(array), allow_pickle=False)
+            entry = zipfile.ZipInfo(f"{name}.npy", date_time=(1980, 1, 1, 0, 0, 0))
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            archive.writestr(entry, member.getvalue())
+    return buffer.getvalue()

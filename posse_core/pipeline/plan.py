@@ -1,0 +1,64 @@
+"""Everything that a run needs, checked before the first file is written."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from posse_core.dynamics.orbit import chief_semi_major_axis_m
+from posse_core.interfaces.propagator import PropagationProblem, Propagator
+from posse_core.model.spacecraft import Spacecraft
+from posse_core.model.trajectory import Trajectory
+from posse_core.pipeline.frame_maker import create
+from posse_core.registry import Registry
+from posse_core.scenario.model import Scenario, period_s
+from posse_core.trajectory import build_trajectory
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A scenario with its trajectory, one entry a frame, and its spacecraft."""
+
+    scenario: Scenario
+    trajectory: Trajectory
+    spacecraft: Spacecraft
+
+
+def make_plan(scenario: Scenario, registry: Registry) -> Plan:
+    """Propagate, and build the spacecraft.
+
+    Raises:
+        InputError: the orbit, the model or a file of the scenario cannot be used.
+    """
+    craft: Spacecraft = create(registry, "scene", scenario.target).build()
+    return Plan(scenario, make_trajectory(scenario, registry), craft)
+
+
+def make_trajectory(scenario: Scenario, registry: Registry) -> Trajectory:
+    """The trajectory of a scenario's frames."""
+    propagator: Propagator = create(registry, "propagator", scenario.propagator)
+    a_m = chief_semi_major_axis_m(scenario.orbit, scenario.constants)
+    problem = PropagationProblem(
+        orbit=scenario.orbit,
+        relative=scenario.relative,
+        t_s=scenario.times.seconds(period_s(a_m, scenario.constants)),
+        constants=scenario.constants,
+    )
+    trajectory = build_trajectory(
+        propagator=propagator, problem=problem, attitude=scenario.attitude, seed=scenario.seed
+    )
+    return evenly_spread(trajectory, scenario.frames)
+
+
+def evenly_spread(trajectory: Trajectory, frames: int | None) -> Trajectory:
+    """Only ``frames`` of the trajectory's, evenly spread from first to last; all, if None."""
+    if frames is None or frames >= len(trajectory):
+        return trajectory
+    chosen = np.linspace(0, len(trajectory) - 1, frames).round().astype(int)
+    arrays = {
+        field.name: getattr(trajectory, field.name)[chosen]
+        for field in fields(trajectory)
+        if field.name != "epoch_utc"
+    }
+    return replace(trajectory, **arrays)

@@ -32,3 +32,10 @@ class Constants(BaseModel):
         gt=0,
         description="Total solar irradiance at 1 au (IAU 2015 B3); the thesis has 1367.",
     )
+    eclipse_flattening: float = Field(
+        0.0,
+        ge=0,
+        lt=0.1,
+        description="Flattening of the Earth that casts the shadow: 0 is a sphere, WGS 84 has"
+        " 0.0033528106647474805.",
+    )

@@ -133,3 +133,37 @@ def quaternion_from_matrix(R: FloatArray) -> FloatArray:
     best = np.argmax(np.diagonal(candidates, axis1=-2, axis2=-1), axis=-1)
     q = unit(np.take_along_axis(candidates, best[..., None, None], axis=-2)[..., 0, :])
     return np.where(q[..., :1] < 0, -q, q)
+
+
+def R_a_from_b_by_directions(
+    first_a: FloatArray, second_a: FloatArray, first_b: FloatArray, second_b: FloatArray
+) -> FloatArray:
+    """(..., 3, 3) that takes ``first_b`` onto ``first_a``, and ``second_b`` as near to ``second_a``
+    as that leaves free. All (..., 3), of any length (TRIAD; Black 1964).
+
+    Raises:
+        ValueError: a pair is parallel, so the rotation about it is undetermined.
+    """
+
+    def triad(first: FloatArray, second: FloatArray) -> FloatArray:
+        x = unit(first)
+        z = unit(np.cross(first, second))
+        return np.stack([x, np.cross(z, x), z], axis=-1)
+
+    return np.asarray(triad(first_a, second_a) @ np.swapaxes(triad(first_b, second_b), -1, -2))
+
+
+def matrix_from_rotation_vector(rotation_rad: FloatArray) -> FloatArray:
+    """(..., 3) axis times angle, right-handed → (..., 3, 3)."""
+    half = np.linalg.norm(rotation_rad, axis=-1, keepdims=True) / 2
+    # numpy's sinc is sin(πx)/(πx); it is 1 at 0, so no rotation needs no special case.
+    q = np.concatenate([np.cos(half), np.sinc(half / np.pi) / 2 * rotation_rad], axis=-1)
+    return matrix_from_quaternion(q)
+
+
+def rotation_vector_from_matrix(R: FloatArray) -> FloatArray:
+    """(..., 3, 3) → (..., 3) axis times angle, right-handed, angle 0 … π."""
+    q = quaternion_from_matrix(R)
+    sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
+    half = np.arctan2(sine, q[..., :1])
+    return np.asarray(q[..., 1:] * (2 / np.sinc(half / np.pi)))

@@ -1,0 +1,1 @@
+"""Attitude laws: where the target's body and the chaser's camera point."""

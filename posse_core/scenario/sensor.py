@@ -1,0 +1,61 @@
+"""Scenario keys of the sensor: from light on the lens to digital numbers."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from posse_core.options import Options
+
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
+class NoiseConfig(Options):
+    """What makes two exposures of the same scene differ."""
+
+    shot: bool = Field(True, description="photons and dark electrons arrive at random (Poisson)")
+    read_e: float = Field(25.0, ge=0, description="standard deviation of reading, electrons")
+    dark_e_s: float = Field(100.0, ge=0, description="dark current, electrons per second and pixel")
+    gaussian_dn: float = Field(
+        0.0,
+        ge=0,
+        description="standard deviation of noise added to the finished image, DN: the thesis' Gaussian"
+        " noise; not physical",
+    )
+
+
+class PsfConfig(Options):
+    """How a point of light spreads."""
+
+    shape: Literal["gaussian"] = Field("gaussian", description="the form of the spot")
+    sigma_px: float = Field(0.7, gt=0, le=30, description="standard deviation, pixels")
+
+
+class SensorConfig(Options):
+    """From light on the lens to digital numbers.
+
+    By default the camera of the thesis (28.1 µm pixels) exposes a white plate that faces the Sun at
+    1 au to 96 % of its range.
+    """
+
+    exposure_s: float = Field(0.002, gt=0, description="exposure time, s")
+    f_number: float = Field(16.0, gt=0, description="focal length over the aperture's diameter")
+    color: Literal["mono", "rgb"] = Field(
+        "mono",
+        description="mono adds the bands; rgb has a channel for each, balanced so that a white plate in"
+        " sunlight has the same DN in all three and in mono",
+    )
+    quantum_efficiency: tuple[Share, Share, Share] = Field(
+        (0.45, 0.50, 0.40), description="electrons per photon in the red, green and blue band"
+    )
+    full_well_e: float = Field(1e6, gt=0, description="electrons that a pixel holds")
+    bit_depth: Literal[8, 16] = Field(8, description="bits per value; values are DN")
+    gain_e_dn: float | None = Field(
+        None,
+        gt=0,
+        description="electrons per DN; null is full_well_e / (2^bits - 1), so a full well is white",
+    )
+    offset_dn: float = Field(0.0, ge=0, description="DN of no light")
+    noise: NoiseConfig = Field(NoiseConfig(), description="what makes exposures differ")
+    psf: PsfConfig | None = Field(PsfConfig(), description="how a point spreads; null for not at all")

@@ -1,0 +1,172 @@
+"""The sensor against closed forms: plate, star, photon transfer, conservation of light."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from posse_core.model.bands import SOLAR_BAND_FRACTIONS
+from posse_core.model.camera import Camera, PixelBox
+from posse_core.model.scene import Radiance
+from posse_core.scenario.sensor import NoiseConfig, PsfConfig, SensorConfig
+from posse_core.sensor.sensor import Sensor
+from posse_core.sky.view import SkyView
+
+CAMERA = Camera(64, 48, 32.0, 32.0, 31.5, 23.5, 0.036 * 64 / 1280)
+QUIET = NoiseConfig(shot=False, read_e=0, dark_e_s=0)
+SUN_RGB = 1361.0 * SOLAR_BAND_FRACTIONS
+NO_POINTS = (np.empty((0, 2)), np.empty((0, 3)))
+HC = 6.62607015e-34 * 299792458.0
+
+
+def _flat(rgb) -> SkyView:
+    image = np.broadcast_to(np.asarray(rgb, dtype=np.float32), (48, 64, 3)).copy()
+    return SkyView(image, *NO_POINTS)
+
+
+def _plate_electrons(albedo: float, config: SensorConfig) -> float:
+    """E A t λ QE / (4 N² h c), band by band: the radiance of the plate is albedo E / π."""
+    bands = np.array([650e-9, 550e-9, 450e-9])
+    area_m2 = (0.036 / 1280) ** 2
+    photons = albedo * SUN_RGB * area_m2 * config.exposure_s * bands / HC / (4 * config.f_number**2)
+    return float(np.sum(photons * np.array(config.quantum_efficiency)))
+
+
+@pytest.mark.parametrize("color", ["mono", "rgb"])
+@pytest.mark.parametrize("albedo", [0.18, 0.5, 1.0])
+def test_a_white_plate_has_the_documented_dn(albedo: float, color: str) -> None:
+    config = SensorConfig(noise=QUIET, bit_depth=16, color=color)
+    image = Sensor(config, CAMERA).expose(_flat(albedo * SUN_RGB / np.pi), None, seed=0, index=0)
+    expected = 65535 * _plate_electrons(albedo, config) / config.full_well_e
+    assert image.shape == ((48, 64) if color == "mono" else (48, 64, 3))
+    np.testing.assert_allclose(image, expected, atol=1.0)
+
+
+def test_the_defaults_expose_white_just_below_saturation() -> None:
+    image = Sensor(SensorConfig(noise=QUIET), CAMERA).expose(_flat(SUN_RGB / np.pi), None, 0, 0)
+    assert image.dtype == np.uint8
+    assert 235 <= image.min() <= image.max() <= 250
+    half = Sensor(SensorConfig(noise=QUIET), CAMERA).expose(_flat(0.5 * SUN_RGB / np.pi), None, 0, 0)
+    assert np.unique(half) == [123]  # the number that docs/sensor.md states
+
+
+@pytest.mark.parametrize("psf", [None, PsfConfig(sigma_px=0.5), PsfConfig(sigma_px=1.7)])
+@pytest.mark.parametrize("place", [(20.0, 20.0), (20.5, 19.75), (31.23, 24.49)])
+def test_a_star_gives_its_flux_at_its_place(psf, place) -> None:
+    irradiance = np.array([[3e-5, 2e-5, 1e-5]])
+    config = SensorConfig(noise=QUIET, psf=psf)
+    sky = SkyView(None, np.array([place]), irradiance)
+    electrons = Sensor(config, CAMERA).mean_electrons(sky, None)[..., 0].astype(float)
+    aperture_m2 = np.pi / 4 * (32 * 0.036 / 1280 / config.f_number) ** 2
+    bands = np.array([650e-9, 550e-9, 450e-9])
+    expected = np.sum(irradiance * aperture_m2 * 0.002 * bands / HC * config.quantum_efficiency)
+    assert electrons.sum() == pytest.approx(expected, rel=1e-4)
+    if psf is not None:
+        v, u = np.mgrid[:48, :64]
+        centroid = np.array([(u * electrons).sum(), (v * electrons).sum()]) / electrons.sum()
+        assert centroid == pytest.approx(place, abs=0.01)
+
+
+def test_extended_and_point_light_agree_on_the_axis() -> None:
+    """A star of irradiance L dΩ is as bright as one pixel of radiance L."""
+    camera = Camera(65, 49, 320.0, 320.0, 32.0, 24.0, 0.036)
+    sensor = Sensor(SensorConfig(noise=QUIET), camera)
+    image = np.zeros((49, 65, 3), dtype=np.float32)
+    image[24, 32] = (1.0, 2.0, 3.0)
+    star = SkyView(None, np.array([[32.0, 24.0]]), np.array([[1.0, 2.0, 3.0]]) / 320.0**2)
+    extended = sensor.mean_electrons(SkyView(image, *NO_POINTS), None).sum(dtype=float)
+    assert sensor.mean_electrons(star, None).sum(dtype=float) == pytest.approx(extended, rel=1e-4)
+
+
+@given(st.integers(0, 2**31), st.floats(0.3, 4.0))
+def test_blurring_conserves_light(seed: int, sigma_px: float) -> None:
+    random = np.random.default_rng(seed)
+    image = random.exponential(1.0, (48, 64, 3)).astype(np.float32)
+    image[0, 0] = image[47, 30] = 1e4
+    sky = SkyView(image, *NO_POINTS)
+    blurred = Sensor(SensorConfig(psf=PsfConfig(sigma_px=sigma_px)), CAMERA).mean_electrons(sky, None)
+    sharp = Sensor(SensorConfig(psf=None), CAMERA).mean_electrons(sky, None)
+    assert blurred.sum(dtype=float) == pytest.approx(sharp.sum(dtype=float), rel=1e-4)
+
+
+@given(
+    mean_dn=st.floats(100, 40000),
+    gain_e_dn=st.floats(0.2, 20),
+    read_e=st.floats(0, 40),
+    gaussian_dn=st.floats(0, 30),
+    seed=st.integers(0, 2**31),
+)
+def test_photon_transfer_curve(mean_dn, gain_e_dn, read_e, gaussian_dn, seed) -> None:
+    """Janesick (2007): mean = S/K, variance = S/K² + r²/K² + g² + 1/12, in DN."""
+    noise = NoiseConfig(shot=True, read_e=read_e, dark_e_s=100, gaussian_dn=gaussian_dn)
+    config = SensorConfig(
+        bit_depth=16, gain_e_dn=gain_e_dn, full_well_e=1e9, offset_dn=1000, noise=noise, psf=None
+    )
+    electrons = mean_dn * gain_e_dn
+    albedo = (electrons - 100 * 0.002) / _plate_electrons(1.0, config)
+    sensor = Sensor(config, Camera(320, 240, 32.0, 32.0, 31.5, 23.5, 0.036 * 320 / 1280))
+    flat = np.broadcast_to((albedo * SUN_RGB / np.pi).astype(np.float32), (240, 320, 3))
+    image = sensor.expose(SkyView(flat, *NO_POINTS), None, seed, 0).astype(float)
+    variance = (electrons + read_e**2) / gain_e_dn**2 + gaussian_dn**2 + 1 / 12
+    # Five standard errors of the mean and of the variance of 76,800 draws, and float32's rounding.
+    assert image.mean() - 1000 == pytest.approx(
+        mean_dn, abs=5 * np.sqrt(variance / image.size) + 1e-5 * mean_dn
+    )
+    assert image.var() == pytest.approx(variance, rel=5 * np.sqrt(2 / image.size) + 0.003)
+
+
+@pytest.mark.parametrize("mean_e", [0.05, 1.0, 20.0, 63.0, 65.0])
+def test_few_photons_are_poisson(mean_e: float) -> None:
+    """Third central moment of a Poisson variable is its mean."""
+    config = SensorConfig(
+        gain_e_dn=1.0, psf=None, bit_depth=16, noise=NoiseConfig(read_e=0, dark_e_s=mean_e / 0.002)
+    )
+    sky = SkyView(None, *NO_POINTS)
+    frames = [Sensor(config, CAMERA).expose(sky, None, 1, index) for index in range(40)]
+    counts = np.stack(frames).astype(float)
+    n = counts.size
+    assert counts.mean() == pytest.approx(mean_e, abs=5 * np.sqrt(mean_e / n))
+    # Quantisation adds nothing below the switch to a Gaussian, 1/12 above it.
+    variance = mean_e + (1 / 12 if mean_e > 64 else 0)
+    assert counts.var() == pytest.approx(variance, rel=5 * np.sqrt((2 + 1 / mean_e) / n))
+
+
+def test_full_well_and_range_bound_the_image() -> None:
+    bright = _flat(100 * SUN_RGB)
+    assert (Sensor(SensorConfig(), CAMERA).expose(bright, None, 0, 0) >= 254).all()
+    low = SensorConfig(full_well_e=1000, gain_e_dn=10, noise=QUIET)
+    assert (Sensor(low, CAMERA).expose(bright, None, 0, 0) == 100).all()
+    assert (Sensor(SensorConfig(), CAMERA).expose(SkyView(None, *NO_POINTS), None, 0, 0) <= 1).all()
+
+
+def test_the_craft_covers_sky_and_stars() -> None:
+    box = PixelBox(10, 8, 20, 16)
+    coverage = np.zeros((16, 20), dtype=np.float32)
+    coverage[:, 10:] = 1.0
+    coverage[:, 9] = 0.5
+    craft = Radiance(box, coverage[..., None] * np.float32([3.0, 3.0, 3.0]), coverage)
+    sky = _flat((1.0, 1.0, 1.0))
+    sensor = Sensor(SensorConfig(noise=QUIET, psf=None), CAMERA)
+    electrons = sensor.mean_electrons(sky, craft)[..., 0]
+    unit = electrons[0, 0]
+    np.testing.assert_allclose(electrons[8:24, 10:19], unit, rtol=1e-5)
+    np.testing.assert_allclose(electrons[8:24, 19], 2 * unit, rtol=1e-5)
+    np.testing.assert_allclose(electrons[8:24, 20:30], 3 * unit, rtol=1e-5)
+    np.testing.assert_allclose(electrons[24:], unit, rtol=1e-5)
+    stars = np.array([[12.0, 10.0], [19.2, 10.0], [25.0, 10.0], [50.0, 40.0]])
+    points = sensor.mean_electrons(
+        SkyView(None, stars, np.ones((4, 3))), Radiance(box, 0 * craft.radiance_rgb, coverage)
+    )
+    open_sky = points[40, 50, 0]
+    assert open_sky > 0
+    assert points[10, [12, 19, 25], 0] == pytest.approx([open_sky, 0.5 * open_sky, 0.0])
+
+
+@given(seed=st.integers(0, 2**31), index=st.integers(0, 10**6))
+def test_noise_depends_on_seed_and_index_alone(seed: int, index: int) -> None:
+    config = SensorConfig(bit_depth=16, color="rgb")
+    sky = SkyView(_flat(0.3 * SUN_RGB).radiance_rgb, np.array([[5.3, 60.2]]), np.ones((1, 3)))
+    first = Sensor(config, CAMERA).expose(sky, None, seed, index)
+    np.testing.assert_array_equal(first, Sensor(config, CAMERA).expose(sky, None, seed, index))
+    assert (first != Sensor(config, CAMERA).expose(sky, None, seed, index + 1)).any()
+    assert (first != Sensor(config, CAMERA).expose(sky, None, seed + 1, index)).any()

@@ -1,0 +1,125 @@
+"""Stars against published places and magnitudes, and against ERFA's space motion."""
+
+import erfa
+import numpy as np
+import pytest
+
+from posse_core.constants import Constants
+from posse_core.model.bands import SOLAR_BAND_FRACTIONS
+from posse_core.scenario.sky import SkyConfig, StarsConfig
+from posse_core.sky.sky import Sky
+from posse_core.sky.stars import hipparcos, irradiance_rgb_w_m2, temperature_k, v_from_hp
+
+J2000 = 2451545.0
+# Place at J2000, ICRS, from SIMBAD; Johnson V from the first Hipparcos catalogue (I/239, field H5).
+KNOWN = {
+    "Vega": ("18:36:56.336", "+38:47:01.28", 0.03),
+    "Arcturus": ("14:15:39.672", "+19:10:56.67", -0.05),
+    "Aldebaran": ("04:35:55.239", "+16:30:33.49", 0.87),
+    "Fomalhaut": ("22:57:39.046", "-29:37:20.05", 1.17),
+    "Canopus": ("06:23:57.110", "-52:41:44.38", -0.62),
+    "Deneb": ("20:41:25.915", "+45:16:49.22", 1.25),
+    "Spica": ("13:25:11.579", "-11:09:40.75", 0.98),
+}
+
+
+def _direction(ra: str, dec: str) -> np.ndarray:
+    h, m, s = map(float, ra.split(":"))
+    d, am, asec = map(float, dec.lstrip("+-").split(":"))
+    sign = -1 if dec[0] == "-" else 1
+    return erfa.s2c(
+        np.deg2rad(15 * (h + m / 60 + s / 3600)), sign * np.deg2rad(d + am / 60 + asec / 3600)
+    )
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_bright_stars_stand_where_and_shine_as_published(name: str) -> None:
+    ra, dec, v = KNOWN[name]
+    field = hipparcos(6.5)
+    separation = np.linalg.norm(field.directions_at(J2000) - _direction(ra, dec), axis=1)
+    nearest = np.argmin(separation)
+    assert separation[nearest] < np.deg2rad(0.5 / 3600)
+    # The green band is the middle of V: invert its irradiance back to a magnitude.
+    at_zero = irradiance_rgb_w_m2(np.array([0.0]), np.array([10000.0]))[0, 1]
+    assert -2.5 * np.log10(field.irradiance_rgb_w_m2[nearest, 1] / at_zero) == pytest.approx(v, abs=0.07)
+
+
+def test_space_motion_is_that_of_erfa() -> None:
+    """Barnard's star, 10.4″ a year, by the rigorous model; its catalogue row typed in by hand."""
+    jd = 2459610.58
+    ra, dec = np.deg2rad(269.45402305), np.deg2rad(4.66828815)
+    mas = np.deg2rad(1 / 3600e3)
+    row = erfa.starpm(
+        ra, dec, -797.84 * mas / np.cos(dec), 10326.93 * mas, 0.5494, 0.0, 2448349.0625, 0.0, jd, 0.0
+    )
+    truth = erfa.s2c(row[0], row[1])
+    separation = np.linalg.norm(hipparcos(9.8).directions_at(jd) - truth, axis=1)
+    assert separation.min() < np.deg2rad(0.3 / 3600)
+
+
+def test_a_fainter_limit_holds_every_brighter_star() -> None:
+    few, many = hipparcos(4.0), hipparcos(6.5)
+    shared = (few.directions[:, None] == many.directions[None]).all(axis=2).any(axis=1)
+    assert shared.all()
+    assert 450 < len(few.directions) < 560  # the Bright Star Catalogue has some 500 to V 4.0
+    assert 7500 < len(many.directions) < 9100
+
+
+def test_the_suns_colour_and_magnitude_give_the_solar_irradiance() -> None:
+    """V = −26.76 (Willmer 2018); at 545 nm the true Sun outshines its black body by 5 %."""
+    rgb = irradiance_rgb_w_m2(np.array([-26.76]), np.array([5772.0]))[0]
+    assert rgb == pytest.approx(Constants().solar_constant_w_m2 * SOLAR_BAND_FRACTIONS, rel=0.06)
+    assert temperature_k(np.array([0.653]))[0] == pytest.approx(5772, abs=60)
+
+
+def test_hp_is_v_for_white_stars_and_fainter_for_red_ones() -> None:
+    assert v_from_hp(np.array([5.0]), np.array([0.0]))[0] == 5.0
+    # HIP 2: Hp 9.4017, B−V 0.999, V 9.27 (Hipparcos main catalogue).
+    assert v_from_hp(np.array([9.4017]), np.array([0.999]))[0] == pytest.approx(9.27, abs=0.04)
+
+
+def test_stars_project_by_the_camera_matrix(make_camera, make_state) -> None:
+    """Pixels by ERFA's spherical astronomy: standard coordinates about the optical axis."""
+    camera = make_camera(640, 480)
+    frame = make_state(forward=erfa.s2c(1.2, 0.3), r_camera_m=(3e6, 6e6, 2e6))
+    view = Sky(SkyConfig(earth=False), camera, seed=0).look(frame)
+    field = hipparcos(6.5)
+    ra, dec = erfa.c2s(field.directions_at(frame.epoch_jd_tt))
+    near = field.directions_at(frame.epoch_jd_tt) @ erfa.s2c(1.2, 0.3) > 0.5
+    xi, eta = erfa.tpxes(ra[near], dec[near], 1.2, 0.3)
+    u = camera.cx_px - camera.fx_px * xi  # right ascension grows to the left when north is up
+    v = camera.cy_px - camera.fy_px * eta
+    expected = np.stack([u, v], axis=-1)[(u >= -0.5) & (u <= 639.5) & (v >= -0.5) & (v <= 479.5)]
+    assert len(expected) > 300
+    distance = np.linalg.norm(expected[:, None] - view.points_px[None], axis=2).min(axis=1)
+    assert distance.max() < 1e-6
+    inside = np.all((view.points_px >= -0.5) & (view.points_px <= [639.5, 479.5]), axis=1)
+    assert inside.sum() == len(expected)
+
+
+def test_the_earth_hides_stars_below_its_limb(make_camera, make_state) -> None:
+    """From 700 km the limb stands at asin(Rₑ / r) from nadir; between ellipsoid and sphere 0.3°."""
+    camera = make_camera()
+    frame = make_state(r_camera_m=(0.0, 7.08e6, 0.0), forward=(1.0, 0.0, 0.0))
+    view = Sky(SkyConfig(earth=False), camera, seed=0).look(frame)
+    rays = camera.rays(view.points_px) @ frame.R_cam_from_eci
+    from_nadir = np.arccos(-rays[:, 1] / np.linalg.norm(rays, axis=1))
+    limb = np.arcsin(6.378137e6 / 7.08e6)
+    assert len(from_nadir) > 100
+    assert from_nadir.min() > limb - np.deg2rad(0.4)
+    above = Sky(SkyConfig(earth=False), camera, seed=0).look(
+        make_state(r_camera_m=(0.0, 7.08e6, 0.0), forward=(0.0, 1.0, 0.0))
+    )
+    assert len(above.points_px) > len(view.points_px)
+
+
+def test_gain_scales_stars_and_null_removes_them(make_camera, make_state) -> None:
+    frame, camera = make_state(), make_camera()
+    one = Sky(SkyConfig(earth=False), camera, seed=0).look(frame)
+    ten = Sky(SkyConfig(earth=False, stars=StarsConfig(gain=10)), camera, seed=0).look(frame)
+    none = Sky(SkyConfig(earth=False, stars=None), camera, seed=0).look(frame)
+    np.testing.assert_allclose(
+        ten.points_irradiance_rgb_w_m2, 10 * one.points_irradiance_rgb_w_m2, rtol=1e-12
+    )
+    assert none.points_px.shape == (0, 2)
+    assert none.radiance_rgb is None

@@ -8,7 +8,21 @@ from posse_core.registry import ComponentSpec
 
 @hookimpl
 def posse_propagators() -> list[ComponentSpec]:
-    return []
+    return [
+        ComponentSpec(
+            "roe",
+            "exact two-body relative motion from relative orbital elements (the default)",
+            "posse_core.propagators.roe:RoePropagator",
+            capabilities=frozenset({"exact-two-body"}),
+        ),
+        ComponentSpec(
+            "thesis",
+            "the thesis' own propagation, literally: N instances x H relative orbits",
+            "posse_core.propagators.thesis:ThesisPropagator",
+            options="posse_core.propagators.options:ThesisOptions",
+            capabilities=frozenset({"own-frames"}),
+        ),
+    ]
 
 
 @hookimpl

@@ -1,0 +1,1 @@
+"""Orbits and relative motion: named, serialisable casadi Functions, and wrappers for whole arrays."""

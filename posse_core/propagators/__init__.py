@@ -1,0 +1,1 @@
+"""The core's own propagators: models of the motion, by the names that a scenario chooses from."""

@@ -32,7 +32,39 @@ def posse_scenes() -> list[ComponentSpec]:
 
 @hookimpl
 def posse_annotators() -> list[ComponentSpec]:
-    return []
+    return [
+        ComponentSpec(
+            "box",
+            "tight box of the visible pixels, and the box of all vertices",
+            "posse_core.annotators.exact:BoxAnnotator",
+        ),
+        ComponentSpec("depth", "planar depth by pixel", "posse_core.annotators.exact:DepthAnnotator"),
+        ComponentSpec(
+            "keypoints",
+            "keypoints with visibility: 0 out of frame, 1 occluded, 2 visible",
+            "posse_core.annotators.exact:KeypointsAnnotator",
+        ),
+        ComponentSpec(
+            "mask",
+            "the mask as COCO run-lengths; its area, visible and lit fraction",
+            "posse_core.annotators.exact:MaskAnnotator",
+        ),
+        ComponentSpec(
+            "normals",
+            "geometric normal by pixel, camera axes",
+            "posse_core.annotators.exact:NormalsAnnotator",
+        ),
+        ComponentSpec(
+            "parts",
+            "part by pixel, and the visible area of each",
+            "posse_core.annotators.exact:PartsAnnotator",
+        ),
+        ComponentSpec(
+            "pose",
+            "attitude, position, range, phase angle, direction of the Sun",
+            "posse_core.annotators.exact:PoseAnnotator",
+        ),
+    ]
 
 
 @hookimpl

@@ -1,0 +1,208 @@
+"""What the camera sees of a spacecraft: one ray through each pixel's centre, one to each keypoint.
+
+A ray is x = camera + z d with d of unit length along the camera's axis, so z is the planar depth.
+Everything happens in body axes about the middle of the craft, so that no digits are lost at 100 km.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from posse_core.geometry.tracer import Tracer
+from posse_core.geometry.triangles import Triangles, dot, rotated
+from posse_core.model.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from posse_core.model.camera import Camera, PixelBox
+from posse_core.model.labels import NOT_IN_FRAME, OCCLUDED, VISIBLE, View
+from posse_core.model.scene import FrameState, Scene
+
+KEYPOINT_TOLERANCE = 0.055 / 16.7
+"""How far behind the surface a keypoint still counts as seen, over the craft's longest side: the
+thesis' 0.055 m (Section 3.4) on Aqua's 16.7 m."""
+SILHOUETTE_FIELD = 10.0
+"""Where the unbounded image of ``silhouette_px`` ends: focal lengths from the principal point (84°)."""
+SILHOUETTE_RAYS = 1 << 18
+"""Rays beyond the image's border at most; a larger silhouette is sampled on a coarser lattice."""
+_CHUNK = 1 << 15
+"""Rays cast at once: their arrays stay in the processor's cache."""
+_NO_BOX = PixelBox(0, 0, 0, 0)
+
+
+class RayCaster:
+    """Looks at one scene's spacecraft, frame after frame; no frame depends on another."""
+
+    def __init__(self, scene: Scene) -> None:
+        craft = scene.spacecraft
+        self._camera = scene.camera
+        self._tracer = Tracer(Triangles.of(craft))
+        vertices_body_m = np.concatenate([part.vertices_body_m for part in craft.parts])
+        self._vertices_body_m = np.ascontiguousarray(vertices_body_m.T)
+        self._keypoints_body_m = np.array([*craft.keypoints_body_m.values()], float).reshape(-1, 3).T
+
+    def view(self, frame: FrameState) -> View:
+        """The spacecraft as the camera's rays meet it in one frame."""
+        vertices_cam_m = _in_camera(frame, self._vertices_body_m)
+        z_m = vertices_cam_m[2]
+        uv_px = self._camera.project(vertices_cam_m.T)
+        low_px, high_px = uv_px.min(axis=0), uv_px.max(axis=0)  # NaN where a vertex is behind
+        box, field = _boxes(self._camera, low_px, high_px) if (z_m > 0).any() else (_NO_BOX, _NO_BOX)
+        look = _Look.at(self._tracer, self._camera, frame, float(z_m.min()))
+        part_id, depth_m, normal_cam, lit = look.pixels(box)
+        keypoints_px = self._camera.project(_in_camera(frame, self._keypoints_body_m).T)
+        return View(
+            box=box,
+            part_id=part_id,
+            depth_m=depth_m,
+            normal_cam=normal_cam,
+            lit=lit,
+            silhouette_px=int((part_id >= 0).sum()) + look.count_beyond(box, field),
+            keypoints_px=keypoints_px,
+            keypoints_visibility=self._visibility(look, frame, keypoints_px),
+            whole_box_px=np.concatenate([low_px, high_px - low_px]),
+        )
+
+    def _visibility(self, look: _Look, frame: FrameState, keypoints_px: FloatArray) -> IntArray:
+        """(K,) int8; see :class:`View`."""
+        visibility = np.full(len(keypoints_px), NOT_IN_FRAME, dtype=np.int8)
+        size_px = np.array([self._camera.width_px, self._camera.height_px])
+        inside = np.flatnonzero(((keypoints_px >= -0.5) & (keypoints_px < size_px - 0.5)).all(axis=1))
+        body_m = self._keypoints_body_m[:, inside]
+        depth_m = _in_camera(frame, body_m)[2]
+        centre_body_m = self._tracer.triangles.centre_body_m
+        directions = (body_m - (centre_body_m + look.camera_m)[:, None]) / depth_m
+        _, z_m = look.first(directions)
+        behind_m = (depth_m - z_m) * np.sqrt(dot(directions, directions))
+        hidden = behind_m > KEYPOINT_TOLERANCE * self._tracer.triangles.size_m
+        visibility[inside] = np.where(hidden, OCCLUDED, VISIBLE)
+        return visibility
+
+
+@dataclass(frozen=True)
+class _Look:
+    """One frame's camera and Sun, in body axes about the craft's middle.
+
+    Attributes:
+        camera_m: (3,).
+        R_cam_from_body: (3, 3).
+        start_m: planar depth that no part of the craft is in front of.
+        normal: (3, T) of each triangle, unit, on the camera's side.
+        sunny: (T,) whether the Sun is on the camera's side too.
+        sun_direction: (3,) unit.
+    """
+
+    tracer: Tracer
+    camera: Camera
+    camera_m: FloatArray
+    R_cam_from_body: FloatArray
+    start_m: float
+    normal: FloatArray
+    sunny: BoolArray
+    sun_direction: FloatArray
+
+    @classmethod
+    def at(cls, tracer: Tracer, camera: Camera, frame: FrameState, nearest_m: float) -> _Look:
+        """Take what the frame has; ``nearest_m`` is the least planar depth of the craft."""
+        triangles = tracer.triangles
+        R = frame.R_cam_from_body
+        camera_m = -dot(R, frame.t_body_cam_m) - triangles.centre_body_m
+        behind = dot(triangles.normal, camera_m) < triangles.plane_m
+        normal = np.where(behind, -triangles.normal, triangles.normal)
+        sun_direction = frame.sun_direction_body
+        return cls(
+            tracer=tracer,
+            camera=camera,
+            camera_m=camera_m,
+            R_cam_from_body=R,
+            start_m=max(0.0, nearest_m - 0.01 * triangles.size_m),
+            normal=normal,
+            sunny=dot(normal, sun_direction) > 0,
+            sun_direction=sun_direction,
+        )
+
+    def directions(self, u_px: FloatArray, v_px: FloatArray) -> FloatArray:
+        """Rays through the pixels of a lattice: (w,), (h,) → (3, h, w)."""
+        R = self.R_cam_from_body
+        x = (u_px - self.camera.cx_px) / self.camera.fx_px
+        y = (v_px[:, None] - self.camera.cy_px) / self.camera.fy_px
+        return np.stack([x * R[0, k] + (y * R[1, k] + R[2, k]) for k in range(3)])
+
+    def first(self, directions: FloatArray) -> tuple[IntArray, FloatArray]:
+        """(3, N) → first triangle (N,), −1 for none, and its planar depth (N,), infinite for none."""
+        return self.tracer.first(self.camera_m, directions, self.start_m)
+
+    def pixels(self, box: PixelBox) -> tuple[AnyArray, AnyArray, AnyArray, BoolArray]:
+        """Part ids, depth, normals and lit of :class:`View`."""
+        part_id = np.full((box.height, box.width), -1, dtype=np.int16)
+        depth_m = np.full((box.height, box.width), np.nan, dtype=np.float32)
+        normal_cam = np.full((box.height, box.width, 3), np.nan, dtype=np.float32)
+        lit = np.zeros((box.height, box.width), dtype=np.bool_)
+        normals_cam = rotated(self.R_cam_from_body, self.normal).T.astype(np.float32)
+        u_px = np.arange(box.x0, box.x0 + box.width, dtype=np.float64)
+        for rows in _row_blocks(box.height, box.width):
+            v_px = box.y0 + np.arange(rows.start, rows.stop, dtype=np.float64)
+            directions = self.directions(u_px, v_px).reshape(3, -1)
+            triangle, z_m = self.first(directions)
+            hit = np.flatnonzero(triangle >= 0)
+            met = triangle[hit]
+            part_id[rows].reshape(-1)[hit] = self.tracer.triangles.part_id[met]
+            depth_m[rows].reshape(-1)[hit] = z_m[hit]
+            normal_cam[rows].reshape(-1, 3)[hit] = normals_cam[met]
+            hit = hit[self.sunny[met]]
+            point_m = self.camera_m[:, None] + z_m[hit] * directions[:, hit]
+            normal = np.take(self.normal, triangle[hit], axis=1)
+            shadowed = self.tracer.shadowed(point_m, normal, self.sun_direction)
+            lit[rows].reshape(-1)[hit] = ~shadowed
+        return part_id, depth_m, normal_cam, lit
+
+    def count_beyond(self, box: PixelBox, field: PixelBox) -> int:
+        """Pixels of ``field`` outside ``box`` that the craft covers."""
+        rays = field.width * field.height - box.width * box.height
+        stride = 1
+        while rays > SILHOUETTE_RAYS * stride**2:
+            stride += 1
+        u_px = np.arange(field.x0, field.x0 + field.width, stride, dtype=np.float64)
+        v_px = np.arange(field.y0, field.y0 + field.height, stride, dtype=np.float64)
+        column_in = (u_px >= box.x0) & (u_px < box.x0 + box.width)
+        row_in = (v_px >= box.y0) & (v_px < box.y0 + box.height)
+        hits = 0
+        for rows in _row_blocks(len(v_px), len(u_px)) if rays else ():
+            beyond = ~(row_in[rows, None] & column_in)
+            hits += int((self.first(self.directions(u_px, v_px[rows])[:, beyond])[0] >= 0).sum())
+        return hits * stride**2
+
+
+def _in_camera(frame: FrameState, body_m: FloatArray) -> FloatArray:
+    """(3, N) body axes → (3, N) camera axes."""
+    return rotated(frame.R_cam_from_body, body_m) + frame.t_body_cam_m[:, None]
+
+
+def _row_blocks(height: int, width: int) -> Iterator[slice]:
+    step = max(1, _CHUNK // max(1, width))
+    for start in range(0, height, step):
+        yield slice(start, min(start + step, height))
+
+
+def _boxes(camera: Camera, low_px: FloatArray, high_px: FloatArray) -> tuple[PixelBox, PixelBox]:
+    """The pixels that the craft may touch: in the image, and in the field of the silhouette.
+
+    A craft that reaches behind the camera may touch any pixel; its bounds are NaN.
+    """
+    low = np.where(np.isnan(low_px), -np.inf, low_px)
+    high = np.where(np.isnan(high_px), np.inf, high_px)
+    principal = np.array([camera.cx_px, camera.cy_px])
+    reach = SILHOUETTE_FIELD * np.array([camera.fx_px, camera.fy_px])
+    image = np.array([camera.width_px - 1, camera.height_px - 1])
+    return (
+        _touched(low, high, np.zeros(2), image),
+        _touched(low, high, np.ceil(principal - reach), np.floor(principal + reach)),
+    )
+
+
+def _touched(low: FloatArray, high: FloatArray, first: FloatArray, last: FloatArray) -> PixelBox:
+    """Whole pixels from ``low`` to ``high``, both (2,), among those from ``first`` to ``last``."""
+    x0, y0 = np.floor(np.clip(low + 0.5, first, last + 1)).astype(int).tolist()
+    x1, y1 = np.floor(np.clip(high + 0.5, first - 1, last)).astype(int).tolist()
+    box = PixelBox(x0, y0, x1 - x0 + 1, y1 - y0 + 1)
+    return _NO_BOX if box.is_empty else box

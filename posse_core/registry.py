@@ -106,7 +106,7 @@ class Registry:
         if entry is not None:
             return entry[0]
         names = self.names(kind)
-        message = f"no {kind} named {name!r}{nearest(name, names)}"
+        message = f"no {kind} named {name!r}{nearest(name, names) or '.'}"
         message += f" Installed: {', '.join(names)}." if names else " None is installed."
         for plugin, cause in self.broken.items():
             if re.search(rf"(^|[_.-]){re.escape(name)}($|[_.-])", plugin):

@@ -54,10 +54,15 @@ def _describe(model: type[BaseModel], indent: str) -> None:
         click.echo(f"{indent}no options")
     for key, field in model.model_fields.items():
         default = "" if field.default is PydanticUndefined else f" [{_default(field.default)}]"
-        click.echo(f"{indent}{key}{default}: {field.description or ''}")
+        click.echo(f"{indent}{key}{default}: {field.description or _first_line(model)}")
         for nested in _models(field.annotation):
             if not issubclass(nested, ComponentChoice):
                 _describe(nested, indent + "  ")
+
+
+def _first_line(model: type[BaseModel]) -> str:
+    """What a model says of itself: the words for a key that only tells it from its siblings."""
+    return (model.__doc__ or "").strip().split("\n")[0]
 
 
 def _models(annotation: Any) -> list[type[BaseModel]]:

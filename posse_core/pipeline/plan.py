@@ -6,13 +6,13 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from posse_core.dynamics.orbit import chief_semi_major_axis_m
+from posse_core.dynamics.orbit import orbit_period_s
 from posse_core.interfaces.propagator import PropagationProblem, Propagator
 from posse_core.model.spacecraft import Spacecraft
 from posse_core.model.trajectory import Trajectory
 from posse_core.pipeline.frame_maker import create
 from posse_core.registry import Registry
-from posse_core.scenario.model import Scenario, period_s
+from posse_core.scenario.model import Scenario
 from posse_core.trajectory import build_trajectory
 
 
@@ -38,11 +38,10 @@ def make_plan(scenario: Scenario, registry: Registry) -> Plan:
 def make_trajectory(scenario: Scenario, registry: Registry) -> Trajectory:
     """The trajectory of a scenario's frames."""
     propagator: Propagator = create(registry, "propagator", scenario.propagator)
-    a_m = chief_semi_major_axis_m(scenario.orbit, scenario.constants)
     problem = PropagationProblem(
         orbit=scenario.orbit,
         relative=scenario.relative,
-        t_s=scenario.times.seconds(period_s(a_m, scenario.constants)),
+        t_s=scenario.times.seconds(orbit_period_s(scenario.orbit, scenario.constants)),
         constants=scenario.constants,
     )
     trajectory = build_trajectory(

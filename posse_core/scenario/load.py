@@ -102,7 +102,7 @@ def _read(source: str) -> YamlText:
     if path.is_file() or path.suffix in (".yaml", ".yml") or "/" in source:
         return YamlText.read(path)
     raise InputError(
-        f"no scenario named {source!r}{nearest(source, names)} Built-in ones are"
+        f"no scenario named {source!r}{nearest(source, names) or '.'} Built-in ones are"
         f" {', '.join(names)}; a file's name ends in .yaml"
     )
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -102,8 +101,3 @@ class Scenario(Options):
             if names.count(name) > 1:
                 raise ValueError(f"{name!r} stands twice")
         return choices
-
-
-def period_s(a_m: float, constants: Constants) -> float:
-    """Orbital period of a semi-major axis, 2π √(a³/μ)."""
-    return 2 * math.pi * math.sqrt(a_m**3 / constants.mu_earth_m3_s2)

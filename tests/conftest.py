@@ -1,0 +1,58 @@
+"""Shared by all tests: hypothesis profiles, and the command line run as a user runs it."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+_SLOW_MACHINE = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
+settings.register_profile("default", max_examples=25, derandomize=True, **_SLOW_MACHINE)
+settings.register_profile("thorough", max_examples=1000, **_SLOW_MACHINE)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "default"))
+
+PACKAGES = Path(__file__).parent / "packages"
+
+
+@pytest.fixture(scope="session")
+def flat_renderer_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder for PYTHONPATH that holds the distribution ``posse-render-flat``, as pip lays it."""
+    site = tmp_path_factory.mktemp("site")
+    (site / "posse_flat.py").write_text((PACKAGES / "flat" / "posse_flat.py").read_text())
+    info = site / "posse_render_flat-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: posse-render-flat\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[posse]\nrender_flat = posse_flat\n")
+    return site
+
+
+@pytest.fixture
+def start_posse(flat_renderer_path: Path, tmp_path: Path):
+    """Start the command line in a process of its own, in ``tmp_path``: start_posse("run", ...)."""
+
+    def start(*arguments: object, env: dict[str, str] | None = None) -> subprocess.Popen[str]:
+        code = "from posse_core.cli.main import main; main()"
+        return subprocess.Popen(
+            [sys.executable, "-c", code, *map(str, arguments)],
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": str(flat_renderer_path), **(env or {})},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    return start
+
+
+@pytest.fixture
+def posse(start_posse):
+    """Run the command line to its end: posse("run", ...)."""
+
+    def call(*arguments: object, env: dict[str, str] | None = None) -> subprocess.CompletedProcess[str]:
+        with start_posse(*arguments, env=env) as process:
+            out, err = process.communicate(timeout=300)
+        return subprocess.CompletedProcess(process.args, process.returncode, out, err)
+
+    return call

@@ -1,0 +1,53 @@
+"""A renderer for tests of the pipeline: one grey over the whole box, and deaths on demand."""
+
+import os
+import signal
+import time
+from pathlib import Path
+
+import numpy as np
+
+from posse_core.hookspecs import hookimpl
+from posse_core.interfaces.renderer import Renderer
+from posse_core.model.scene import Radiance
+from posse_core.options import Options
+from posse_core.registry import ComponentSpec
+
+
+@hookimpl
+def posse_renderers():
+    return [ComponentSpec("flat", "one grey", "posse_flat:Flat", "posse_flat:FlatOptions")]
+
+
+class FlatOptions(Options):
+    radiance_w_m2_sr: float = 5.0
+    seconds: float = 0.0
+
+
+class Flat(Renderer):
+    """Environment: FLAT_KILL=FRAME dies there each time; FLAT_KILL_ONCE=FRAME,FILE once, by the file;
+    FLAT_RAISE=FRAME raises there."""
+
+    def open(self, scene):
+        self.scene = scene
+
+    def render(self, request):
+        index = str(request.frame.index)
+        time.sleep(self.options.seconds)
+        if os.environ.get("FLAT_KILL") == index:
+            os.kill(os.getpid(), signal.SIGKILL)
+        once, _, marker = os.environ.get("FLAT_KILL_ONCE", "").partition(",")
+        if once == index and not Path(marker).exists():
+            Path(marker).touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        if os.environ.get("FLAT_RAISE") == index:
+            raise RuntimeError("the lamp is broken")
+        shape = (request.box.height, request.box.width)
+        light = np.full((*shape, 3), self.options.radiance_w_m2_sr, dtype=np.float32)
+        return Radiance(request.box, light, np.ones(shape, dtype=np.float32))
+
+    def close(self):
+        pass
+
+    def describe(self):
+        return {"flat": "1"}

@@ -1,0 +1,193 @@
+"""Runs end in the same labels to the bit, whatever happens to them on the way."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+
+FRAMES = 8
+
+
+def labels_of(folder: Path) -> dict[str, bytes]:
+    names = ["coco.json", "speed.json", *(f"labels/{p.name}" for p in (folder / "labels").iterdir())]
+    return {name: (folder / name).read_bytes() for name in names}
+
+
+def files_of(folder: Path) -> set[str]:
+    return {str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()}
+
+
+@pytest.fixture
+def undisturbed(posse, small_scenario, tmp_path) -> Path:
+    done = posse("run", small_scenario, "--out", "undisturbed")
+    assert done.returncode == 0, done.stderr
+    return tmp_path / "undisturbed"
+
+
+def test_a_run_leaves_a_whole_dataset(undisturbed):
+    manifest = json.loads((undisturbed / "manifest.json").read_text())
+    assert manifest["state"] == "complete"
+    assert manifest["frames"] == FRAMES
+    assert manifest["renderer"] == {"name": "flat", "flat": "1"}
+    lines = (undisturbed / "labels" / "shard-00000.jsonl").read_text().splitlines()
+    assert [json.loads(line)["index"] for line in lines] == list(range(FRAMES))
+    for line in map(json.loads, lines):
+        assert (undisturbed / line["image"]).exists()
+        assert (undisturbed / line["truth"]).exists()
+    assert not [name for name in files_of(undisturbed) if Path(name).name.startswith(".")]
+
+
+def test_checksums_are_those_of_the_standard_tool(undisturbed):
+    if shutil.which("sha256sum") is None:
+        pytest.skip("this machine has no sha256sum")
+    checked = subprocess.run(
+        ["sha256sum", "-c", "--quiet", "checksums.sha256"], cwd=undisturbed, capture_output=True
+    )
+    assert checked.returncode == 0, checked.stderr
+    assert len((undisturbed / "checksums.sha256").read_text().splitlines()) == 2 * FRAMES
+
+
+def test_two_workers_make_what_one_makes(undisturbed, posse, small_scenario, tmp_path):
+    assert posse("run", small_scenario, "--out", "two", "--workers", 2).returncode == 0
+    assert labels_of(tmp_path / "two") == labels_of(undisturbed)
+    assert (tmp_path / "two/checksums.sha256").read_text() == (
+        undisturbed / "checksums.sha256"
+    ).read_text()
+
+
+def test_a_resolved_scenario_runs_again_to_the_same_labels(undisturbed, posse, tmp_path):
+    assert posse("run", undisturbed / "scenario.yaml", "--out", "again").returncode == 0
+    assert labels_of(tmp_path / "again") == labels_of(undisturbed)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_killed_run_is_resumed(workers, undisturbed, posse, start_posse, small_scenario, tmp_path):
+    out = tmp_path / "killed"
+    with start_posse("run", small_scenario, "--out", out, "--workers", workers) as process:
+        shard = out / "labels" / "shard-00000.jsonl"
+        deadline = time.monotonic() + 120
+        while not (shard.exists() and shard.read_bytes().count(b"\n") >= 2):
+            assert process.poll() is None, "the run ended before it could be killed"
+            assert time.monotonic() < deadline
+            time.sleep(0.005)
+        process.send_signal(signal.SIGKILL)
+    assert not (out / "manifest.json").exists()
+    resumed = posse("run", "--resume", "--out", out)
+    assert resumed.returncode == 0, resumed.stderr
+    assert labels_of(out) == labels_of(undisturbed)
+    assert files_of(out) == files_of(undisturbed)
+
+
+def test_a_killed_worker_costs_nothing(undisturbed, posse, small_scenario, tmp_path):
+    marker = tmp_path / "died"
+    made = posse("run", small_scenario, "--out", "w", env={"FLAT_KILL_ONCE": f"3,{marker}"})
+    assert made.returncode == 0, made.stderr
+    assert marker.exists()
+    assert labels_of(tmp_path / "w") == labels_of(undisturbed)
+
+
+@pytest.mark.parametrize("fault", ["FLAT_KILL", "FLAT_RAISE"])
+def test_a_frame_that_always_fails_is_named_and_can_be_made_later(
+    fault, undisturbed, posse, small_scenario, tmp_path
+):
+    out = tmp_path / "f"
+    made = posse("run", small_scenario, "--out", out, env={fault: "3"})
+    assert made.returncode == 3
+    assert "frame 3 failed" in made.stderr
+    manifest = json.loads((out / "manifest.json").read_text())
+    assert manifest["state"] == "incomplete"
+    assert list(manifest["failed_frames"]) == ["3"]
+    assert len(json.loads((out / "coco.json").read_text())["images"]) == FRAMES - 1
+    assert posse("run", "--resume", "--out", out).returncode == 0
+    assert (out / "coco.json").read_bytes() == (undisturbed / "coco.json").read_bytes()
+    assert (out / "speed.json").read_bytes() == (undisturbed / "speed.json").read_bytes()
+
+
+@pytest.mark.parametrize("damage", ["image lost", "image cut", "line torn", "checksum lost"])
+def test_damage_is_found_and_mended_on_resume(damage, undisturbed, posse, tmp_path):
+    out = tmp_path / "damaged"
+    shutil.copytree(undisturbed, out)
+    (out / "manifest.json").unlink()
+    image = out / "images" / "000005.png"
+    shard = out / "labels" / "shard-00000.jsonl"
+    if damage == "image lost":
+        image.unlink()
+    elif damage == "image cut":
+        image.write_bytes(image.read_bytes()[:-20])
+    elif damage == "line torn":
+        shard.write_bytes(shard.read_bytes()[:-30])
+    else:
+        sums = (out / "checksums.sha256").read_text().splitlines(keepends=True)
+        (out / "checksums.sha256").write_text("".join(s for s in sums if "000005.png" not in s))
+    assert posse("run", "--resume", "--out", out).returncode == 0
+    assert image.read_bytes() == (undisturbed / "images" / "000005.png").read_bytes()
+    assert (out / "coco.json").read_bytes() == (undisturbed / "coco.json").read_bytes()
+    assert len(shard.read_bytes().splitlines()) == FRAMES
+
+
+def test_resuming_a_complete_run_changes_nothing(undisturbed, posse):
+    before = {name: (undisturbed / name).stat().st_mtime_ns for name in ("manifest.json", "coco.json")}
+    assert posse("run", "--resume", "--out", undisturbed).returncode == 0
+    after = {name: (undisturbed / name).stat().st_mtime_ns for name in before}
+    assert after == before
+
+
+def test_another_scenario_is_not_mixed_in(undisturbed, posse, small_scenario):
+    before = labels_of(undisturbed)
+    refused = posse("run", small_scenario, "--resume", "--out", undisturbed, "--seed", 8)
+    assert refused.returncode == 2
+    assert "another scenario" in refused.stderr
+    assert labels_of(undisturbed) == before
+
+
+def test_a_second_run_on_the_folder_is_refused(posse, start_posse, small_scenario, tmp_path):
+    out = tmp_path / "busy"
+    with start_posse("run", small_scenario, "--out", out, "-o", "renderer.seconds=2") as process:
+        while not (out / "scenario.yaml").exists():
+            assert process.poll() is None
+            time.sleep(0.01)
+        refused = posse("run", "--resume", "--out", out)
+        process.kill()
+    assert refused.returncode == 2
+    assert "another run is writing" in refused.stderr
+
+
+def test_frames_are_spread_evenly_and_seeds_change_the_noise(posse, small_scenario, tmp_path):
+    made = posse("run", small_scenario, "--out", "three", "--frames", 3)
+    assert made.returncode == 0, made.stderr
+    assert posse("run", small_scenario, "--out", "seed", "--frames", 3, "--seed", 8).returncode == 0
+    lines = (tmp_path / "three/labels/shard-00000.jsonl").read_text().splitlines()
+    times = [json.loads(line)["t_s"] for line in lines]
+    assert times[0] == 0
+    period_s = 2 * 3.141592653589793 * (7080000**3 / 3.986004418e14) ** 0.5
+    assert times[2] == pytest.approx(period_s, rel=1e-12)
+    one, other = ((tmp_path / d / "images/000000.png").read_bytes() for d in ("three", "seed"))
+    assert one != other
+
+
+def test_a_full_disk_is_told_and_survived(posse, small_scenario, undisturbed, tmp_path):
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", disk], capture_output=True, text=True
+    )
+    if mounted.returncode != 0:
+        if os.environ.get("CI"):
+            pytest.fail(f"CI must be able to mount a small disk: {mounted.stderr}")
+        pytest.skip(f"a small disk cannot be mounted here: {mounted.stderr.strip()}")
+    try:
+        full = posse("run", small_scenario, "--out", disk / "d")
+        assert full.returncode == 2
+        assert full.stderr.strip().splitlines()[-1].startswith("posse: ")
+        assert "the disk is full" in full.stderr
+        assert "Traceback" not in full.stderr
+        subprocess.run(["mount", "-o", "remount,size=16m", disk], check=True)
+        assert posse("run", small_scenario, "--resume", "--out", disk / "d").returncode == 0
+        assert labels_of(disk / "d") == labels_of(undisturbed)
+    finally:
+        subprocess.run(["umount", disk], check=True)

@@ -1,0 +1,102 @@
+"""Bad input ends with exit code 2, one line that names cause and way out, and nothing half-made."""
+
+import subprocess
+import sys
+
+import pytest
+
+TLE_1 = "1 27424U 02022A   22031.08504144  .00000000  00000-0  00000-0 0  9999"
+TLE_2 = "2 27424  98.2300 334.4000 0000898  52.4400 318.1000 14.57112000 53087"
+
+
+def scenario(tle: tuple[str, str] = (TLE_1, TLE_2), target: str = "{name: aqua}", more: str = "") -> str:
+    return f'target: {target}\norbit:\n  tle:\n    - "{tle[0]}"\n    - "{tle[1]}"\n{more}'
+
+
+CASES = {
+    "TLE checksum": (scenario((TLE_1[:-1] + "0", TLE_2)), ["tle", "checksum"]),
+    "TLE too short": (scenario((TLE_1, TLE_2[:40])), ["tle", "69"]),
+    "unknown renderer": (scenario(more="renderer: mitsubba\n"), ["line 6", "'mitsubba'", "Installed"]),
+    "unknown key": (scenario(more="sensr: {}\n"), ["line 6", "sensr", "did you mean 'sensor'"]),
+    "negative": (scenario(more="sensor: {exposure_s: -1}\n"), ["line 6", "sensor.exposure_s", "-1"]),
+    "NaN": (scenario(more="relative: {roe_m: [0, 0, .nan, 0, 0, 0]}\n"), ["line 6", "roe_m.2"]),
+    "missing mesh": (
+        scenario(target='{mesh: no.obj, scale_m_per_unit: 1.0, body_axes: "x y z"}'),
+        ["no.obj"],
+    ),
+    "hyperbolic": (
+        "target: {name: aqua}\norbit: {state_eci: {epoch_utc: 2022-01-31T00:00:00,"
+        " r_m: [7e6, 0, 0], v_m_s: [0, 12000, 0]}}\n",
+        ["orbit.state_eci", "hyperbolic"],
+    ),
+    "below the surface": (
+        "target: {name: aqua}\norbit: {elements: {epoch_utc: 2022-01-31T00:00:00, a_m: 7e6, e: 0.5,"
+        " i_deg: 1, raan_deg: 0, argp_deg: 0, mean_anomaly_deg: 0}}\n",
+        ["orbit.elements", "surface"],
+    ),
+    "date": (
+        "target: {name: aqua}\norbit: {elements: {epoch_utc: 2022-13-31T00:00:00, a_m: 7e6, e: 0,"
+        " i_deg: 1, raan_deg: 0, argp_deg: 0, mean_anomaly_deg: 0}}\n",
+        ["2022-13-31"],
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_bad_scenario(case, posse, tmp_path):
+    text, words = CASES[case]
+    if "renderer:" not in text:
+        text += "renderer: flat\n"
+    (tmp_path / "s.yaml").write_text(text)
+    _refused(posse("run", "s.yaml", "--out", "d"), words)
+    assert not (tmp_path / "d").exists()
+
+
+def test_bad_arguments(posse, tmp_path):
+    _refused(posse("rnu"), ["'rnu'", "did you mean 'run'"])
+    _refused(posse("run", "--framse", 3), ["--framse"])
+    _refused(posse("run", "aqua", "--frames", 0, "--renderer", "flat"), ["option frames", "0"])
+    _refused(posse("run", "aqua", "--workers", 0, "--renderer", "flat"), ["workers", "0"])
+    _refused(posse("run", "aqua", "--executor", "lokal", "--renderer", "flat"), ["'lokal'", "local"])
+    _refused(posse("describe", "renderers"), ["renderers", "did you mean 'renderer'"])
+    _refused(posse("propagate", "aqua", "--out", "x.txt", "-o", "renderer.name=flat"), [".npz or .csv"])
+    _refused(posse("run", "--resume"), ["--out"])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_output_folder_that_is_not_ours_is_left_alone(posse, tmp_path):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.tex").write_text("years of work")
+    arguments = ("run", "aqua", "--renderer", "flat", "--out")
+    _refused(posse(*arguments, "mine"), ["mine", "not empty", "another folder"])
+    assert [p.name for p in (tmp_path / "mine").iterdir()] == ["thesis.tex"]
+    _refused(posse(*arguments, "mine/thesis.tex"), ["thesis.tex", "is a file"])
+    _refused(posse(*arguments, "/proc/d"), ["/proc/d", "another folder"])
+
+
+def _refused(done, words) -> None:
+    assert done.returncode == 2, done.stderr
+    lines = done.stderr.strip().splitlines()
+    assert len(lines) == 1, done.stderr
+    assert lines[0].startswith("posse: ")
+    for word in words:
+        assert word in lines[0]
+
+
+def test_listing_loads_no_heavy_library():
+    heavy = {"torch", "bpy", "mitsuba", "OpenGL", "pyrender", "moderngl", "drjit"}
+    code = (
+        "import sys, posse_core.cli.main as m; m._run(['plugins']);"
+        f" print(sorted({heavy} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert done.stdout.splitlines()[-1] == "[]", done.stdout + done.stderr
+
+
+def test_describe_tells_every_key(posse):
+    text = posse("describe", "scenario").stdout
+    for line in text.splitlines()[1:]:
+        assert not line.rstrip().endswith(":"), f"a key without a description: {line}"
+    for key in ("tle", "roe_m", "hfov_deg", "exposure_s", "renderer", "seed", "solar_constant_w_m2"):
+        assert f" {key}" in text
+    assert '"exposure_s"' in posse("describe", "scenario", "--json").stdout

@@ -1,0 +1,173 @@
+"""What a scenario file may say, and what is said of a wrong one."""
+
+import contextlib
+from pathlib import Path
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from posse_core.errors import InputError
+from posse_core.plugins import load_plugins
+from posse_core.scenario.load import (
+    built_in_names,
+    dump_scenario,
+    load_scenario,
+    parse_override,
+    scenario_members,
+)
+from posse_core.scenario.yaml_lines import YamlText
+
+MINIMAL = """\
+target: {name: aqua}
+orbit:
+  elements: {epoch_utc: 2022-01-31T02:02:27.58, a_m: 7123931.35, e: 8.98e-5, i_deg: 98.23,
+             raan_deg: 334.40, argp_deg: 52.44, mean_anomaly_deg: 318.10}
+renderer: test
+"""
+
+
+class _TestRegistry:
+    """The process's registry with a renderer, which the core has none of."""
+
+    def __init__(self) -> None:
+        self._registry = load_plugins().registry
+
+    def options_model(self, kind, name):
+        if (kind, name) == ("renderer", "test"):
+            return self._registry.options_model("executor", "local")
+        return self._registry.options_model(kind, name)
+
+
+REGISTRY = _TestRegistry()
+
+
+def load(tmp_path: Path, text: str, **overrides):
+    path = tmp_path / "s.yaml"
+    path.write_text(text)
+    return load_scenario(str(path), REGISTRY, overrides)
+
+
+def test_only_target_and_orbit_are_needed(tmp_path):
+    scenario = load(tmp_path, MINIMAL)
+    assert scenario.camera.width_px == 1280
+    camera = scenario.camera.camera()
+    # The thesis' Table 3.5: 90° over 36 mm is f = 18 mm (by tan) and 640 px; pitch 28.12 µm.
+    assert camera.fx_px == pytest.approx(640)
+    assert camera.focal_length_m == pytest.approx(18e-3)
+    assert camera.pixel_pitch_m == pytest.approx(28.125e-6)
+    assert (camera.cx_px, camera.cy_px) == (639.5, 479.5)
+
+
+def test_a_date_stays_text_and_an_exponent_is_a_number(tmp_path):
+    elements = load(tmp_path, MINIMAL).orbit.elements
+    assert elements.epoch_utc == "2022-01-31T02:02:27.58"
+    assert elements.e == 8.98e-5
+    assert YamlText("a: 1e5\nb: no\nc: 010", "t").value == {"a": 1e5, "b": "no", "c": 10}
+
+
+def test_a_dumped_scenario_loads_to_itself(tmp_path):
+    scenario = load(tmp_path, MINIMAL + "camera: {width_px: 64}\nseed: 5\n")
+    (tmp_path / "dumped.yaml").write_text(dump_scenario(scenario))
+    assert load_scenario(str(tmp_path / "dumped.yaml"), REGISTRY) == scenario
+
+
+@pytest.mark.parametrize("name", built_in_names())
+def test_built_in_scenarios_load(name):
+    for member in scenario_members(name):
+        load_scenario(member, REGISTRY, {"renderer.name": "test"})
+
+
+def test_naming_another_component_leaves_the_formers_options(tmp_path):
+    text = MINIMAL.replace("renderer: test", "renderer: {name: mitsuba, spp: 3}")
+    scenario = load(tmp_path, text, **{"renderer.workers": 2, "renderer.name": "test"})
+    assert scenario.renderer.name == "test"
+    assert scenario.renderer.options["workers"] == 2
+    assert "spp" not in scenario.renderer.options
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", ["a scenario is a mapping"]),
+        ("target: [", ["s.yaml, line", "not valid YAML"]),
+        (MINIMAL + "seed: 1\nseed: 2\n", ["line 6", "'seed'", "twice"]),
+        (MINIMAL + "sead: 1\n", ["line 5", "sead", "did you mean 'seed'"]),
+        (MINIMAL + "camera:\n  hfov: 90\n", ["line 6", "camera.hfov", "did you mean 'hfov_deg'"]),
+        (MINIMAL + "camera: {hfov_deg: 180}\n", ["camera.hfov_deg", "180"]),
+        (MINIMAL + "camera: {width_px: -3}\n", ["camera.width_px", "-3"]),
+        (MINIMAL + "sensor: {exposure_s: .nan}\n", ["sensor.exposure_s", "nan"]),
+        (MINIMAL + "sensor: {exposure_s: -1}\n", ["sensor.exposure_s", "-1"]),
+        (MINIMAL + "relative: {roe_m: [1, 2]}\n", ["relative.roe_m"]),
+        (MINIMAL + "relative: {}\n", ["relative", "exactly one of"]),
+        (MINIMAL + "times: {count: 0}\n", ["times.count"]),
+        (MINIMAL + "times: {t_s: [1], count: 3}\n", ["times", "count goes with a duration"]),
+        (MINIMAL + "annotators: [box, box]\n", ["annotators", "'box' stands twice"]),
+        (MINIMAL + "annotators: [boxx]\n", ["annotators.0.name", "'boxx'", "did you mean 'box'"]),
+        (MINIMAL.replace("aqua", "acqua"), ["line 1", "target.name", "did you mean 'aqua'"]),
+        (MINIMAL.replace("orbit:", "orbits:"), ["orbits", "did you mean 'orbit'"]),
+        (MINIMAL.replace("a_m: 7123931.35", "a_m: seven"), ["orbit.elements.a_m", "'seven'"]),
+        ("target: {}\norbit: {}\n", ["target", "exactly one of name, mesh, package"]),
+        ("orbit: {tle: [a, b]}\n", ["target", "missing"]),
+    ],
+)
+def test_bad_text_is_named_in_one_line(tmp_path, text, words):
+    with pytest.raises(InputError) as caught:
+        load(tmp_path, text)
+    message = str(caught.value)
+    assert "\n" not in message
+    for word in words:
+        assert word in message
+
+
+def test_an_option_is_named_as_the_option_it_was(tmp_path):
+    with pytest.raises(InputError, match=r"^option camera\.width_px: .*-5"):
+        load(tmp_path, MINIMAL, **{"camera.width_px": -5})
+    with pytest.raises(InputError, match="write it as key=value"):
+        parse_override("camera.width_px")
+    assert parse_override("times.t_s=[0, 1e1]") == ("times.t_s", [0, 10.0])
+
+
+def test_unknown_scenario_names_the_nearest():
+    with pytest.raises(InputError, match=r"'aqa'; did you mean 'aqua'\?.*cluster"):
+        load_scenario("aqa", REGISTRY)
+    with pytest.raises(InputError, match=r"no_such\.yaml: cannot be read"):
+        load_scenario("no_such.yaml", REGISTRY)
+
+
+def test_times_by_count_include_both_ends(tmp_path):
+    times = load(tmp_path, MINIMAL + "times: {duration_s: 10, count: 5}\n").times
+    assert times.seconds(period_s=1.0).tolist() == [0, 2.5, 5, 7.5, 10]
+    orbits = load(tmp_path, MINIMAL + "times: {count: 3}\n").times
+    assert orbits.seconds(period_s=8.0).tolist() == [0, 4, 8]
+
+
+_scalars = st.one_of(
+    st.integers(-(10**9), 10**9),
+    st.floats(allow_nan=False, allow_infinity=False),
+    st.booleans(),
+    st.none(),
+    st.text(st.characters(codec="ascii", categories=["L", "N"]), max_size=8),
+)
+_keys = st.text("abcdefgh_", min_size=1, max_size=6)
+_documents = st.dictionaries(
+    _keys,
+    st.recursive(
+        _scalars,
+        lambda inner: st.lists(inner, max_size=3) | st.dictionaries(_keys, inner, max_size=3),
+        max_leaves=8,
+    ),
+    max_size=4,
+)
+
+
+@given(_documents)
+def test_what_a_standard_yaml_writer_writes_is_read_back(document):
+    assert YamlText(yaml.safe_dump(document), "t").value == document
+
+
+@given(st.text(max_size=200))
+def test_no_text_ends_in_anything_but_an_input_error(text):
+    with contextlib.suppress(InputError):
+        YamlText(text, "t")

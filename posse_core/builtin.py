@@ -27,7 +27,15 @@ def posse_propagators() -> list[ComponentSpec]:
 
 @hookimpl
 def posse_scenes() -> list[ComponentSpec]:
-    return []
+    place = "posse_core.spacecraft"
+    return [
+        ComponentSpec(
+            "aqua",
+            "Aqua-like: a bus with one long solar wing, 8.0 × 16.7 × 4.8 m",
+            f"{place}.aqua:Aqua",
+            f"{place}.options:AquaOptions",
+        ),
+    ]
 
 
 @hookimpl
@@ -69,7 +77,11 @@ def posse_annotators() -> list[ComponentSpec]:
 
 @hookimpl
 def posse_writers() -> list[ComponentSpec]:
-    return []
+    return [
+        ComponentSpec("coco", "boxes, masks and keypoints", "posse_core.formats.coco:CocoWriter"),
+        ComponentSpec("posse", "the thesis' own four files", "posse_core.formats.thesis:ThesisWriter"),
+        ComponentSpec("speed", "poses as in SPEED and SPEED+", "posse_core.formats.speed:SpeedWriter"),
+    ]
 
 
 @hookimpl

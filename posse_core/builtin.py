@@ -35,6 +35,12 @@ def posse_scenes() -> list[ComponentSpec]:
             f"{place}.aqua:Aqua",
             f"{place}.options:AquaOptions",
         ),
+        ComponentSpec(
+            "cluster",
+            "Cluster-like: a spinning drum 2.9 m across with two 5 m booms",
+            f"{place}.cluster:Cluster",
+            f"{place}.options:ClusterOptions",
+        ),
     ]
 
 
@@ -105,6 +111,8 @@ def posse_subcommands() -> list[ComponentSpec]:
         ComponentSpec(
             "doctor", "what works on this machine, and how to mend it", "posse_core.cli.doctor:command"
         ),
+        ComponentSpec("export", "the labels in another format", "posse_core.cli.export:command"),
+        ComponentSpec("partition", "train, valid and test lists", "posse_core.cli.partition:command"),
         ComponentSpec(
             "plugins", "what is installed, and what became of it", "posse_core.cli.plugins:command"
         ),
@@ -112,4 +120,5 @@ def posse_subcommands() -> list[ComponentSpec]:
             "propagate", "the trajectory of a scenario, alone", "posse_core.cli.propagate:command"
         ),
         ComponentSpec("run", "scenario to labelled dataset", "posse_core.cli.run:command"),
+        ComponentSpec("validate", "prove the labels", "posse_core.cli.validate:command"),
     ]

@@ -1,0 +1,76 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation, Slerp
+
+from posse_core.attitude.camera import R_rtn_from_camera, looking_at_target
+from posse_core.errors import InputError
+from posse_core.frames import unit
+from posse_core.scenario.attitude import TrackLaw
+
+coordinate = st.floats(-1e3, 1e3).map(lambda x: 0.0 if abs(x) < 1e-6 else x)
+position = st.tuples(coordinate, coordinate, coordinate).map(np.array)
+RING_M = 20 * np.stack([np.cos(np.arange(60)), np.sin(np.arange(60)), 0.3 * np.ones(60)], axis=-1)
+
+
+@given(r_m=position)
+def test_boresight_meets_the_target_and_n_is_up(r_m: np.ndarray) -> None:
+    assume(np.linalg.norm(r_m) > 0)
+    R = looking_at_target(r_m[None])[0]
+    target_cam = R.T @ -r_m
+    np.testing.assert_allclose(target_cam, [0, 0, np.linalg.norm(r_m)], atol=1e-9)
+    assert np.linalg.det(R) == pytest.approx(1.0, abs=1e-12)
+    normal_cam = R.T @ np.array([0, 0, 1.0])
+    assert normal_cam[0] == pytest.approx(0, abs=2e-6)
+    assert normal_cam[1] < 2e-6  # image y is down
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_along_the_normal_r_is_up(side: float) -> None:
+    for sideways in (0.0, 1e-300, 1e-7, -1e-8):
+        R = looking_at_target(np.array([[sideways, 0.0, 10 * side]]))[0]
+        np.testing.assert_allclose(R.T @ np.array([1.0, 0, 0]), [0, -1, 0], atol=1e-7)
+
+
+def test_offset_0_looks_at_the_target() -> None:
+    exact = R_rtn_from_camera(TrackLaw(offset=0.0), RING_M, seed=3)
+    np.testing.assert_allclose(exact, looking_at_target(RING_M), atol=1e-13)
+
+
+def test_pull_is_a_share_of_the_turn_from_rest() -> None:
+    """Blender's constraint is a spherical interpolation between the resting and the aimed rotation."""
+    R = R_rtn_from_camera(TrackLaw(offset=0.02), RING_M, seed=3)
+    rest = Rotation.from_matrix(np.diag([1.0, -1.0, -1.0]))
+    shares = []
+    for aimed, pulled in zip(looking_at_target(RING_M), R, strict=True):
+        whole = (rest.inv() * Rotation.from_matrix(aimed)).magnitude()
+        left = (Rotation.from_matrix(pulled).inv() * Rotation.from_matrix(aimed)).magnitude()
+        shares.append(left / whole)
+        between = Slerp([0, 1], Rotation.concatenate([rest, Rotation.from_matrix(aimed)]))
+        np.testing.assert_allclose(between(1 - left / whole).as_matrix(), pulled, atol=1e-12)
+    assert 0 <= min(shares) < 0.004
+    assert 0.016 < max(shares) <= 0.02
+    assert np.mean(shares) == pytest.approx(0.01, abs=0.003)
+
+
+def test_a_frame_draws_from_seed_and_its_number_alone() -> None:
+    whole = R_rtn_from_camera(TrackLaw(), RING_M, seed=3)
+    np.testing.assert_array_equal(R_rtn_from_camera(TrackLaw(), RING_M[:9], seed=3), whole[:9])
+    other = R_rtn_from_camera(TrackLaw(), RING_M, seed=4)
+    assert np.abs(other - whole).max() > 1e-3
+
+
+def test_the_camera_at_the_target_is_refused() -> None:
+    with pytest.raises(InputError, match="at the target at frame 1"):
+        looking_at_target(np.array([[1.0, 0, 0], [0.0, 0, 0]]))
+
+
+@given(r_m=position, offset=st.floats(0, 1))
+def test_never_nan(r_m: np.ndarray, offset: float) -> None:
+    assume(np.linalg.norm(r_m) > 0)
+    R = R_rtn_from_camera(TrackLaw(offset=offset), r_m[None], seed=0)[0]
+    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
+    assert np.all(np.isfinite(unit(R[:, 2])))

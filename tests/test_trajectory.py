@@ -1,0 +1,284 @@
+"""The trajectory: motion in, attitude and light added, to the bit, and through files and back."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import subprocess
+import sys
+from pathlib import Path
+
+import erfa
+import numpy as np
+import pytest
+
+from posse_core.constants import WGS84_FLATTENING, Constants
+from posse_core.environment.time import Epoch
+from posse_core.errors import InputError
+from posse_core.frames import matrix_from_quaternion, unit
+from posse_core.interfaces.propagator import PropagationProblem, Propagator
+from posse_core.model.trajectory import Motion, Trajectory
+from posse_core.options import NoOptions
+from posse_core.scenario.attitude import AttitudeConfig, SpinLaw, TrackLaw
+from posse_core.scenario.orbit import ElementsConfig, OrbitConfig, RelativeConfig
+from posse_core.trajectory import build_trajectory, frame_state, load_trajectory, save_trajectory
+
+RADIUS_M = 7.08e6
+PERIOD_S = 2 * np.pi * np.sqrt(RADIUS_M**3 / Constants().mu_earth_m3_s2)
+T_S = np.linspace(0, PERIOD_S, 200)
+
+
+class Circle(Propagator):
+    """A circular polar orbit over the equator's x axis, with the chaser on a ring about the target."""
+
+    def propagate(self, problem: PropagationProblem) -> Motion:
+        n = 2 * np.pi / PERIOD_S
+        u = (n * problem.t_s)[:, None]
+        x, z = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
+        ring = np.concatenate([10 * np.cos(u), -20 * np.sin(u), 5 * np.cos(u)], axis=-1)
+        rate = n * np.concatenate([-10 * np.sin(u), -20 * np.cos(u), -5 * np.sin(u)], axis=-1)
+        return Motion(
+            t_s=problem.t_s,
+            r_target_eci_m=RADIUS_M * (np.cos(u) * x + np.sin(u) * z),
+            v_target_eci_m_s=RADIUS_M * n * (-np.sin(u) * x + np.cos(u) * z),
+            r_chaser_rtn_m=ring,
+            v_chaser_rtn_m_s=rate,
+            sequence=np.zeros(len(problem.t_s), dtype=np.int64),
+        )
+
+
+def build(
+    t_s: np.ndarray = T_S,
+    attitude: AttitudeConfig | None = None,
+    seed: int = 7,
+    epoch_utc: str = "2022-03-20T15:33:00",
+    **constants: float,
+) -> Trajectory:
+    # At the equinox the Sun is near ECI +x, so the orbit passes through the shadow's axis.
+    elements = ElementsConfig(
+        epoch_utc=epoch_utc, a_m=RADIUS_M, e=0, i_deg=90, raan_deg=0, argp_deg=0, mean_anomaly_deg=0
+    )
+    problem = PropagationProblem(
+        orbit=OrbitConfig(elements=elements),
+        relative=RelativeConfig(roe_m=(0, 0, 10, 0, 5, 0)),
+        t_s=t_s,
+        constants=Constants(**constants),
+    )
+    return build_trajectory(
+        propagator=Circle(NoOptions()),
+        problem=problem,
+        attitude=attitude or AttitudeConfig(),
+        seed=seed,
+    )
+
+
+@pytest.fixture(scope="module")
+def trajectory() -> Trajectory:
+    return build()
+
+
+def assert_same_bits(a: Trajectory, b: Trajectory) -> None:
+    assert a.epoch_utc == b.epoch_utc
+    for field in dataclasses.fields(Trajectory):
+        if field.name != "epoch_utc":
+            np.testing.assert_array_equal(getattr(a, field.name), getattr(b, field.name), field.name)
+
+
+def test_shadow_lasts_as_geometry_says(trajectory: Trajectory) -> None:
+    # A circle through the shadow's axis is dark over 2 asin(R/a) of arc, less or more half a Sun.
+    share = 2 * np.arcsin(Constants().earth_radius_m / RADIUS_M) / (2 * np.pi)
+    assert np.mean(1 - trajectory.sun_fraction_target[:-1]) == pytest.approx(share, abs=0.01)
+    at_noon, at_midnight = 0, 100
+    assert trajectory.sun_fraction_target[at_noon] == 1
+    assert trajectory.sun_fraction_target[at_midnight] == 0
+
+
+def test_the_camera_is_shaded_apart_from_the_target() -> None:
+    entry = build(np.linspace(0, PERIOD_S, 4001))
+    differ = entry.sun_fraction_target != entry.sun_fraction_camera
+    partial = (entry.sun_fraction_target > 0) & (entry.sun_fraction_target < 1)
+    assert np.any(differ)
+    assert np.all(partial[differ] | (entry.sun_fraction_camera[differ] > 0))
+
+
+def test_flux_is_that_of_the_sun_of_another_ephemeris(trajectory: Trajectory) -> None:
+    jd1, jd2 = Epoch.from_iso(trajectory.epoch_utc).tdb(trajectory.t_s)
+    sun_m = -erfa.epv00(jd1, jd2)[0]["p"] * 149_597_870_700.0
+    distance_au = np.linalg.norm(sun_m - trajectory.r_target_eci_m, axis=-1) / 149_597_870_700.0
+    np.testing.assert_allclose(trajectory.solar_flux_w_m2, 1361 / distance_au**2, rtol=1e-6)
+    double = build(solar_constant_w_m2=2722.0)
+    np.testing.assert_allclose(double.solar_flux_w_m2, 2 * trajectory.solar_flux_w_m2, rtol=1e-15)
+
+
+def test_the_sun_stands_over_the_equator_at_the_equinox(trajectory: Trajectory) -> None:
+    # 2022-03-20 15:33 UTC (published): declination 0 on the equator of date, 0.12° on GCRF's.
+    sun = unit(trajectory.r_sun_eci_m[0])
+    assert np.degrees(np.arcsin(sun[2])) == pytest.approx(-0.124, abs=0.01)
+    assert sun[0] > 0.9999
+
+
+def test_chaser_states_agree(trajectory: Trajectory) -> None:
+    apart = np.linalg.norm(trajectory.r_chaser_eci_m - trajectory.r_target_eci_m, axis=-1)
+    np.testing.assert_allclose(apart, np.linalg.norm(trajectory.r_chaser_rtn_m, axis=-1), atol=1e-7)
+    # The inertial velocity is the derivative of the inertial position.
+    t = np.array([1000.0, 1000.5, 1001.0])
+    three = build(t)
+    slope = (three.r_chaser_eci_m[2] - three.r_chaser_eci_m[0]) / 1.0
+    np.testing.assert_allclose(slope, three.v_chaser_eci_m_s[1], atol=1e-3)
+
+
+def test_the_earth_turns_by_15_degrees_in_an_hour_of_stars() -> None:
+    two = build(np.array([0.0, 3600.0]))
+    turned = np.mod(np.diff(two.earth_rotation_rad)[0], 2 * np.pi)
+    assert np.degrees(turned) == pytest.approx(15.041067, abs=1e-6)
+
+
+def test_quaternions_are_unit_with_positive_scalar(trajectory: Trajectory) -> None:
+    for q in (trajectory.q_eci_from_body, trajectory.q_eci_from_camera):
+        np.testing.assert_allclose(np.linalg.norm(q, axis=-1), 1.0, atol=1e-15)
+        assert np.all(q[:, 0] >= 0)
+
+
+def test_frame_state_is_seen_from_the_camera(trajectory: Trajectory) -> None:
+    exact = build(attitude=AttitudeConfig(camera=TrackLaw(offset=0)))
+    for index in (0, 13, 199):
+        frame = frame_state(exact, index, Constants())
+        range_m = np.linalg.norm(exact.r_chaser_rtn_m[index])
+        np.testing.assert_allclose(frame.t_body_cam_m, [0, 0, range_m], atol=1e-10)
+        # A body point, by way of ECI and by way of the camera.
+        point_body = np.array([1.0, -2.0, 3.0])
+        R_eci_from_body = matrix_from_quaternion(exact.q_eci_from_body[index])
+        point_eci = exact.r_target_eci_m[index] + R_eci_from_body @ point_body
+        by_eci = frame.R_cam_from_eci @ (point_eci - frame.r_camera_eci_m)
+        np.testing.assert_allclose(
+            frame.R_cam_from_body @ point_body + frame.t_body_cam_m, by_eci, atol=1e-7
+        )
+        # Nadir law: the Earth's centre is on body +z.
+        earth_body = R_eci_from_body.T @ -exact.r_target_eci_m[index]
+        np.testing.assert_allclose(unit(earth_body), [0, 0, 1], atol=1e-14)
+        assert frame.sun_angular_radius_rad == pytest.approx(np.radians(0.2677), rel=1e-3)
+    assert frame.epoch_jd_tt == pytest.approx(2459659.14792 + (PERIOD_S + 69.184) / 86400, abs=1e-5)
+
+
+def test_the_earth_fixed_axes_put_greenwich_under_the_sun_at_noon() -> None:
+    # At 12:00 UTC less the equation of time (2022-06-13: +0.0 min) the Sun stands over 0° longitude.
+    state = frame_state(build(np.array([0.0]), epoch_utc="2022-06-13T12:00:00"), 0, Constants())
+    sun = state.R_ecef_from_eci @ unit(state.r_sun_eci_m)
+    assert np.degrees(np.arctan2(sun[1], sun[0])) == pytest.approx(0.0, abs=0.1)
+    assert np.degrees(np.arcsin(sun[2])) == pytest.approx(23.2, abs=0.1)
+
+
+def test_a_frame_does_not_depend_on_the_others(trajectory: Trajectory) -> None:
+    attitude = AttitudeConfig(target=SpinLaw())
+    whole, part = build(attitude=attitude), build(T_S[:50], attitude=attitude)
+    for field in dataclasses.fields(Trajectory):
+        if field.name != "epoch_utc":
+            np.testing.assert_array_equal(getattr(part, field.name), getattr(whole, field.name)[:50])
+
+
+def test_the_same_bits_in_another_process(trajectory: Trajectory, tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    save_trajectory(trajectory, path)
+    code = (
+        f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
+        "from pathlib import Path\n"
+        "from test_trajectory import build\n"
+        "from posse_core.trajectory import save_trajectory\n"
+        f"save_trajectory(build(), Path({str(tmp_path / 'b.npz')!r}))\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
+    assert path.read_bytes() == (tmp_path / "b.npz").read_bytes()
+
+
+def test_the_ellipsoid_is_asked_for_by_its_flattening(trajectory: Trajectory) -> None:
+    t_s = np.linspace(0, PERIOD_S, 5001)
+    sphere, ellipsoid = build(t_s), build(t_s, eclipse_flattening=WGS84_FLATTENING)
+    # In a polar orbit the shadow is entered over high latitudes, where the ellipsoid is lower.
+    assert np.mean(ellipsoid.sun_fraction_target) > np.mean(sphere.sun_fraction_target) + 1e-3
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".csv"])
+def test_files_return_the_same_bits(trajectory: Trajectory, tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"trajectory{suffix}"
+    save_trajectory(trajectory, path)
+    assert_same_bits(load_trajectory(path), trajectory)
+
+
+def test_csv_columns_are_named_with_units_and_axes(trajectory: Trajectory, tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    save_trajectory(trajectory, path)
+    with open(path, newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == len(trajectory)
+    assert float(rows[3]["v_chaser_rtn_m_s_y"]) == trajectory.v_chaser_rtn_m_s[3, 1]
+    assert float(rows[3]["q_eci_from_camera_w"]) == trajectory.q_eci_from_camera[3, 0]
+    assert float(rows[3]["r_sun_eci_m_z"]) == trajectory.r_sun_eci_m[3, 2]
+    assert rows[3]["sequence"] == "0"
+    assert rows[3]["epoch_utc"] == "2022-03-20T15:33:00"
+
+
+def test_npz_holds_plain_arrays(trajectory: Trajectory, tmp_path: Path) -> None:
+    path = tmp_path / "t.npz"
+    save_trajectory(trajectory, path)
+    with np.load(path, allow_pickle=False) as archive:
+        assert set(archive.files) == {field.name for field in dataclasses.fields(Trajectory)}
+        assert archive["q_eci_from_body"].shape == (200, 4)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("none.npz", None, "there is no trajectory"),
+        ("t.txt", "", "ends in .npz or .csv"),
+        ("t.npz", "not a zip", "not a trajectory"),
+        ("t.csv", "", "no column 'epoch_utc'"),
+        ("t.csv", "epoch_utc,t_s\n2022-01-01,0\n", "no column 'sequence'"),
+    ],
+)
+def test_a_file_that_is_no_trajectory(
+    tmp_path: Path, name: str, content: str | None, message: str
+) -> None:
+    path = tmp_path / name
+    if content is not None:
+        path.write_text(content)
+    with pytest.raises(InputError, match=message) as error:
+        load_trajectory(path)
+    assert name in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("value", ["nan", "word", ""])
+def test_a_value_that_is_no_number(trajectory: Trajectory, tmp_path: Path, value: str) -> None:
+    path = tmp_path / "t.csv"
+    save_trajectory(trajectory, path)
+    lines = path.read_text().split("\n")
+    cells = lines[5].split(",")
+    cells[lines[0].split(",").index("r_moon_eci_m_y")] = value
+    lines[5] = ",".join(cells)
+    path.write_text("\n".join(lines))
+    with pytest.raises(InputError, match="r_moon_eci_m"):
+        load_trajectory(path)
+
+
+def test_an_array_of_another_shape(trajectory: Trajectory, tmp_path: Path) -> None:
+    path = tmp_path / "t.npz"
+    save_trajectory(trajectory, path)
+    with np.load(path) as archive:
+        arrays = dict(archive)
+    arrays["r_sun_eci_m"] = arrays["r_sun_eci_m"][:-1]
+    np.savez(path, **arrays)
+    with pytest.raises(InputError, match=r"r_sun_eci_m has shape \(199, 3\)"):
+        load_trajectory(path)
+
+
+def test_times_outside_the_ephemeris_are_refused() -> None:
+    with pytest.raises(InputError, match="outside the ephemeris"):
+        build(np.array([0.0, 200 * 365.25 * 86400]))
+
+
+def test_a_trajectory_of_another_kind_of_file_is_not_written(
+    trajectory: Trajectory, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError, match=r"\.npz or \.csv"):
+        save_trajectory(trajectory, tmp_path / "t.mat")
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,97 @@
+"""Small spacecraft, cameras and frames made by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import pytest
+import trimesh
+
+from posse_core.model.camera import Camera
+from posse_core.model.scene import FrameState, Scene
+from posse_core.model.spacecraft import Material, Part, Spacecraft
+
+
+@pytest.fixture(scope="session")
+def make_scene() -> Callable[..., Scene]:
+    """meshes by part name, keypoints, and the camera's size and focal length → a scene."""
+
+    def make(
+        meshes: Mapping[str, trimesh.Trimesh],
+        keypoints: Mapping[str, tuple[float, float, float]] | None = None,
+        *,
+        width_px: int = 64,
+        height_px: int = 48,
+        focal_px: float = 48.0,
+        middle_px: tuple[float, float] | None = None,
+    ) -> Scene:
+        parts = tuple(
+            Part(
+                name=name,
+                vertices_body_m=np.asarray(mesh.vertices, dtype=np.float64),
+                faces=np.asarray(mesh.faces, dtype=np.int32),
+                normals_body=np.asarray(mesh.vertex_normals, dtype=np.float32),
+                uv=np.zeros((len(mesh.vertices), 2), dtype=np.float32),
+                material="grey",
+            )
+            for name, mesh in meshes.items()
+        )
+        points = {name: np.array(point) for name, point in (keypoints or {}).items()}
+        craft = Spacecraft("craft", parts, {"grey": Material("grey")}, points)
+        u, v = middle_px or ((width_px - 1) / 2, (height_px - 1) / 2)
+        return Scene(craft, Camera(width_px, height_px, focal_px, focal_px, u, v, 0.036))
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def make_frame() -> Callable[..., FrameState]:
+    """Pose and Sun direction (body axes) → a frame; inertial axes are taken to be the body's."""
+
+    def make(
+        t_body_cam_m: tuple[float, float, float],
+        R_cam_from_body: np.ndarray | None = None,
+        sun_body: tuple[float, float, float] = (0.0, 0.0, -1.0),
+    ) -> FrameState:
+        R = np.eye(3) if R_cam_from_body is None else R_cam_from_body
+        return FrameState(
+            index=0,
+            t_s=0.0,
+            epoch_jd_tt=2451545.0,
+            R_cam_from_body=R,
+            t_body_cam_m=np.array(t_body_cam_m, dtype=np.float64),
+            R_cam_from_eci=R,
+            R_ecef_from_eci=np.eye(3),
+            r_camera_eci_m=np.zeros(3),
+            r_target_eci_m=np.zeros(3),
+            r_sun_eci_m=1.5e11 * np.array(sun_body),
+            r_moon_eci_m=np.array([3.8e8, 0.0, 0.0]),
+            solar_flux_w_m2=1361.0,
+            sun_fraction_target=1.0,
+            sun_fraction_camera=1.0,
+            sun_angular_radius_rad=0.00465,
+        )
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def make_plate() -> Callable[..., trimesh.Trimesh]:
+    """Half sizes along x and y, place of the middle, cells a side → a plate in a plane of constant z."""
+
+    def make(
+        half_x: float, half_y: float, middle: tuple[float, float, float] = (0, 0, 0), cells: int = 1
+    ) -> trimesh.Trimesh:
+        x, y = np.meshgrid(
+            np.linspace(-half_x, half_x, cells + 1), np.linspace(-half_y, half_y, cells + 1)
+        )
+        vertices = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3) + middle
+        corner = (np.arange(cells)[:, None] * (cells + 1) + np.arange(cells)).ravel()
+        right, below = corner + 1, corner + cells + 1
+        faces = np.concatenate(
+            [np.stack([corner, below, right], -1), np.stack([right, below, below + 1], -1)]
+        )
+        return trimesh.Trimesh(vertices, faces, process=False)
+
+    return make

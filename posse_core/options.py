@@ -78,21 +78,19 @@ def _short(value: Any) -> str:
 
 def _known_keys(model: type[BaseModel], path: tuple[int | str, ...]) -> list[str]:
     """Keys that the model at ``path`` below ``model`` accepts."""
-    current: type[BaseModel] = model
+    models = [model]
     for step in path:
-        field = current.model_fields.get(str(step))
-        inner = _model_in(field.annotation) if field is not None else None
-        if inner is None:
-            continue
-        current = inner
-    return list(current.model_fields)
+        fields = [m.model_fields[str(step)] for m in models if str(step) in m.model_fields]
+        if fields:
+            models = [inner for field in fields for inner in _models_in(field.annotation)] or models
+        else:  # pydantic puts the tag that chose a member of a union into the path
+            models = [
+                m for m in models if step in (f.default for f in m.model_fields.values())
+            ] or models
+    return list(dict.fromkeys(key for m in models for key in m.model_fields))
 
 
-def _model_in(annotation: Any) -> type[BaseModel] | None:
+def _models_in(annotation: Any) -> list[type[BaseModel]]:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    for argument in getattr(annotation, "__args__", ()):
-        inner = _model_in(argument)
-        if inner is not None:
-            return inner
-    return None
+        return [annotation]
+    return [m for argument in getattr(annotation, "__args__", ()) for m in _models_in(argument)]

@@ -1,0 +1,22 @@
+"""Blender's Cycles as a POSSE renderer."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from posse_core.hookspecs import hookimpl
+from posse_core.registry import ComponentSpec
+
+
+@hookimpl
+def posse_renderers() -> Sequence[ComponentSpec]:
+    """The renderer ``blender``."""
+    return [
+        ComponentSpec(
+            name="blender",
+            summary="Blender's Cycles: path traced, in a child process with its own interpreter",
+            factory="posse_render_blender.renderer:BlenderRenderer",
+            options="posse_render_blender.options:BlenderOptions",
+            capabilities=frozenset({"path-traced", "deterministic", "environment", "depth", "gpu"}),
+        )
+    ]

@@ -1,0 +1,139 @@
+"""The worker's process, seen from outside: started, asked, told apart when it dies, ended."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import signal
+import subprocess
+import tempfile
+from io import FileIO
+from pathlib import Path
+
+from posse_core.errors import ComponentError
+from posse_render_blender.interpreter import WAY_OUT, Interpreter
+from posse_render_blender.worker.wire import Message, WireClosed, WireError, receive, send
+
+START_LIMIT_S = 120.0
+"""Blender starts in one or two seconds, and from a cold network disk in a minute."""
+END_LIMIT_S = 5.0
+LOG_TAIL_CHARS = 600
+
+
+class Child:
+    """One worker process.
+
+    It has a folder of its own for Blender's temporary files and its log, which hold nothing that is
+    wanted once it has ended. It ends by itself when this process is gone: it sees its pipe close.
+    """
+
+    def __init__(self, interpreter: Interpreter) -> None:
+        """Start it.
+
+        Raises:
+            ComponentError: it cannot be started, has no bpy or too old a one, or does not answer.
+        """
+        self._interpreter = interpreter
+        self._folder = tempfile.TemporaryDirectory(prefix="posse-blender-", ignore_cleanup_errors=True)
+        self._log_path = Path(self._folder.name) / "log.txt"
+        with contextlib.ExitStack() as on_failure:
+            on_failure.callback(self._folder.cleanup)
+            self._process = self._start()
+            on_failure.callback(self.close)
+            self._greet()
+            on_failure.pop_all()
+
+    @property
+    def pid(self) -> int:
+        """Process id of the worker."""
+        return self._process.pid
+
+    def ask(self, message: Message, doing: str) -> Message:
+        """Send a request and wait for its answer; ``doing`` says in words what for.
+
+        Raises:
+            ComponentError: the worker reports a failure, or has died; it names the end of its log.
+        """
+        os.truncate(self._log_path, 0)  # only this request's lines can explain what happens to it
+        try:
+            send(self._requests, message)
+            answer = receive(self._answers)
+        except (BrokenPipeError, WireClosed):
+            raise ComponentError(f"blender: {self._how_it_ended()} while {doing}{self._log()}") from None
+        except WireError as error:
+            raise ComponentError(f"blender: the worker sent garbage while {doing}: {error}") from None
+        if answer.kind == "failed":
+            raise ComponentError(f"blender: {doing} failed: {answer.values['cause']}")
+        return answer
+
+    def close(self) -> None:
+        """End the process; may be called twice."""
+        self._requests.close()
+        try:
+            self._process.wait(END_LIMIT_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._answers.close()
+        self._folder.cleanup()
+
+    def _start(self) -> subprocess.Popen[bytes]:
+        requests_out, requests_in = os.pipe()
+        answers_out, answers_in = os.pipe()
+        self._requests = FileIO(requests_in, "w")
+        self._answers = FileIO(answers_out, "r")
+        try:
+            # O_APPEND, since the log is truncated while the worker has it open.
+            with open(self._log_path, "ab") as log:
+                return subprocess.Popen(
+                    self._interpreter.command(requests_out, answers_in),
+                    stdin=subprocess.DEVNULL,
+                    stdout=log,
+                    stderr=subprocess.STDOUT,
+                    env=self._interpreter.environment(os.environ, Path(self._folder.name)),
+                    pass_fds=(requests_out, answers_in),
+                    start_new_session=True,  # a Ctrl-C is for this process, which then ends the worker
+                )
+        except OSError as error:
+            self._requests.close()
+            self._answers.close()
+            reason = f"cannot be started: {error.strerror}"
+            raise ComponentError(f"blender: {self._interpreter} {reason}; {WAY_OUT}") from None
+        finally:
+            os.close(requests_out)
+            os.close(answers_in)
+
+    def _greet(self) -> None:
+        what = f"blender: {self._interpreter}"
+        try:
+            if not select.select([self._answers], [], [], START_LIMIT_S)[0]:
+                raise ComponentError(f"{what} did not answer in {START_LIMIT_S:.0f} s; {WAY_OUT}")
+            hello = receive(self._answers)
+        except WireError:
+            kind = "Blender" if self._interpreter.is_blender else "Python with bpy"
+            how = f"{self._how_it_ended()} before it answered{self._log()}"
+            raise ComponentError(f"{what} is not a {kind}: {how}; {WAY_OUT}") from None
+        if hello.kind == "no-bpy":
+            raise ComponentError(f"{what} has no usable bpy: {hello.values['cause']}; {WAY_OUT}")
+        if hello.kind == "too-old":
+            versions = f"Blender {hello.values['blender']}, older than {hello.values['oldest']}"
+            raise ComponentError(f"{what} has {versions}; {WAY_OUT}")
+        self.blender_version = str(hello.values["blender"])
+        self.python_version = str(hello.values["python"])
+
+    def _how_it_ended(self) -> str:
+        try:
+            code = self._process.wait(END_LIMIT_S)
+        except subprocess.TimeoutExpired:
+            return f"its worker (process {self.pid}) closed its pipe"
+        if code >= 0:
+            return f"its worker (process {self.pid}) ended with exit code {code}"
+        name = signal.Signals(-code).name
+        return f"its worker (process {self.pid}) was ended by {name}"
+
+    def _log(self) -> str:
+        text = self._log_path.read_text(errors="replace")
+        lines = [line.strip() for line in text.splitlines() if line.strip()]
+        tail = " | ".join(lines)[-LOG_TAIL_CHARS:]
+        return f"; the end of its log: {tail}" if tail else "; its log is empty"

@@ -1,0 +1,76 @@
+"""Which program runs Cycles: a Python that has bpy, or a blender executable."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from posse_core.errors import ComponentError
+from posse_render_blender.options import BlenderOptions
+
+WORKER = Path(__file__).parent / "worker" / "main.py"
+WAY_OUT = (
+    "make a Python with bpy (python3.11 -m venv bpy && bpy/bin/pip install 'bpy==5.0.1' 'numpy<2')"
+    " and name it by -o renderer.python=PATH or POSSE_BLENDER_PYTHON, or name a Blender 4.5 or later"
+    " by -o renderer.executable=PATH or POSSE_BLENDER"
+)
+
+
+@dataclass(frozen=True)
+class Interpreter:
+    """A program that can run the worker.
+
+    Attributes:
+        path: absolute.
+        is_blender: a blender executable, not a Python.
+        source: who named it, for messages.
+    """
+
+    path: str
+    is_blender: bool
+    source: str
+
+    def __str__(self) -> str:
+        return f"{self.path} (from {self.source})"
+
+    def command(self, requests_fd: int, answers_fd: int) -> list[str]:
+        """The command line that starts the worker on two inherited file descriptors."""
+        fds = [str(requests_fd), str(answers_fd)]
+        if self.is_blender:
+            blender = [self.path, "--background", "--factory-startup", "-noaudio"]
+            return [*blender, "--python-exit-code", "1", "--python", str(WORKER), "--", *fds]
+        return [self.path, str(WORKER), *fds]
+
+    def environment(self, environ: Mapping[str, str], folder: Path) -> dict[str, str]:
+        """Variables for the worker: its own files in ``folder``, and no paths of another Python."""
+        out = dict(environ)
+        if self.path != sys.executable:
+            for name in ("PYTHONHOME", "PYTHONPATH"):
+                out.pop(name, None)
+        # Preferences and add-ons of the user would change what is rendered.
+        out.update(TMPDIR=str(folder), BLENDER_USER_RESOURCES=str(folder), PYTHONUNBUFFERED="1")
+        return out
+
+
+def find_interpreter(options: BlenderOptions, environ: Mapping[str, str] = os.environ) -> Interpreter:
+    """By option, by environment, or this very Python, in that order.
+
+    Raises:
+        ComponentError: what was named is not an executable file.
+    """
+    named = [
+        (options.python, False, "renderer.python"),
+        (options.executable, True, "renderer.executable"),
+        (environ.get("POSSE_BLENDER_PYTHON"), False, "POSSE_BLENDER_PYTHON"),
+        (environ.get("POSSE_BLENDER"), True, "POSSE_BLENDER"),
+        (sys.executable, False, "the Python that runs POSSE"),
+    ]
+    path, is_blender, source = next(entry for entry in named if entry[0])
+    found = shutil.which(Path(str(path)).expanduser())
+    if found is None:
+        raise ComponentError(f"blender: {source} names {path!r}, which is no program; {WAY_OUT}")
+    return Interpreter(os.path.abspath(found), is_blender, source)

@@ -1,0 +1,297 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A spacecraft in Blender: built once, moved in place, rendered by Cycles into float arrays.
+
+Blender's world is the body frame, so that a frame moves only the camera, the Sun and the sky.
+"""
+
+from __future__ import annotations
+
+import bpy
+import cycles
+import numpy as np
+from mathutils import Matrix, Vector
+
+SENSOR_WIDTH_MM = 36.0
+BACKGROUND_DEPTH_M = 1e9
+"""Cycles writes 1e10 where a pixel's centre sees nothing."""
+BLENDER_FROM_CV = np.diag([1.0, -1.0, -1.0])
+"""Blender's camera looks along −z with +y up."""
+ENVIRONMENT_FROM_CAM = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+"""Blender's equirectangular map has +z up, +x in the middle, +y to the left."""
+
+_passes: dict[str, np.ndarray] = {}
+"""The passes of the last render: Blender gives them to its engine alone."""
+
+
+def _keep_passes(render):
+    def wrapped(engine, depsgraph):
+        render(engine, depsgraph)
+        result = engine.get_result()
+        for render_pass in result.layers[0].passes:
+            if render_pass.name in ("Combined", "Depth"):
+                flat = np.empty(
+                    result.resolution_x * result.resolution_y * render_pass.channels, dtype=np.float32
+                )
+                render_pass.rect.foreach_get(flat)
+                shape = (result.resolution_y, result.resolution_x, render_pass.channels)
+                _passes[render_pass.name] = flat.reshape(shape)[::-1]
+
+    return wrapped
+
+
+cycles.CyclesRender.render = _keep_passes(cycles.CyclesRender.render)
+
+
+def choose_device(device: str) -> str:
+    """Make Cycles compute on ``cpu``, or on all GPUs of a kind; the device in words.
+
+    Raises:
+        RuntimeError: there is no such GPU, or this Blender knows none of the kind.
+    """
+    if device == "cpu":
+        return "cpu"
+    kind = device.upper()
+    preferences = bpy.context.preferences.addons["cycles"].preferences
+    try:
+        preferences.compute_device_type = kind
+    except TypeError:
+        raise RuntimeError(f"this Blender has no support for {device}; use device: cpu") from None
+    preferences.refresh_devices()
+    names = []
+    for found in preferences.devices:
+        found.use = found.type == kind
+        if found.use:
+            names.append(found.name)
+    if not names:
+        raise RuntimeError(f"no GPU for {device} was found; use device: cpu")
+    return f"{device}: {', '.join(names)}"
+
+
+class CyclesScene:
+    """The scene of one run."""
+
+    def __init__(self, values: dict, arrays: dict[str, np.ndarray]) -> None:
+        """Build it from the message ``open``, described at the sender."""
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+        self._scene = bpy.context.scene
+        self._sky = None
+        self._dark = _world("dark")
+        self._dark.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.0
+        self.device = choose_device(values["device"])
+        self._set_up_cycles(values)
+        self._camera = self._add_camera(**values["camera"])
+        self._sun = self._add_sun()
+        materials = [
+            _material(material, arrays, f"material{i}.")
+            for i, material in enumerate(values["materials"])
+        ]
+        for i, part in enumerate(values["parts"]):
+            mesh = _mesh(part["name"], arrays, f"part{i}.")
+            mesh.materials.append(materials[part["material"]])
+            self._scene.collection.objects.link(bpy.data.objects.new(part["name"], mesh))
+
+    def render(self, values: dict, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Render the message ``render``: radiance_rgb, coverage and depth_m of its box."""
+        R_cam_from_body = arrays["R_cam_from_body"]
+        camera_from_world = np.eye(4)
+        camera_from_world[:3, :3] = BLENDER_FROM_CV @ R_cam_from_body
+        camera_from_world[:3, 3] = BLENDER_FROM_CV @ arrays["t_body_cam_m"]
+        self._camera.matrix_world = Matrix(np.linalg.inv(camera_from_world).tolist())
+        self._camera.data.clip_start, self._camera.data.clip_end = values["clip_m"]
+        self._point_sun(arrays["sun_direction_body"], arrays["sun_irradiance_rgb_w_m2"], values)
+        self._look_at_sky(arrays.get("environment"), R_cam_from_body)
+        self._crop(*values["box"])
+        self._scene.cycles.seed = values["seed"]
+        # With persistent data, Cycles does not look at its own settings again unless it is told.
+        self._scene.update_tag()
+        _passes.clear()
+        bpy.ops.render.render()
+        if not _passes:
+            raise RuntimeError("Cycles returned no image")
+        combined, depth_m = _passes["Combined"], _passes["Depth"][..., 0]
+        return {
+            "radiance_rgb": combined[..., :3],
+            "coverage": combined[..., 3],
+            "depth_m": np.where(depth_m < BACKGROUND_DEPTH_M, depth_m, np.float32(np.nan)),
+        }
+
+    def _set_up_cycles(self, values: dict) -> None:
+        render, settings = self._scene.render, self._scene.cycles
+        render.engine = "CYCLES"
+        render.film_transparent = True
+        render.use_persistent_data = True
+        render.use_compositing = render.use_sequencer = False
+        render.threads_mode = "FIXED" if values["threads"] else "AUTO"
+        if values["threads"]:
+            render.threads = values["threads"]
+        settings.device = "CPU" if self.device == "cpu" else "GPU"
+        settings.samples = values["spp"]
+        settings.use_adaptive_sampling = values["adaptive_threshold"] > 0
+        settings.adaptive_threshold = values["adaptive_threshold"]
+        settings.use_denoising = values["denoiser"] != "none"
+        settings.denoiser = "OPENIMAGEDENOISE"
+        settings.pixel_filter_type, settings.filter_width = "BOX", 1.0
+        for kind in ("max", "diffuse", "glossy", "transmission", "volume"):
+            setattr(settings, f"{kind}_bounces", values["max_bounces"])
+        # What Cycles trades for less noise by default is light that would be missing here.
+        settings.sample_clamp_direct = settings.sample_clamp_indirect = 0.0
+        settings.blur_glossy = 0.0
+        settings.caustics_reflective = settings.caustics_refractive = True
+        settings.light_sampling_threshold = 0.0
+        settings.use_auto_tile = False  # tiles go over the disk
+        self._scene.view_layers[0].use_pass_z = True
+
+    def _add_camera(
+        self, width_px: int, height_px: int, fx_px: float, fy_px: float, cx_px: float, cy_px: float
+    ) -> bpy.types.Object:
+        render = self._scene.render
+        render.resolution_x, render.resolution_y, render.resolution_percentage = width_px, height_px, 100
+        y_scale = fx_px / fy_px
+        render.pixel_aspect_x, render.pixel_aspect_y = max(1.0, 1.0 / y_scale), max(1.0, y_scale)
+        data = bpy.data.cameras.new("camera")
+        data.sensor_fit, data.sensor_width = "HORIZONTAL", SENSOR_WIDTH_MM
+        data.lens = fx_px * SENSOR_WIDTH_MM / width_px
+        data.shift_x = -(cx_px + 0.5 - width_px / 2) / width_px
+        data.shift_y = (cy_px + 0.5 - height_px / 2) / width_px * y_scale
+        self._scene.camera = bpy.data.objects.new("camera", data)
+        self._scene.collection.objects.link(self._scene.camera)
+        return self._scene.camera
+
+    def _add_sun(self) -> bpy.types.Object:
+        sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
+        sun.visible_camera = False  # the Sun's own image belongs to the sky
+        self._scene.collection.objects.link(sun)
+        return sun
+
+    def _point_sun(self, direction_body: np.ndarray, irradiance: np.ndarray, values: dict) -> None:
+        strongest = float(irradiance.max())
+        self._sun.data.energy = strongest  # W/m² on a plate that faces it
+        self._sun.data.color = irradiance / strongest if strongest > 0 else (1.0, 1.0, 1.0)
+        self._sun.data.angle = 2 * values["sun_angular_radius_rad"]
+        self._sun.rotation_mode = "QUATERNION"
+        self._sun.rotation_quaternion = Vector(direction_body).to_track_quat("Z", "Y")
+
+    def _look_at_sky(self, radiance_rgb: np.ndarray | None, R_cam_from_body: np.ndarray) -> None:
+        if radiance_rgb is None:
+            self._scene.world = self._dark
+            return
+        if self._sky is None:
+            self._sky = _sky()
+        nodes = self._sky.node_tree.nodes
+        # With persistent data, Cycles goes on with the old pixels of an image that is filled anew.
+        old = nodes["Environment Texture"].image
+        nodes["Environment Texture"].image = _image("sky", radiance_rgb, "Non-Color")
+        if old is not None:
+            bpy.data.images.remove(old)
+        turn = Matrix((ENVIRONMENT_FROM_CAM @ R_cam_from_body).tolist())
+        nodes["Mapping"].inputs["Rotation"].default_value = turn.to_euler("XYZ")
+        self._scene.world = self._sky
+
+    def _crop(self, x0: int, y0: int, width: int, height: int) -> None:
+        render = self._scene.render
+        render.use_border = render.use_crop_to_border = True
+        # Blender cuts off fractions of a pixel: a quarter more keeps float32 from losing a whole one.
+        render.border_min_x = (x0 + 0.25) / render.resolution_x
+        render.border_max_x = min(1.0, (x0 + width + 0.25) / render.resolution_x)
+        bottom = render.resolution_y - y0 - height
+        render.border_min_y = (bottom + 0.25) / render.resolution_y
+        render.border_max_y = min(1.0, (bottom + height + 0.25) / render.resolution_y)
+
+
+def _mesh(name: str, arrays: dict[str, np.ndarray], prefix: str) -> bpy.types.Mesh:
+    vertices, faces = arrays[prefix + "vertices_body_m"], arrays[prefix + "faces"]
+    mesh = bpy.data.meshes.new(name)
+    mesh.vertices.add(len(vertices))
+    mesh.vertices.foreach_set("co", vertices.ravel())
+    mesh.loops.add(faces.size)
+    mesh.loops.foreach_set("vertex_index", faces.ravel())
+    mesh.polygons.add(len(faces))
+    mesh.polygons.foreach_set("loop_start", np.arange(0, faces.size, 3, dtype=np.int32))
+    mesh.update(calc_edges=True)
+    mesh.validate()  # drops triangles that name a vertex twice: the loops are read back for this
+    corners = np.empty(len(mesh.loops), dtype=np.int32)
+    mesh.loops.foreach_get("vertex_index", corners)
+    uv = np.ascontiguousarray(arrays[prefix + "uv"][corners])
+    mesh.uv_layers.new(name="uv").data.foreach_set("uv", uv.ravel())
+    mesh.normals_split_custom_set_from_vertices(arrays[prefix + "normals_body"])
+    return mesh
+
+
+def _material(values: dict, arrays: dict[str, np.ndarray], prefix: str) -> bpy.types.Material:
+    """glTF metallic-roughness as a Principled BSDF."""
+    material = bpy.data.materials.new(values["name"])
+    if material.node_tree is None:
+        material.use_nodes = True
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    bsdf = nodes["Principled BSDF"]
+    bsdf.distribution = "GGX"
+    bsdf.inputs["IOR"].default_value = 1.5
+    bsdf.inputs["Specular IOR Level"].default_value = 0.5 * values["specular"]
+    bsdf.inputs["Base Color"].default_value = (*values["base_color"], 1.0)
+    bsdf.inputs["Metallic"].default_value = values["metallic"]
+    bsdf.inputs["Roughness"].default_value = values["roughness"]
+
+    def texture(key: str, colorspace: str):
+        pixels = arrays.get(prefix + key)
+        if pixels is None:
+            return None
+        node = nodes.new("ShaderNodeTexImage")
+        node.image = _image(key, pixels, colorspace)
+        return node.outputs["Color"]
+
+    color = texture("base_color_texture", "sRGB")
+    if color is not None:
+        product = nodes.new("ShaderNodeVectorMath")
+        product.operation = "MULTIPLY"
+        links.new(color, product.inputs[0])
+        product.inputs[1].default_value = values["base_color"]
+        links.new(product.outputs[0], bsdf.inputs["Base Color"])
+    both = texture("metallic_roughness_texture", "Non-Color")
+    if both is not None:
+        split = nodes.new("ShaderNodeSeparateColor")
+        links.new(both, split.inputs[0])
+        for channel, name in enumerate(("Metallic", "Roughness")):
+            product = nodes.new("ShaderNodeMath")
+            product.operation = "MULTIPLY"
+            links.new(split.outputs[channel], product.inputs[0])
+            product.inputs[1].default_value = values[name.lower()]
+            links.new(product.outputs[0], bsdf.inputs[name])
+    normal = texture("normal_texture", "Non-Color")
+    if normal is not None:
+        turn = nodes.new("ShaderNodeNormalMap")
+        turn.uv_map = "uv"
+        links.new(normal, turn.inputs["Color"])
+        links.new(turn.outputs[0], bsdf.inputs["Normal"])
+    return material
+
+
+def _world(name: str) -> bpy.types.World:
+    world = bpy.data.worlds.new(name)
+    if world.node_tree is None:
+        world.use_nodes = True
+    return world
+
+
+def _sky() -> bpy.types.World:
+    world = _world("sky")
+    nodes, links = world.node_tree.nodes, world.node_tree.links
+    where, turn = nodes.new("ShaderNodeTexCoord"), nodes.new("ShaderNodeMapping")
+    look = nodes.new("ShaderNodeTexEnvironment")
+    links.new(where.outputs["Generated"], turn.inputs["Vector"])
+    links.new(turn.outputs["Vector"], look.inputs["Vector"])
+    links.new(look.outputs["Color"], nodes["Background"].inputs["Color"])
+    return world
+
+
+def _image(name: str, pixels: np.ndarray, colorspace: str) -> bpy.types.Image:
+    """An image of (H, W, 1 … 3) pixels with row 0 at the top, uint8 or float32."""
+    height, width, channels = pixels.shape
+    is_float = pixels.dtype != np.uint8
+    image = bpy.data.images.new(name, width, height, alpha=False, float_buffer=is_float)
+    image.colorspace_settings.name = colorspace
+    rgba = np.zeros((height, width, 4), dtype=np.float32)
+    rgba[..., 3] = 1.0
+    rgba[..., :channels] = pixels[::-1] if is_float else pixels[::-1] / np.float32(255)
+    image.pixels.foreach_set(rgba.ravel())
+    image.update()
+    return image

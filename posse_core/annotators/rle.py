@@ -35,9 +35,11 @@ def decode(counts: str, height_px: int, width_px: int) -> BoolArray:
     """(height, width) mask of a code.
 
     Raises:
-        ValueError: the runs do not add up to the image.
+        ValueError: not a code of an image of this size.
     """
-    runs = _numbers(counts)
+    letters = np.frombuffer(counts.encode(), dtype=np.uint8).astype(np.int64) - 48
+    whole = len(letters) > 0 and (letters >= 0).all() and (letters < 64).all() and letters[-1] < 32
+    runs = _numbers(letters) if whole else np.array([-1])
     if (runs < 0).any() or runs.sum() != height_px * width_px:
         raise ValueError(f"the runs of a mask do not fill an image of {width_px} × {height_px} pixels")
     inside = np.arange(len(runs)) % 2 == 1
@@ -60,8 +62,7 @@ def _letters(runs: IntArray) -> str:
     return bytes(letters.tolist()).decode("ascii")
 
 
-def _numbers(counts: str) -> IntArray:
-    letters = np.frombuffer(counts.encode("ascii"), dtype=np.uint8).astype(np.int64) - 48
+def _numbers(letters: IntArray) -> IntArray:
     last = (letters & 0x20) == 0
     number = np.concatenate([[0], np.cumsum(last)[:-1]])
     starts = np.flatnonzero(np.concatenate([[True], last[:-1]]))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import click
 
+from posse_core.errors import InputError
 from posse_core.plugins import load_plugins
 from posse_core.scenario.load import load_scenario, parse_override
 from posse_core.scenario.model import Scenario
@@ -37,6 +39,15 @@ def read_scenario(source: str, overrides: Sequence[str], **named: str | int | No
     given = dict(parse_override(text) for text in overrides)
     given.update({key: value for key, value in named.items() if value is not None})
     return load_scenario(source, load_plugins().registry, given)
+
+
+@contextlib.contextmanager
+def naming(source: str) -> Iterator[None]:
+    """Put the scenario's name before what is wrong with what it asks for."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{source}: {error}") from None
 
 
 def echo_json(value: Any) -> None:

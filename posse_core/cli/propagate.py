@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from posse_core.cli.common import read_scenario, scenario_options
+from posse_core.cli.common import naming, read_scenario, scenario_options
 from posse_core.errors import InputError
 from posse_core.pipeline.plan import make_trajectory
 from posse_core.plugins import load_plugins
@@ -26,7 +26,8 @@ def command(
     if out.suffix not in (".npz", ".csv"):
         raise InputError(f"--out {out}: the file's name must end in .npz or .csv")
     checked = read_scenario(scenario, overrides, seed=seed, frames=frames)
-    trajectory = make_trajectory(checked, load_plugins().registry)
+    with naming(scenario):
+        trajectory = make_trajectory(checked, load_plugins().registry)
     try:
         save_trajectory(trajectory, out)
     except OSError as error:

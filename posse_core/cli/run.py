@@ -11,7 +11,7 @@ from typing import Any
 import click
 from tqdm import tqdm
 
-from posse_core.cli.common import DEFAULT_SCENARIO, echo_json, read_scenario, scenario_options
+from posse_core.cli.common import DEFAULT_SCENARIO, echo_json, naming, read_scenario, scenario_options
 from posse_core.errors import InputError
 from posse_core.interfaces.executor import Executor, FrameResult
 from posse_core.pipeline.plan import make_plan
@@ -54,10 +54,11 @@ def command(
     named = {"renderer.name": renderer, "seed": seed, "frames": frames}
     pool = _executor(plugins, executor, workers)
     members = scenario_members(source)
-    plans = {
-        Path(member).stem: make_plan(read_scenario(member, overrides, **named), plugins.registry)
-        for member in members
-    }
+    plans = {}
+    for member in members:
+        checked = read_scenario(member, overrides, **named)
+        with naming(member):
+            plans[Path(member).stem] = make_plan(checked, plugins.registry)
     folder = out or _free_folder(Path(source).stem)
     folders = {name: folder / name if len(plans) > 1 else folder for name in plans}
     results = [

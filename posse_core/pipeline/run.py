@@ -85,7 +85,8 @@ def _claim(folder: Path, plan: Plan, *, resume: bool) -> bool:
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise _explained(error, folder, kept=False) from error
+            reason = (error.strerror or "").lower()
+            raise InputError(f"--out {folder}: cannot be made ({reason}); name another folder") from None
         return True
     scenario_file = folder / "scenario.yaml"
     if not scenario_file.exists():

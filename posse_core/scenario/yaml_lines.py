@@ -24,7 +24,7 @@ class _Loader(yaml.SafeLoader):
 for _tag, _pattern, _first in (
     ("bool", r"true|True|TRUE|false|False|FALSE", "tTfF"),
     ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
-    ("int", r"[-+]?[0-9]+", "-+0123456789"),
+    ("int", r"[-+]?(0|[1-9][0-9]*)", "-+0123456789"),
     (
         "float",
         r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)",
@@ -45,10 +45,10 @@ class YamlText:
     def __init__(self, text: str, name: str) -> None:
         self.name = name
         self.lines: dict[KeyPath, int] = {}
-        loader = _Loader(text)
+        self.value: Any = None
         try:
+            loader = _Loader(text)
             node = loader.get_single_node()
-            self.value: Any = None
             if node is not None:
                 self._walk(node, ())
                 self.value = loader.construct_document(node)
@@ -57,8 +57,6 @@ class YamlText:
             raise InputError(f"{name}{line}: not valid YAML: {error.problem}") from None
         except (yaml.YAMLError, ValueError) as error:
             raise InputError(f"{name}: not valid YAML: {' '.join(str(error).split())}") from None
-        finally:
-            loader.dispose()
 
     @classmethod
     def read(cls, path: Path) -> YamlText:

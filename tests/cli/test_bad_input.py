@@ -14,7 +14,7 @@ def scenario(tle: tuple[str, str] = (TLE_1, TLE_2), target: str = "{name: aqua}"
 
 
 CASES = {
-    "TLE checksum": (scenario((TLE_1[:-1] + "0", TLE_2)), ["tle", "checksum"]),
+    "TLE checksum": (scenario((TLE_1[:-1] + "0", TLE_2)), ["s.yaml", "tle", "checksum"]),
     "TLE too short": (scenario((TLE_1, TLE_2[:40])), ["tle", "69"]),
     "unknown renderer": (scenario(more="renderer: mitsubba\n"), ["line 6", "'mitsubba'", "Installed"]),
     "unknown key": (scenario(more="sensr: {}\n"), ["line 6", "sensr", "did you mean 'sensor'"]),
@@ -27,12 +27,12 @@ CASES = {
     "hyperbolic": (
         "target: {name: aqua}\norbit: {state_eci: {epoch_utc: 2022-01-31T00:00:00,"
         " r_m: [7e6, 0, 0], v_m_s: [0, 12000, 0]}}\n",
-        ["orbit.state_eci", "hyperbolic"],
+        ["s.yaml", "orbit.state_eci", "not elliptic"],
     ),
     "below the surface": (
         "target: {name: aqua}\norbit: {elements: {epoch_utc: 2022-01-31T00:00:00, a_m: 7e6, e: 0.5,"
         " i_deg: 1, raan_deg: 0, argp_deg: 0, mean_anomaly_deg: 0}}\n",
-        ["orbit.elements", "surface"],
+        ["s.yaml", "orbit.elements", "surface"],
     ),
     "date": (
         "target: {name: aqua}\norbit: {elements: {epoch_utc: 2022-13-31T00:00:00, a_m: 7e6, e: 0,"

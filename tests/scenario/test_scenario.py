@@ -92,9 +92,9 @@ def test_naming_another_component_leaves_the_formers_options(tmp_path):
     [
         ("", ["a scenario is a mapping"]),
         ("target: [", ["s.yaml, line", "not valid YAML"]),
-        (MINIMAL + "seed: 1\nseed: 2\n", ["line 6", "'seed'", "twice"]),
-        (MINIMAL + "sead: 1\n", ["line 5", "sead", "did you mean 'seed'"]),
-        (MINIMAL + "camera:\n  hfov: 90\n", ["line 6", "camera.hfov", "did you mean 'hfov_deg'"]),
+        (MINIMAL + "seed: 1\nseed: 2\n", ["line 7", "'seed'", "twice"]),
+        (MINIMAL + "sead: 1\n", ["line 6", "sead", "did you mean 'seed'"]),
+        (MINIMAL + "camera:\n  hfov: 90\n", ["line 7", "camera.hfov", "did you mean 'hfov_deg'"]),
         (MINIMAL + "camera: {hfov_deg: 180}\n", ["camera.hfov_deg", "180"]),
         (MINIMAL + "camera: {width_px: -3}\n", ["camera.width_px", "-3"]),
         (MINIMAL + "sensor: {exposure_s: .nan}\n", ["sensor.exposure_s", "nan"]),

@@ -1,4 +1,4 @@
-"""COCO's compressed run-length code of a mask, as pycocotools reads it.
+"""COCO's compressed run-length code of a mask, as pycocotools and ``posse_core.formats.rle`` read it.
 
 The runs go down the columns and begin with a run outside the mask. From the fourth on, a run is
 stored as its difference to the one two before it. Each number is cut into groups of five bits, least
@@ -31,21 +31,6 @@ def encode(mask: BoolArray, box: PixelBox, height_px: int, width_px: int) -> str
     return _letters(runs[:-1] if len(runs) > 1 and runs[-1] == 0 else runs)
 
 
-def decode(counts: str, height_px: int, width_px: int) -> BoolArray:
-    """(height, width) mask of a code.
-
-    Raises:
-        ValueError: not a code of an image of this size.
-    """
-    letters = np.frombuffer(counts.encode(), dtype=np.uint8).astype(np.int64) - 48
-    whole = len(letters) > 0 and (letters >= 0).all() and (letters < 64).all() and letters[-1] < 32
-    runs = _numbers(letters) if whole else np.array([-1])
-    if (runs < 0).any() or runs.sum() != height_px * width_px:
-        raise ValueError(f"the runs of a mask do not fill an image of {width_px} × {height_px} pixels")
-    inside = np.arange(len(runs)) % 2 == 1
-    return np.repeat(inside, runs).reshape(width_px, height_px).T
-
-
 def _letters(runs: IntArray) -> str:
     left = runs.astype(np.int64)
     left[3:] -= runs[1:-2]
@@ -60,16 +45,3 @@ def _letters(runs: IntArray) -> str:
         written.append(more)
     letters = np.column_stack(groups)[np.column_stack(written[:-1])] + 48
     return bytes(letters.tolist()).decode("ascii")
-
-
-def _numbers(letters: IntArray) -> IntArray:
-    last = (letters & 0x20) == 0
-    number = np.concatenate([[0], np.cumsum(last)[:-1]])
-    starts = np.flatnonzero(np.concatenate([[True], last[:-1]]))
-    place = np.arange(len(letters)) - starts[number]
-    runs = np.add.reduceat((letters & 0x1F) << (5 * place), starts)
-    width = 5 * (place[last] + 1)
-    runs -= np.where(letters[last] & 0x10, np.left_shift(1, width), 0)
-    for parity in (1, 2):
-        runs[parity::2] = np.cumsum(runs[parity::2])
-    return runs

@@ -20,7 +20,7 @@ from posse_core.model.scene import FrameState, Scene
 
 KEYPOINT_TOLERANCE = 0.055 / 16.7
 """How far behind the surface a keypoint still counts as seen, over the craft's longest side: the
-thesis' 0.055 m (Section 3.4) on Aqua's 16.7 m."""
+thesis' 0.055 m (Section 3.4.3) on Aqua's 16.7 m."""
 SILHOUETTE_FIELD = 10.0
 """Where the unbounded image of ``silhouette_px`` ends: focal lengths from the principal point (84°)."""
 SILHOUETTE_RAYS = 1 << 18

@@ -139,9 +139,10 @@ class Dataset:
         path = self.folder / "manifest.json"
         if not path.exists():
             raise InputError(
-                f"{self.folder}: the run has not ended (no manifest.json); end it by 'posse run --resume'"
+                f"{self.folder}: the run has not ended (no manifest.json); end it by"
+                " 'posse run --resume'"
             )
-        return _read_json(path)
+        return read_json(path)
 
     @property
     def spacecraft(self) -> SpacecraftInfo:
@@ -195,7 +196,7 @@ class Dataset:
         path = self.folder / PARTITION_FILE
         if not path.exists():
             raise InputError(f"{self.folder}: not divided into parts; run 'posse partition' on it")
-        parts = _read_json(path)["parts"]
+        parts = read_json(path)["parts"]
         if name not in parts:
             raise InputError(f"{self.folder}: has no part {name!r}; it has {', '.join(parts)}")
         return list(parts[name])
@@ -254,7 +255,12 @@ def read_arrays(path: Path) -> dict[str, AnyArray]:
         raise InputError(f"{path}: cannot be read: {error}") from None
 
 
-def _read_json(path: Path) -> dict[str, Any]:
+def read_json(path: Path) -> dict[str, Any]:
+    """The JSON object in a file.
+
+    Raises:
+        InputError: the file is missing, or holds none.
+    """
     try:
         value = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
@@ -290,7 +296,7 @@ def read_camera(path: Path) -> Camera:
     Raises:
         InputError: the file is missing, or is not of that kind.
     """
-    value = _read_json(path)
+    value = read_json(path)
     try:
         K = value["cameraMatrix"]
         return Camera(
@@ -327,7 +333,7 @@ def write_spacecraft(spacecraft: Spacecraft, folder: Path) -> None:
 
 
 def _read_spacecraft(path: Path) -> SpacecraftInfo:
-    value = _read_json(path)
+    value = read_json(path)
     try:
         return SpacecraftInfo(
             name=str(value["name"]),

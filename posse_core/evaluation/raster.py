@@ -1,0 +1,65 @@
+"""A mesh seen by a pinhole, in plain float64: the referee of masks and depths.
+
+It shares nothing with the ray-caster that labels come from. Every pixel's centre is tried against each
+triangle whose projection may hold it, by the signed volumes that the ray spans with the triangle's
+edges (Möller and Trumbore 1997 in homogeneous form), so triangles behind the camera need no clipping.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from posse_core.model.arrays import FloatArray, IntArray
+from posse_core.model.camera import Camera
+
+_PAIRS = 1 << 20
+"""Pairs of pixel and triangle that are tried at once."""
+
+
+def depth_of_mesh(camera: Camera, vertices_cam_m: FloatArray, faces: IntArray) -> FloatArray:
+    """Planar depth at each pixel's centre: (V, 3), (T, 3) → (H, W) metres, infinite off the mesh."""
+    corners = vertices_cam_m[faces]
+    corners = corners[(corners[..., 2] > 0).any(axis=1)]
+    normals = np.stack([np.cross(corners[:, i], corners[:, (i + 1) % 3]) for i in range(3)], axis=1)
+    volume = np.einsum("ti,ti->t", normals[:, 0], corners[:, 2])
+    first, size = _pixel_boxes(camera, corners)
+    count = size[:, 0] * size[:, 1]
+    depth = np.full(camera.width_px * camera.height_px, np.inf)
+    for block in _blocks(count):
+        triangle = np.repeat(np.arange(block.start, block.stop), count[block])
+        start = np.cumsum(count[block]) - count[block]
+        place = np.arange(len(triangle)) - np.repeat(start, count[block])
+        column = first[triangle, 0] + place % np.maximum(size[triangle, 0], 1)
+        row = first[triangle, 1] + place // np.maximum(size[triangle, 0], 1)
+        x = (column - camera.cx_px) / camera.fx_px
+        y = (row - camera.cy_px) / camera.fy_px
+        n = normals[triangle]
+        sides = n[..., 0] * x[:, None] + n[..., 1] * y[:, None] + n[..., 2]
+        inside = (sides >= 0).all(axis=1) | (sides <= 0).all(axis=1)
+        total = sides.sum(axis=1)
+        hit = inside & (total * volume[triangle] > 0)
+        z = volume[triangle[hit]] / total[hit]
+        np.minimum.at(depth, row[hit] * camera.width_px + column[hit], z)
+    return depth.reshape(camera.height_px, camera.width_px)
+
+
+def _pixel_boxes(camera: Camera, corners: FloatArray) -> tuple[IntArray, IntArray]:
+    """First pixel (column, row) and size, (T, 2) each, of what a triangle may cover of the image."""
+    limit = np.array([camera.width_px, camera.height_px])
+    uv_px = camera.project(corners)  # NaN behind the camera: such a triangle may be anywhere
+    low, high = np.ceil(uv_px.min(axis=1)), np.floor(uv_px.max(axis=1)) + 1
+    low, high = np.where(np.isnan(low), 0, low), np.where(np.isnan(high), limit, high)
+    first = np.clip(low, 0, limit).astype(np.int64)
+    return first, np.maximum(np.clip(high, 0, limit).astype(np.int64) - first, 0)
+
+
+def _blocks(count: IntArray) -> list[slice]:
+    """Consecutive triangles with about ``_PAIRS`` pixels together, and at least one triangle."""
+    ends = np.cumsum(count)
+    cuts = [0]
+    while cuts[-1] < len(count):
+        done = ends[cuts[-1] - 1] if cuts[-1] else 0
+        cuts.append(max(cuts[-1] + 1, int(np.searchsorted(ends, done + _PAIRS, side="right"))))
+    return [slice(a, b) for a, b in pairwise(cuts)]

@@ -1,0 +1,35 @@
+"""SPEED and SPEED+: image names and poses in one ``speed.json`` (Kisantal 2020; Park 2022).
+
+With R the matrix of the scalar-first quaternion, x_cam = R x_body + r.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from posse_core.dataset import Dataset
+from posse_core.formats.stream import labels_with, text_file, write_items
+from posse_core.interfaces.writer import Writer
+
+NEEDS = {"q_cam_from_body": "pose", "t_body_cam_m": "pose"}
+
+
+class SpeedWriter(Writer):
+    """Writes ``speed.json`` with SPEED+'s keys; ``camera.json`` of the dataset is its other half."""
+
+    def write(self, dataset: Dataset, folder: Path) -> Sequence[Path]:
+        """Write ``speed.json``."""
+        path = folder / "speed.json"
+        with text_file(path) as text:
+            poses = (
+                {
+                    "filename": labels["image"],
+                    "q_vbs2tango_true": labels["q_cam_from_body"],
+                    "r_Vo2To_vbs_true": labels["t_body_cam_m"],
+                }
+                for labels in labels_with(dataset, "SPEED", NEEDS)
+            )
+            write_items(text, poses)
+            text.write("\n")
+        return [path]

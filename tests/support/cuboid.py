@@ -1,0 +1,218 @@
+"""A dataset made by hand: a cuboid whose every label has a closed form.
+
+Nothing here comes from the program's own geometry: a ray meets an axis-aligned box by its slabs, a
+corner of a convex body is seen where one of its faces looks at the camera, and rotations are SciPy's.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from pycocotools import mask as coco_mask
+from scipy.spatial.transform import Rotation
+
+from posse_core.dataset import write_camera, write_spacecraft
+from posse_core.model.camera import Camera
+from posse_core.model.spacecraft import Material, Part, Spacecraft
+from posse_core.model.trajectory import Trajectory
+
+HALF = np.array([1.5, 0.8, 0.5])
+"""Half sides of the cuboid, metres."""
+CAMERA = Camera(160, 120, 150.0, 150.0, 79.5, 59.5, 0.036)
+SIDES = ("x-", "x+", "y-", "y+", "z-", "z+")
+SUN_BODY = np.array([0.6, 0.0, 0.8])
+NAMES = ("B1", "B2", "B3", "B4", "T1", "T2", "T3", "T4")
+"""Corners, −x −y, +x −y, −x +y, +x +y of the bottom (−z), then of the top."""
+
+
+def corners(half: np.ndarray = HALF) -> np.ndarray:
+    signs = [(x, y, z) for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)]
+    return np.array(signs) * half
+
+
+def cuboid(name: str = "brick", half: np.ndarray = HALF) -> Spacecraft:
+    parts = []
+    for axis in range(3):
+        for sign in (-1, 1):
+            square = corners(half)[corners(half)[:, axis] * sign > 0]
+            a, b, c, d = square
+            if np.cross(b - a, c - a)[axis] * sign < 0:
+                b, c = c, b
+            parts.append(
+                Part(
+                    name=SIDES[2 * axis + (sign > 0)],
+                    vertices_body_m=np.array([a, b, c, d]),
+                    faces=np.array([[0, 1, 2], [1, 3, 2]], dtype=np.int32),
+                    normals_body=np.tile(sign * np.eye(3, dtype=np.float32)[axis], (4, 1)),
+                    uv=np.zeros((4, 2), dtype=np.float32),
+                    material="grey",
+                )
+            )
+    return Spacecraft(
+        name=name,
+        parts=tuple(parts),
+        materials={"grey": Material("grey")},
+        keypoints_body_m=dict(zip(NAMES, corners(half), strict=True)),
+        skeleton=(("B1", "B2"), ("B1", "T1"), ("T1", "T2")),
+        symmetries=(np.diag([1.0, -1.0, -1.0]),),
+    )
+
+
+def slabs(R: np.ndarray, t: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(H, W) planar depth, NaN for a miss, and (H, W) side, −1 for a miss: Kay and Kajiya (1986)."""
+    v, u = np.mgrid[: CAMERA.height_px, : CAMERA.width_px].astype(float)
+    rays = np.stack(
+        [(u - CAMERA.cx_px) / CAMERA.fx_px, (v - CAMERA.cy_px) / CAMERA.fy_px, np.ones_like(u)], axis=-1
+    )
+    d, o = rays @ R, -R.T @ t
+    low, high = np.sort(np.stack([(-half - o) / d, (half - o) / d]), axis=0)
+    enter = low.max(axis=-1)
+    hit = (enter < high.min(axis=-1)) & (enter > 0)
+    axis = low.argmax(axis=-1)
+    towards = np.take_along_axis(d, axis[..., None], axis=-1)[..., 0] < 0
+    return np.where(hit, enter, np.nan), np.where(hit, 2 * axis + towards, -1)
+
+
+def seen_corners(R: np.ndarray, t: np.ndarray, half: np.ndarray) -> np.ndarray:
+    camera_body = -R.T @ t
+    facing = corners(half) * camera_body > np.abs(corners(half)) * half
+    return facing.any(axis=1)
+
+
+def labels_of(
+    index: int, R: np.ndarray, t: np.ndarray, craft: Spacecraft, half: np.ndarray, sequence: int
+) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    depth, side = slabs(R, t, half)
+    mask = side >= 0
+    rle = coco_mask.encode(np.asfortranarray(mask.astype(np.uint8)))
+    box = [int(x) for x in coco_mask.toBbox(rle)] if mask.any() else None
+    x_cam = corners(half) @ R.T + t
+    uv = x_cam[:, :2] / x_cam[:, 2:] * [CAMERA.fx_px, CAMERA.fy_px] + [CAMERA.cx_px, CAMERA.cy_px]
+    inside = ((uv >= -0.5) & (uv < [CAMERA.width_px - 0.5, CAMERA.height_px - 0.5])).all(axis=1)
+    visibility = np.where(inside, np.where(seen_corners(R, t, half), 2, 1), 0)
+    x, y, z, w = Rotation.from_matrix(R).as_quat(canonical=True)
+    to_camera = -R.T @ t / np.linalg.norm(t)
+    normals = np.concatenate([[-axis, axis] for axis in np.eye(3)]) @ R.T
+    labels = {
+        "index": index,
+        "t_s": 10.0 * index,
+        "epoch_utc": f"2022-01-31T02:02:{index:02d}",
+        "sequence": sequence,
+        "spacecraft": craft.name,
+        "image": f"images/{index:06d}.png",
+        "truth": f"truth/{index:06d}.npz",
+        "sun_fraction_target": 1.0,
+        "sun_fraction_camera": 1.0,
+        "solar_flux_w_m2": 1361.0,
+        "box_visible_px": box,
+        "box_whole_px": [*uv.min(axis=0), *np.ptp(uv, axis=0)],
+        "mask_rle": {"size": list(mask.shape), "counts": rle["counts"].decode()},
+        "mask_area_px": int(mask.sum()),
+        "fraction_visible": 1.0 if inside.all() else 0.5,
+        "fraction_lit": 1.0 if mask.any() else None,
+        "part_area_px": {name: int((side == i).sum()) for i, name in enumerate(SIDES)},
+        "keypoints": {
+            name: [*map(float, uv[i]), int(visibility[i])]
+            for i, name in enumerate(craft.keypoints_body_m)
+        },
+        "q_cam_from_body": [w, x, y, z],
+        "t_body_cam_m": list(t),
+        "range_m": float(np.linalg.norm(t)),
+        "phase_angle_rad": float(np.arccos(np.clip(SUN_BODY @ to_camera, -1, 1))),
+        "sun_direction_body": list(SUN_BODY),
+    }
+    normal_cam = np.full((*mask.shape, 3), np.nan, dtype=np.float32)
+    normal_cam[mask] = normals[side[mask]]
+    arrays = {
+        "part_id": side.astype(np.int16),
+        "depth_m": depth.astype(np.float32),
+        "normal_cam": normal_cam,
+    }
+    return labels, arrays
+
+
+def trajectory(frames: int) -> Trajectory:
+    random = np.random.default_rng(3)
+    vectors = {name: random.normal(size=(frames, 3)) for name in "abcdefgh"}
+    q = np.tile([0.5, 0.5, -0.5, 0.5], (frames, 1))
+    return Trajectory(
+        epoch_utc="2022-01-31T02:02:27.58",
+        t_s=10.0 * np.arange(frames),
+        sequence=np.arange(frames) // 3,
+        r_target_eci_m=7e6 * vectors["a"],
+        v_target_eci_m_s=vectors["b"],
+        r_chaser_rtn_m=10 * vectors["c"],
+        v_chaser_rtn_m_s=vectors["d"],
+        r_chaser_eci_m=vectors["e"],
+        v_chaser_eci_m_s=vectors["f"],
+        q_eci_from_body=q,
+        q_eci_from_camera=q,
+        r_sun_eci_m=1.5e11 * vectors["g"],
+        r_moon_eci_m=vectors["h"],
+        sun_fraction_target=np.linspace(0, 1, frames),
+        sun_fraction_camera=np.ones(frames),
+        solar_flux_w_m2=np.full(frames, 1361.0),
+        earth_rotation_rad=np.linspace(0, 6, frames),
+    )
+
+
+def write_dataset(folder: Path, crafts: tuple[tuple[str, np.ndarray], ...] = (("brick", HALF),)) -> Path:
+    """Six frames of each craft: five in the image (the third cut by its border), the last out of it."""
+    random = np.random.default_rng(7)
+    places = [(0, 0, 8), (0.7, -0.4, 10), (4.5, 0, 9), (-1, 1, 12), (0.2, 0.2, 30), (20, 0, 10)]
+    for name in ("images", "truth", "labels", "spacecraft"):
+        (folder / name).mkdir(parents=True)
+    write_camera(CAMERA, folder / "camera.json")
+    lines, index = [], 0
+    for name, half in crafts:
+        craft = cuboid(name, half)
+        write_spacecraft(craft, folder / "spacecraft")
+        for place in places:
+            R = Rotation.random(random_state=random).as_matrix()
+            t = np.array(place, dtype=float)
+            labels, arrays = labels_of(index, R, t, craft, half, sequence=index // 3)
+            image = np.where(arrays["part_id"] >= 0, 40 * arrays["part_id"] + 30, index).astype(np.uint8)
+            image[0, :: index + 2] = 200
+            cv2.imwrite(str(folder / labels["image"]), image)
+            np.savez_compressed(folder / labels["truth"], **arrays)
+            lines.append(labels)
+            index += 1
+    write_lines(folder, lines)
+    return folder
+
+
+def write_lines(folder: Path, lines: list[dict[str, Any]], frames: int | None = None) -> None:
+    """Write label lines, the list of checksums and the manifest, as a run would."""
+    text = "".join(json.dumps(line) + "\n" for line in lines)
+    (folder / "labels" / "shard-00000.jsonl").write_text(text)
+    seal(folder, len(lines) if frames is None else frames)
+
+
+def seal(folder: Path, frames: int) -> None:
+    """Sign the files as they are now."""
+
+    def digest(path: Path) -> str:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+
+    files = sorted([*folder.glob("images/*.png"), *folder.glob("truth/*.npz")])
+    rows = "".join(f"{digest(path)}  {path.relative_to(folder)}\n" for path in files)
+    (folder / "checksums.sha256").write_text(rows)
+    statics = [folder / "camera.json", *folder.glob("spacecraft/*"), *folder.glob("labels/*")]
+    manifest = {
+        "state": "complete",
+        "frames": frames,
+        "failed_frames": {},
+        "sha256": {str(path.relative_to(folder)): digest(path) for path in statics},
+        "frame_checksums": "checksums.sha256",
+    }
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+
+
+def read_lines(folder: Path) -> list[dict[str, Any]]:
+    text = (folder / "labels" / "shard-00000.jsonl").read_text()
+    return [json.loads(line) for line in text.splitlines()]

@@ -133,10 +133,10 @@ class _Run:
             write_bytes(folder / "scenario.yaml", dump_scenario(plan.scenario).encode())
         if not (folder / "trajectory.npz").exists():
             save_trajectory(plan.trajectory, folder / "trajectory.npz")
-        write_camera(plan.scenario.camera.camera(), folder / "camera.json")
-        write_spacecraft(plan.spacecraft, folder)
-        for name in ("images", "truth"):
+        for name in ("spacecraft", "images", "truth"):
             (folder / name).mkdir(exist_ok=True)
+        write_camera(plan.scenario.camera.camera(), folder / "camera.json")
+        write_spacecraft(plan.spacecraft, folder / "spacecraft")
 
     def _is_complete(self) -> bool:
         path = self._folder / "manifest.json"

@@ -63,7 +63,7 @@ class Scenario(Options):
     )
     orbit: OrbitConfig = Field(description="the target's orbit: one of tle, elements, state_eci")
     relative: RelativeConfig = Field(
-        RelativeConfig(roe_m=(0.0, 0.0, 15.0, 0.0, 15.0, 0.0)),
+        RelativeConfig(roe_m=(0.0, 0.0, 20.0, 0.0, 20.0, 0.0)),
         description="the camera's motion relative to the target",
     )
     times: TimesConfig = Field(

@@ -41,6 +41,18 @@ def posse_scenes() -> list[ComponentSpec]:
             f"{place}.cluster:Cluster",
             f"{place}.options:ClusterOptions",
         ),
+        ComponentSpec(
+            "mesh",
+            "a mesh file of your own: glTF, OBJ, PLY, STL",
+            f"{place}.mesh:MeshFile",
+            f"{place}.options:MeshOptions",
+        ),
+        ComponentSpec(
+            "package",
+            "a spacecraft package made by 'posse import'",
+            f"{place}.package:Package",
+            f"{place}.options:PackageOptions",
+        ),
     ]
 
 

@@ -25,7 +25,7 @@ UNIT = 1e-6
 """How far from 1 a quaternion's or a direction's length may be; also the angle of the Sun, in rad."""
 DEPTH_M, DEPTH_RELATIVE = 1e-3, 1e-5
 """How far a depth may lie from the mesh: so much, and that share of itself for single precision."""
-OFF_SHARE = 0.05
+OFF_SHARE = 0.01
 """Share of an outline's pixels that mask and mesh, or depth and mesh, may disagree in: edges that two
 programs round differently. A mask that is one pixel off disagrees in more than half."""
 OFF_PX = 4

@@ -63,6 +63,7 @@ def build_trajectory(
         v_target_eci_m_s=v_target,
         r_sun_eci_m=r_sun,
         r_sun_epoch_eci_m=sun_eci_m(*epoch.tdb(np.zeros(()))),
+        r_chaser_rtn_m=motion.r_chaser_rtn_m,
     )
     R_rtn_from_cam = R_rtn_from_camera(attitude.camera, motion.r_chaser_rtn_m, seed)
     flattening = constants.eclipse_flattening

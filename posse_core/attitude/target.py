@@ -7,6 +7,8 @@ from typing import assert_never
 
 import numpy as np
 
+from posse_core.attitude.sight import R_rtn_by_sight
+from posse_core.attitude.tumbling import torque_free_attitude
 from posse_core.errors import InputError
 from posse_core.frames import (
     R_LVLH_FROM_RTN,
@@ -25,6 +27,8 @@ from posse_core.scenario.attitude import (
     SpinLaw,
     SunPointingLaw,
     TargetLaw,
+    TrackingLaw,
+    TumblingLaw,
 )
 
 _OBLIQUITY_RAD = np.radians(84381.406 / 3600)
@@ -43,6 +47,7 @@ class Surroundings:
         r_target_eci_m, v_target_eci_m_s: (F, 3).
         r_sun_eci_m: (F, 3).
         r_sun_epoch_eci_m: (3,) at t_s = 0.
+        r_chaser_rtn_m: (F, 3) the chaser relative to the target, target's RTN axes.
     """
 
     t_s: FloatArray
@@ -50,6 +55,7 @@ class Surroundings:
     v_target_eci_m_s: FloatArray
     r_sun_eci_m: FloatArray
     r_sun_epoch_eci_m: FloatArray
+    r_chaser_rtn_m: FloatArray
 
 
 def R_eci_from_body(law: TargetLaw, around: Surroundings) -> FloatArray:
@@ -69,6 +75,15 @@ def R_eci_from_body(law: TargetLaw, around: Surroundings) -> FloatArray:
             return spin(law, around)
         case NedLaw():
             return ned(law, around)
+        case TrackingLaw():
+            return tracking(law, around)
+        case TumblingLaw():
+            return torque_free_attitude(
+                law.inertia_kg_m2,
+                np.radians(law.rate_body_deg_s),
+                matrix_from_quaternion(np.array(law.q_eci_from_body)),
+                around.t_s,
+            )
         case _:
             assert_never(law)
 
@@ -86,16 +101,8 @@ def sun_pointing(law: SunPointingLaw, around: Surroundings) -> FloatArray:
 
 
 def inertial(law: InertialLaw, around: Surroundings) -> FloatArray:
-    """(F, 3, 3) the same at all frames.
-
-    Raises:
-        InputError: the quaternion is zero.
-    """
+    """(F, 3, 3) the same at all frames."""
     q = np.array(law.q_eci_from_body)
-    if not np.linalg.norm(q) > 0:
-        raise InputError(
-            "attitude.target.q_eci_from_body is zero, which is no rotation; none at all is 1, 0, 0, 0"
-        )
     return np.tile(matrix_from_quaternion(q), (len(around.t_s), 1, 1))
 
 
@@ -128,6 +135,16 @@ def ned(law: NedLaw, around: Surroundings) -> FloatArray:
         )
     pole = np.array([0.0, 0.0, 1.0])
     return R_a_from_b_by_directions(down, pole, np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]))
+
+
+def tracking(law: TrackingLaw, around: Surroundings) -> FloatArray:
+    """(F, 3, 3) ``law.body_axis`` at the chaser, the next axis nearest to the orbit's normal.
+
+    Raises:
+        InputError: the chaser is at the target.
+    """
+    R_eci_rtn = R_eci_from_rtn(around.r_target_eci_m, around.v_target_eci_m_s)
+    return R_eci_rtn @ R_rtn_by_sight(around.r_chaser_rtn_m, *body_axes(law.body_axis))
 
 
 def body_axes(name: BodyAxis) -> tuple[FloatArray, FloatArray]:

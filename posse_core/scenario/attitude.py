@@ -4,10 +4,25 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+import numpy as np
+from pydantic import AfterValidator, Field, model_validator
 
+from posse_core.model.arrays import FloatArray
 from posse_core.options import Options
+from posse_core.scenario.orbit import Vector3
 
+
+def _with_a_direction(q: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+    if not any(q):
+        raise ValueError("a zero quaternion is no rotation; none at all is [1, 0, 0, 0]")
+    return q
+
+
+Quaternion = Annotated[
+    tuple[float, float, float, float],
+    Field(description="w, x, y, z; any length but 0"),
+    AfterValidator(_with_a_direction),
+]
 BodyAxis = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 
 
@@ -28,9 +43,8 @@ class InertialLaw(Options):
     """Fixed among the stars."""
 
     law: Literal["inertial"] = "inertial"
-    q_eci_from_body: tuple[float, float, float, float] = Field(
-        (1.0, 0.0, 0.0, 0.0),
-        description="GCRF axes from body axes, scalar first (w, x, y, z); any length but 0",
+    q_eci_from_body: Quaternion = Field(
+        (1.0, 0.0, 0.0, 0.0), description="GCRF axes from body axes, scalar first"
     )
 
 
@@ -65,8 +79,47 @@ class NedLaw(Options):
     down: Literal["earth", "sun"] = Field("earth", description="where body +z points")
 
 
+class TrackingLaw(Options):
+    """A body axis at the chaser; the next one (x, y, z, x) as near as can be to the orbit's normal."""
+
+    law: Literal["tracking"] = "tracking"
+    body_axis: BodyAxis = Field("+z", description="the axis that points at the chaser")
+
+
+class TumblingLaw(Options):
+    """Free of torque: a rigid body's motion from an attitude and a rate at the epoch."""
+
+    law: Literal["tumbling"] = "tumbling"
+    moments_kg_m2: Vector3 = Field(description="Ixx, Iyy, Izz in body axes; any common unit will do")
+    products_kg_m2: Vector3 = Field(
+        (0.0, 0.0, 0.0), description="Ixy, Ixz, Iyz as they stand in the matrix of inertia"
+    )
+    rate_body_deg_s: Vector3 = Field(description="angular rate at the epoch, body axes, degrees/s")
+    q_eci_from_body: Quaternion = Field(
+        (1.0, 0.0, 0.0, 0.0), description="attitude at the epoch, scalar first"
+    )
+
+    @model_validator(mode="after")
+    def _a_body_can_have_it(self) -> TumblingLaw:
+        low, middle, high = np.linalg.eigvalsh(self.inertia_kg_m2)
+        # The rounding of a flat plate, whose largest moment is the sum of the others.
+        if low <= 0 or high > (low + middle) * (1 + 1e-12):
+            raise ValueError(
+                f"no body has the principal moments {low:.6g}, {middle:.6g}, {high:.6g}: each is"
+                " positive, and none larger than the sum of the others"
+            )
+        return self
+
+    @property
+    def inertia_kg_m2(self) -> FloatArray:
+        """(3, 3) matrix of inertia, body axes."""
+        (xx, yy, zz), (xy, xz, yz) = self.moments_kg_m2, self.products_kg_m2
+        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
 TargetLaw = Annotated[
-    NadirLaw | SunPointingLaw | InertialLaw | SpinLaw | NedLaw, Field(discriminator="law")
+    NadirLaw | SunPointingLaw | InertialLaw | SpinLaw | NedLaw | TrackingLaw | TumblingLaw,
+    Field(discriminator="law"),
 ]
 
 
@@ -83,8 +136,25 @@ class TrackLaw(Options):
     offset: float = Field(0.02, ge=0, le=1, description="largest share of the turn to take back")
 
 
+class PointingErrorLaw(Options):
+    """The camera's axis at the target's origin but for a fixed misalignment and jitter.
+
+    Both turn the camera about its own axes: x right, y down, z forward.
+    """
+
+    law: Literal["pointing-error"] = "pointing-error"
+    bias_deg: Vector3 = Field((0.0, 0.0, 0.0), description="misalignment: turns about x, y, z")
+    jitter_deg: Vector3 = Field(
+        (0.0, 0.0, 0.0),
+        description="standard deviation of turns about x, y, z, drawn anew for each frame",
+    )
+
+
+CameraLaw = Annotated[TrackLaw | PointingErrorLaw, Field(discriminator="law")]
+
+
 class AttitudeConfig(Options):
     """Attitude laws by name."""
 
     target: TargetLaw = Field(NadirLaw(), description="attitude of the target")
-    camera: TrackLaw = Field(TrackLaw(), description="attitude of the camera")
+    camera: CameraLaw = Field(TrackLaw(), description="attitude of the camera")

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from posse_core.attitude.camera import R_rtn_from_camera, looking_at_target
 from posse_core.errors import InputError
 from posse_core.frames import unit
-from posse_core.scenario.attitude import TrackLaw
+from posse_core.scenario.attitude import PointingErrorLaw, TrackLaw
 
 coordinate = st.floats(-1e3, 1e3).map(lambda x: 0.0 if abs(x) < 1e-6 else x)
 position = st.tuples(coordinate, coordinate, coordinate).map(np.array)
@@ -74,3 +74,21 @@ def test_never_nan(r_m: np.ndarray, offset: float) -> None:
     R = R_rtn_from_camera(TrackLaw(offset=offset), r_m[None], seed=0)[0]
     np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
     assert np.all(np.isfinite(unit(R[:, 2])))
+
+
+def test_a_misalignment_moves_the_target_in_the_image() -> None:
+    # Turned to the right about y (down) by 2°, the camera sees the target 2° to the left.
+    R = R_rtn_from_camera(PointingErrorLaw(bias_deg=(0, 2, 0)), RING_M, seed=0)
+    target_cam = unit(np.einsum("fji,fj->fi", R, -RING_M))
+    np.testing.assert_allclose(np.degrees(np.arctan2(target_cam[:, 0], target_cam[:, 2])), -2, atol=1e-9)
+    np.testing.assert_allclose(target_cam[:, 1], 0, atol=1e-12)
+
+
+def test_jitter_has_the_given_spread_about_each_axis() -> None:
+    places = np.tile([[0.0, 30.0, 0.0]], (3000, 1))
+    R = R_rtn_from_camera(PointingErrorLaw(jitter_deg=(0.1, 0.3, 0.5)), places, seed=1)
+    turns = Rotation.from_matrix(looking_at_target(places)).inv() * Rotation.from_matrix(R)
+    spread = np.degrees(turns.as_rotvec()).std(axis=0)
+    # Three standard errors of a standard deviation from 3000 draws are 4 %.
+    np.testing.assert_allclose(spread, [0.1, 0.3, 0.5], rtol=0.04)
+    assert np.abs(np.degrees(turns.as_rotvec()).mean(axis=0)).max() < 0.03

@@ -31,7 +31,9 @@ def test_a_law_is_chosen_by_name() -> None:
         ({"target": {"law": "spin", "sun_angle_deg": 180}}, "less than 180"),
         ({"target": {"law": "spin", "rate_rpm": float("nan")}}, "rate_rpm.*finite"),
         ({"target": {"law": "sun-pointing", "body_axis": "up"}}, r"'\+x', '-x'"),
-        ({"camera": {"offset": -0.1}}, "camera.*offset.*greater than or equal to 0"),
+        ({"target": {"law": "inertial", "q_eci_from_body": [0, 0, 0, 0]}}, "zero quaternion"),
+        ({"target": {"law": "tumbling", "rate_body_deg_s": [1, 0, 0]}}, "moments_kg_m2.*missing"),
+        ({"camera": {"law": "track", "offset": -0.1}}, "camera.*offset.*greater than or equal to 0"),
     ],
 )
 def test_a_wrong_key_is_told_in_one_line(raw: dict[str, Any], message: str) -> None:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from posse_core.attitude.target import ECLIPTIC_NORTH_ECI, R_eci_from_body, Surroundings, body_axes
 from posse_core.environment.ephemeris import sun_eci_m
 from posse_core.errors import InputError
-from posse_core.frames import unit
+from posse_core.frames import eci_from_rtn, unit
 from posse_core.model.arrays import FloatArray
 from posse_core.scenario.attitude import (
     BodyAxis,
@@ -18,6 +18,8 @@ from posse_core.scenario.attitude import (
     SpinLaw,
     SunPointingLaw,
     TargetLaw,
+    TrackingLaw,
+    TumblingLaw,
 )
 
 RATE_RAD_S = 1.06e-3
@@ -39,6 +41,7 @@ def surroundings(
         v_target_eci_m_s=v,
         r_sun_eci_m=np.broadcast_to(sun_m, r.shape),
         r_sun_epoch_eci_m=sun_m,
+        r_chaser_rtn_m=np.stack([10 * np.cos(u), -20 * np.sin(u), 3 * np.cos(u)], axis=-1),
     )
 
 
@@ -51,6 +54,8 @@ LAWS: list[TargetLaw] = [
     SpinLaw(body_axis="-x", rate_rpm=-2, sun_angle_deg=40),
     NedLaw(),
     NedLaw(down="sun"),
+    TrackingLaw(body_axis="+x"),
+    TumblingLaw(moments_kg_m2=(3, 4, 5), rate_body_deg_s=(1, 2, 3), q_eci_from_body=(1, 2, 3, 4)),
 ]
 
 
@@ -154,10 +159,25 @@ def test_ned_refuses_the_pole() -> None:
         R_eci_from_body(NedLaw(), over_pole)
 
 
-def test_a_zero_quaternion_is_refused() -> None:
-    law = InertialLaw(q_eci_from_body=(0.0, 0.0, 0.0, 0.0))
-    with pytest.raises(InputError, match="q_eci_from_body is zero"):
-        R_eci_from_body(law, surroundings(T_S))
+@pytest.mark.parametrize("axis", AXES)
+def test_tracking_holds_the_named_axis_on_the_chaser(axis: BodyAxis) -> None:
+    around = surroundings(T_S)
+    R = R_eci_from_body(TrackingLaw(body_axis=axis), around)
+    pointing, following = body_axes(axis)
+    chaser, _ = eci_from_rtn(
+        around.r_target_eci_m, around.v_target_eci_m_s, around.r_chaser_rtn_m, np.zeros((len(T_S), 3))
+    )
+    np.testing.assert_allclose(R @ pointing, unit(chaser - around.r_target_eci_m), atol=1e-8)
+    momentum = unit(np.cross(around.r_target_eci_m, around.v_target_eci_m_s))
+    assert np.all(np.sum((R @ following) * momentum, axis=-1) > 0.9)
+
+
+def test_tumbling_starts_from_the_given_attitude_and_rate() -> None:
+    law = TumblingLaw(moments_kg_m2=(3, 4, 5), rate_body_deg_s=(6.0, 0, 0), q_eci_from_body=(1, 0, 0, 1))
+    R = R_eci_from_body(law, surroundings(np.array([0.0, 15.0])))
+    # A quarter turn about z at the epoch; then 90° about body x, which stands at ECI y.
+    np.testing.assert_allclose(R[0] @ np.array([1.0, 0, 0]), [0, 1, 0], atol=1e-15)
+    np.testing.assert_allclose(R[1] @ np.array([0, 1.0, 0]), [0, 0, 1], atol=1e-14)
 
 
 @given(inclination=st.sampled_from([0.0, 1e-10, np.pi / 2, np.pi - 1e-8, np.pi]), u=st.floats(0, 6.4))

@@ -28,7 +28,7 @@ def directions(camera):
 
 
 def random_rotation(seed):
-    return Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
+    return Rotation.random(None, np.random.default_rng(seed)).as_matrix()
 
 
 @pytest.mark.parametrize("distance_m", [5.0, 333.3, 100e3])

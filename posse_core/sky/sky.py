@@ -1,4 +1,4 @@
-"""The sky seen from the camera: Earth, Sun and stars. The same for every renderer."""
+"""The sky seen from the camera: Earth, Moon, Sun and stars. The same for every renderer."""
 
 from __future__ import annotations
 
@@ -6,78 +6,150 @@ import numpy as np
 
 from posse_core.model.arrays import Float32Array, FloatArray
 from posse_core.model.bands import SOLAR_BAND_FRACTIONS
-from posse_core.model.camera import Camera
+from posse_core.model.camera import Camera, PixelBox
 from posse_core.model.scene import EnvironmentMap, FrameState
 from posse_core.scenario.sky import SkyConfig
+from posse_core.sky import moon
+from posse_core.sky.clouds import make_clouds
+from posse_core.sky.earth import Earth, EarthView
 from posse_core.sky.ellipsoid import entry_distance_m
+from posse_core.sky.ground import blue_marble
 from posse_core.sky.stars import hipparcos
-from posse_core.sky.sun import box_of_disc, limb_darkened, subpixel_rays
+from posse_core.sky.sun import SUBSAMPLES, box_of_disc, limb_darkened, subpixel_rays
 from posse_core.sky.view import SkyView
 
-__all__ = ["STAR_MARGIN_PX", "Sky", "SkyView"]
+__all__ = ["ENVIRONMENT_SHAPE", "STAR_MARGIN_PX", "Sky", "SkyView"]
 
 STAR_MARGIN_PX = 32.0
 """Stars this far outside the image are handed on: a wide PSF brings their light in."""
+ENVIRONMENT_SHAPE = (64, 128)
+"""Rows and columns of environment maps."""
+_ENVIRONMENT_SUBSAMPLES = 3
+_BAND_PX = 32
 
 
 class Sky:
     """Radiance of the sky by direction at the camera's place.
 
-    Places are geometric, as everything in a scene is: no aberration (20″), no light time.
+    Places are geometric, as everything in a scene is: no aberration (20″), no light time, no
+    refraction.
     """
 
     def __init__(self, config: SkyConfig, camera: Camera, seed: int) -> None:
+        """seed: of the run; it draws the clouds."""
         self._config = config
         self._camera = camera
-        self._seed = seed
+        self._earth = Earth(blue_marble(), make_clouds(seed)) if config.earth else None
 
     def look(self, frame: FrameState) -> SkyView:
         """What the camera sees behind the spacecraft."""
-        radiance: Float32Array | None = None
-        if self._config.sun_disc and frame.sun_fraction_camera > 0:
-            radiance = self._with_sun(frame, radiance)
-        points_px, irradiance = self._stars(frame)
-        return SkyView(radiance, points_px, irradiance)
+        camera = self._camera
+        earth = self._earth.seen(frame) if self._earth is not None else None
+        to_moon_m = frame.R_cam_from_eci @ (frame.r_moon_eci_m - frame.r_camera_eci_m)
+        to_sun_m = frame.R_cam_from_eci @ (frame.r_sun_eci_m - frame.r_camera_eci_m)
+        to_sun = to_sun_m / np.linalg.norm(to_sun_m)
+        moon_to_sun = (to_sun_m - to_moon_m) / np.linalg.norm(to_sun_m - to_moon_m)
+        sun_rgb_w_m2 = frame.solar_flux_w_m2 * SOLAR_BAND_FRACTIONS
+        image = _Image(camera)
+        if earth is not None:
+            self._draw_earth(earth, image)
+        moon_rad = float(np.arcsin(min(1.0, moon.RADIUS_M / float(np.linalg.norm(to_moon_m)))))
+        box = box_of_disc(camera, to_moon_m / np.linalg.norm(to_moon_m), moon_rad)
+        if not box.is_empty:
+            rays = subpixel_rays(camera, box)
+            light = moon.radiance(rays, to_moon_m, moon_to_sun, sun_rgb_w_m2)
+            image.add(box, (light * self._passed(frame, earth, rays)).mean(axis=2))
+        box = box_of_disc(camera, to_sun, frame.sun_angular_radius_rad)
+        if self._config.sun_disc and frame.sun_fraction_camera > 0 and not box.is_empty:
+            rays = subpixel_rays(camera, box)
+            light = limb_darkened(rays, to_sun, frame.sun_angular_radius_rad, sun_rgb_w_m2)
+            image.add(box, (light * self._passed(frame, earth, rays)).mean(axis=2))
+        points_px, irradiance = self._stars(frame, earth)
+        return SkyView(image.radiance_rgb, points_px, irradiance)
 
     def environment(self, frame: FrameState) -> EnvironmentMap | None:
-        """Light from everywhere but the Sun and the spacecraft; None where there is none."""
-        return None
+        """Light from everywhere but the Sun and the spacecraft; None where there is none.
 
-    def _with_sun(self, frame: FrameState, radiance: Float32Array | None) -> Float32Array | None:
-        """Add the Sun's disc; the Earth hides its part."""
-        away_m = frame.r_sun_eci_m - frame.r_camera_eci_m
-        direction_cam = frame.R_cam_from_eci @ (away_m / np.linalg.norm(away_m))
-        box = box_of_disc(self._camera, direction_cam, frame.sun_angular_radius_rad)
-        if box.is_empty:
-            return radiance
-        rays_cam = subpixel_rays(self._camera, box)
-        disc = limb_darkened(
-            rays_cam,
-            direction_cam,
-            frame.sun_angular_radius_rad,
-            frame.solar_flux_w_m2 * SOLAR_BAND_FRACTIONS,
+        Every pixel is the mean over its solid angle, so the map holds the sky's light whatever its
+        resolution. Moon and stars, under a thousandth of the Earth's light, are left out.
+        """
+        if self._earth is None:
+            return None
+        n = _ENVIRONMENT_SUBSAMPLES
+        rows, columns = ENVIRONMENT_SHAPE
+        # Even steps in the cosine inside a row: every sample stands for the same solid angle.
+        edges = np.cos(np.pi * np.arange(rows + 1) / rows)
+        steps = (np.arange(n) + 0.5) / n
+        cosine = (edges[:-1, None] + np.diff(edges)[:, None] * steps).ravel()[:, None]
+        sine = np.sqrt(1 - cosine**2)
+        phi = 2 * np.pi * (np.arange(columns * n) + 0.5) / (columns * n) - np.pi
+        directions = np.stack(
+            [sine * np.sin(phi), np.broadcast_to(-cosine, (rows * n, columns * n)), sine * np.cos(phi)],
+            axis=-1,
         )
-        disc[self._hidden_by_earth(frame, rays_cam @ frame.R_cam_from_eci)] = 0
-        if radiance is None:
-            radiance = np.zeros((self._camera.height_px, self._camera.width_px, 3), dtype=np.float32)
-        radiance[box.slices] += disc.mean(axis=2)
-        return radiance
+        light = self._earth.seen(frame).light(directions, np.pi / (rows * n))
+        return EnvironmentMap(light.reshape(rows, n, columns, n, 3).mean(axis=(1, 3)))
 
-    def _stars(self, frame: FrameState) -> tuple[FloatArray, FloatArray]:
+    def _draw_earth(self, earth: EarthView, image: _Image) -> None:
+        """Draw the Earth in bands of rows, as wide as it can reach."""
+        camera = self._camera
+        pixel_rad = 1 / camera.fx_px
+        for y in range(0, camera.height_px, _BAND_PX):
+            band = PixelBox(0, y, camera.width_px, min(_BAND_PX, camera.height_px - y))
+            middles_px = np.arange(_BAND_PX / 2, camera.width_px + _BAND_PX / 2, _BAND_PX)
+            rays = camera.rays(
+                np.stack([middles_px, np.full_like(middles_px, y + band.height / 2)], axis=-1)
+            )
+            rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+            touched = np.flatnonzero(earth.touches(rays, _BAND_PX * pixel_rad))
+            if not len(touched):
+                continue
+            x0 = int(touched[0]) * _BAND_PX
+            x1 = min(camera.width_px, (int(touched[-1]) + 1) * _BAND_PX)
+            box = PixelBox(x0, y, x1 - x0, band.height)
+            light = earth.light(camera.rays(box.pixel_centres_px()), pixel_rad)
+            image.add(box, light)
+
+    def _passed(self, frame: FrameState, earth: EarthView | None, rays_cam: FloatArray) -> Float32Array:
+        """Share of light behind the Earth and its air that reaches the camera: (..., 3) → (..., 3).
+
+        The Earth hides even where it is not shown: then without its air.
+        """
+        if earth is not None:
+            return earth.passed(rays_cam, 1 / (self._camera.fx_px * SUBSAMPLES))
+        origin_m = frame.R_ecef_from_eci @ frame.r_camera_eci_m
+        rays_ecef = rays_cam @ (frame.R_ecef_from_eci @ frame.R_cam_from_eci.T).T
+        open_sky = np.isnan(entry_distance_m(origin_m, rays_ecef))
+        return np.repeat(open_sky[..., None].astype(np.float32), 3, axis=-1)
+
+    def _stars(self, frame: FrameState, earth: EarthView | None) -> tuple[FloatArray, FloatArray]:
         """(S, 2) pixels and (S, 3) irradiances of the stars in view."""
         config = self._config.stars
         if config is None:
             return np.empty((0, 2)), np.empty((0, 3))
         field = hipparcos(config.max_magnitude)
-        directions = field.directions_at(frame.epoch_jd_tt)
-        uv = self._camera.project(directions @ frame.R_cam_from_eci.T)
+        directions_cam = field.directions_at(frame.epoch_jd_tt) @ frame.R_cam_from_eci.T
+        uv = self._camera.project(directions_cam)
         low = -0.5 - STAR_MARGIN_PX
         high = np.array([self._camera.width_px, self._camera.height_px]) - 0.5 + STAR_MARGIN_PX
         seen = np.flatnonzero(np.all((uv >= low) & (uv <= high), axis=-1))
-        seen = seen[~self._hidden_by_earth(frame, directions[seen])]
-        return uv[seen], config.gain * field.irradiance_rgb_w_m2[seen]
+        passed = self._passed(frame, earth, directions_cam[seen])
+        light = config.gain * field.irradiance_rgb_w_m2[seen] * passed
+        left = passed.max(axis=-1) > 0
+        return uv[seen][left], light[left]
 
-    def _hidden_by_earth(self, frame: FrameState, directions_eci: FloatArray) -> np.ndarray:
-        """(..., 3) unit vectors → (...) bool. The Earth hides even where it is not shown."""
-        origin_m = frame.R_ecef_from_eci @ frame.r_camera_eci_m
-        return np.isfinite(entry_distance_m(origin_m, directions_eci @ frame.R_ecef_from_eci.T))
+
+class _Image:
+    """Radiance of an image that stays None until light falls on it."""
+
+    def __init__(self, camera: Camera) -> None:
+        self._shape = (camera.height_px, camera.width_px, 3)
+        self.radiance_rgb: Float32Array | None = None
+
+    def add(self, box: PixelBox, light: Float32Array) -> None:
+        """Add (h, w, 3) in a box."""
+        if not light.any():
+            return
+        if self.radiance_rgb is None:
+            self.radiance_rgb = np.zeros(self._shape, dtype=np.float32)
+        self.radiance_rgb[box.slices] += light

@@ -134,26 +134,30 @@ class _Look:
 
     def pixels(self, box: PixelBox) -> tuple[AnyArray, AnyArray, AnyArray, BoolArray]:
         """Part ids, depth, normals and lit of :class:`View`."""
-        part_id = np.full((box.height, box.width), -1, dtype=np.int16)
-        depth_m = np.full((box.height, box.width), np.nan, dtype=np.float32)
-        normal_cam = np.full((box.height, box.width, 3), np.nan, dtype=np.float32)
-        lit = np.zeros((box.height, box.width), dtype=np.bool_)
-        normals_cam = rotated(self.R_cam_from_body, self.normal).T.astype(np.float32)
+        shape = (box.height, box.width)
+        part_id = np.empty(shape, dtype=np.int16)
+        depth_m = np.empty(shape, dtype=np.float32)
+        normal_cam = np.empty((*shape, 3), dtype=np.float32)
+        lit = np.zeros(shape, dtype=np.bool_)
+        # Tables by triangle, with an entry more, at −1, for rays that meet none.
+        parts = np.append(self.tracer.triangles.part_id, np.int16(-1))
+        turned = rotated(self.R_cam_from_body, self.normal).astype(np.float32)
+        normals_cam = np.append(turned.T, np.full((1, 3), np.nan, dtype=np.float32), axis=0)
+        sunny = np.append(self.sunny, False)
         u_px = np.arange(box.x0, box.x0 + box.width, dtype=np.float64)
         for rows in _row_blocks(box.height, box.width):
             v_px = box.y0 + np.arange(rows.start, rows.stop, dtype=np.float64)
             directions = self.directions(u_px, v_px).reshape(3, -1)
             triangle, z_m = self.first(directions)
-            hit = np.flatnonzero(triangle >= 0)
-            met = triangle[hit]
-            part_id[rows].reshape(-1)[hit] = self.tracer.triangles.part_id[met]
-            depth_m[rows].reshape(-1)[hit] = z_m[hit]
-            normal_cam[rows].reshape(-1, 3)[hit] = normals_cam[met]
-            hit = hit[self.sunny[met]]
-            point_m = self.camera_m[:, None] + z_m[hit] * directions[:, hit]
-            normal = np.take(self.normal, triangle[hit], axis=1)
+            block = (rows.stop - rows.start, box.width)
+            part_id[rows] = np.take(parts, triangle).reshape(block)
+            depth_m[rows] = np.where(triangle >= 0, z_m, np.nan).reshape(block)
+            normal_cam[rows] = np.take(normals_cam, triangle, axis=0).reshape(*block, 3)
+            rays = np.flatnonzero(np.take(sunny, triangle))
+            point_m = self.camera_m[:, None] + z_m[rays] * np.take(directions, rays, axis=1)
+            normal = np.take(self.normal, triangle[rays], axis=1)
             shadowed = self.tracer.shadowed(point_m, normal, self.sun_direction)
-            lit[rows].reshape(-1)[hit] = ~shadowed
+            lit[rows].reshape(-1)[rays] = ~shadowed
         return part_id, depth_m, normal_cam, lit
 
     def count_beyond(self, box: PixelBox, field: PixelBox) -> int:

@@ -45,11 +45,12 @@ class Tracer:
         triangle = self._embree.run(_single(starts_m), _single(directions)).astype(np.int64)
         t = np.full(len(triangle), np.inf)
         hit = np.flatnonzero(triangle >= 0)
-        t[hit], inside = self.triangles.meet(triangle[hit], origin_m, directions[:, hit])
+        aimed = np.take(directions, hit, axis=1)
+        t[hit], inside = self.triangles.meet(triangle[hit], origin_m, aimed)
         doubtful = hit[~inside]
         if len(doubtful):
-            settled = self.triangles.first_hit(origin_m, directions[:, doubtful])
-            triangle[doubtful], t[doubtful] = settled
+            aimed = directions[:, doubtful]
+            triangle[doubtful], t[doubtful] = self.triangles.first_hit(origin_m, aimed)
         return triangle, t
 
     def shadowed(self, point_m: FloatArray, normal: FloatArray, direction: FloatArray) -> BoolArray:

@@ -1,0 +1,155 @@
+"""Which Mitsuba variant works on this machine.
+
+A wrong libLLVM (15 on an AVX-512 machine, for one) does not raise: it aborts the process. So each
+candidate renders a tiny scene in a child process, and the answer is kept in the user's cache.
+"""
+
+from __future__ import annotations
+
+import glob
+import json
+import os
+import platform
+import re
+import subprocess
+import sys
+import zlib
+from contextlib import suppress
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+
+from posse_core.errors import ComponentError
+from posse_core.files import write_json
+
+PROBE_TIMEOUT_S = 180.0
+_LLVM_PATTERNS = (
+    "/usr/lib/*/libLLVM*.so*",
+    "/usr/lib/llvm-*/lib/libLLVM*.so*",
+    "/usr/lib64/libLLVM*.so*",
+    "/usr/lib64/llvm*/lib*/libLLVM*.so*",
+    "/usr/local/lib/libLLVM*.so*",
+    "/opt/homebrew/opt/llvm*/lib/libLLVM*.dylib",
+    os.path.join(sys.prefix, "lib", "libLLVM*.so*"),
+    os.path.expanduser("~/.rustup/toolchains/*/lib/libLLVM*.so*"),
+)
+_WAY_OUT = (
+    "install a newer LLVM (Debian and Ubuntu: apt install libllvm19), name one by"
+    " DRJIT_LIBLLVM_PATH, or take -o renderer.variant=scalar"
+)
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The variant to set, the LLVM library for it, and why nothing faster was taken."""
+
+    variant: str
+    library: str = ""
+    note: str = ""
+
+
+def choose(wanted: str) -> Choice:
+    """The variant for ``auto``, ``llvm``, ``scalar`` or ``cuda``.
+
+    Raises:
+        ComponentError: the one that the user named does not work here, with the causes.
+    """
+    if wanted == "scalar":
+        return Choice("scalar_rgb")
+    if wanted == "cuda":
+        cause = _probe("cuda_ad_rgb", "")
+        if cause:
+            raise ComponentError(
+                f"renderer.variant: cuda does not work on this machine: {cause}; it needs an NVIDIA GPU"
+                " and driver; take -o renderer.variant=auto"
+            )
+        return Choice("cuda_ad_rgb")
+    failures = []
+    for library in llvm_candidates():
+        cause = _remembered_probe(library)
+        if not cause:
+            return Choice("llvm_ad_rgb", library)
+        failures.append(f"{library}: {cause}")
+    causes = "; ".join(failures) or "there is no libLLVM"
+    if wanted == "llvm":
+        raise ComponentError(
+            f"renderer.variant: llvm does not work on this machine: {causes}; {_WAY_OUT}"
+        )
+    return Choice("scalar_rgb", note=f"llvm does not work: {causes}")
+
+
+def llvm_candidates() -> list[str]:
+    """LLVM libraries to try, newest first; the one that DRJIT_LIBLLVM_PATH names, alone, if set."""
+    named = os.environ.get("DRJIT_LIBLLVM_PATH")
+    if named:
+        return [named]
+    found = {os.path.realpath(path) for pattern in _LLVM_PATTERNS for path in glob.glob(pattern)}
+    return sorted(
+        (path for path in found if _version(path)), key=lambda path: (_version(path), path), reverse=True
+    )
+
+
+def _version(path: str) -> tuple[int, ...]:
+    match = re.search(r"libLLVM(?:-|\.so\.|\.)(\d+(?:\.\d+)*)", os.path.basename(path))
+    return tuple(int(part) for part in match[1].split(".")) if match else ()
+
+
+def _remembered_probe(library: str) -> str:
+    """As :func:`_probe` of llvm, from the cache where library, Mitsuba and processor are the same."""
+    try:
+        modified = os.stat(library).st_mtime_ns
+    except OSError as error:
+        return f"{error.strerror}"
+    mitsuba = metadata.version("mitsuba")
+    key = f"{library} {modified} mitsuba {mitsuba} {platform.machine()} {_processor()}"
+    cache = _cache_file()
+    known: dict[str, str] = {}
+    with suppress(OSError, ValueError):
+        known = json.loads(cache.read_text(encoding="utf-8"))
+    if key not in known:
+        try:
+            cause = _probe("llvm_ad_rgb", library)
+        except subprocess.TimeoutExpired:  # a busy machine: not worth remembering
+            return f"no answer in {PROBE_TIMEOUT_S:.0f} s"
+        known[key] = cause
+        with suppress(OSError):  # without a cache it is probed again
+            cache.parent.mkdir(parents=True, exist_ok=True)
+            write_json(cache, known)
+    return known[key]
+
+
+def _cache_file() -> Path:
+    base = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+    return Path(base) / "posse" / "mitsuba-llvm.json"
+
+
+def _processor() -> str:
+    """What instructions the processor has: a home folder may be shared by machines that differ."""
+    with suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith(("flags", "Features")):
+                return f"{zlib.crc32(line.encode()):08x}"
+    return platform.processor()
+
+
+def _probe(variant: str, library: str) -> str:
+    """Render in a child process; the cause why it does not work, or the empty string."""
+    environment = dict(os.environ)
+    if library:
+        environment["DRJIT_LIBLLVM_PATH"] = library
+    child = subprocess.run(
+        [sys.executable, "-P", "-m", "posse_render_mitsuba.probe", variant],
+        env=environment,
+        capture_output=True,
+        text=True,
+        errors="replace",
+        timeout=PROBE_TIMEOUT_S,
+        check=False,
+    )
+    if child.returncode == 0 and child.stdout.strip().endswith("usable"):
+        return ""
+    lines = [line.strip() for line in child.stderr.splitlines() if line.strip()]
+    if child.returncode < 0:
+        reason = next((line for line in lines if "LLVM ERROR" in line), "")
+        return f"it ends the process by signal {-child.returncode}" + (f" ({reason})" if reason else "")
+    return lines[-1] if lines else f"exit code {child.returncode}"

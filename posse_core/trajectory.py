@@ -19,6 +19,7 @@ from posse_core.environment.earth import (
     R_itrf_from_gcrf,
     earth_rotation_angle_rad,
 )
+from posse_core.environment.earthlight import earthlight_on_plate
 from posse_core.environment.eclipse import solar_flux_w_m2, sun_angular_radius_rad, sun_fraction
 from posse_core.environment.ephemeris import moon_eci_m, sun_eci_m
 from posse_core.environment.time import Epoch
@@ -66,8 +67,20 @@ def build_trajectory(
         r_chaser_rtn_m=motion.r_chaser_rtn_m,
     )
     R_rtn_from_cam = R_rtn_from_camera(attitude.camera, motion.r_chaser_rtn_m, seed)
-    flattening = constants.eclipse_flattening
-    pole = R_cirs_from_gcrf(*epoch.tt(motion.t_s))[..., 2, :] if flattening else None
+    tt = epoch.tt(motion.t_s)
+    pole = R_cirs_from_gcrf(*tt)[..., 2, :]
+    flux = solar_flux_w_m2(
+        r_target, r_sun, solar_constant_w_m2=constants.solar_constant_w_m2, au_m=constants.au_m
+    )
+    earthlight = earthlight_on_plate(
+        r_eci_m=r_target,
+        normal_eci=-r_target,
+        r_sun_eci_m=r_sun,
+        earth_pole_eci=pole,
+        jd_tt=tt[0] + tt[1],
+        solar_flux_w_m2=flux,
+        earth_radius_m=constants.earth_radius_m,
+    )
 
     def fraction(r_eci_m: AnyArray) -> AnyArray:
         return sun_fraction(
@@ -75,7 +88,7 @@ def build_trajectory(
             r_sun,
             earth_radius_m=constants.earth_radius_m,
             sun_radius_m=constants.sun_radius_m,
-            flattening=flattening,
+            flattening=constants.eclipse_flattening,
             earth_pole_eci=pole,
         )
 
@@ -95,9 +108,9 @@ def build_trajectory(
         r_moon_eci_m=moon_eci_m(*tdb),
         sun_fraction_target=fraction(r_target),
         sun_fraction_camera=fraction(r_chaser),
-        solar_flux_w_m2=solar_flux_w_m2(
-            r_target, r_sun, solar_constant_w_m2=constants.solar_constant_w_m2, au_m=constants.au_m
-        ),
+        solar_flux_w_m2=flux,
+        earth_albedo_w_m2=earthlight.albedo_w_m2,
+        earth_infrared_w_m2=earthlight.infrared_w_m2,
         earth_rotation_rad=earth_rotation_angle_rad(*epoch.ut1(motion.t_s)),
     )
 

@@ -64,10 +64,7 @@ class ThesisWriter(Writer):
 
 
 def points_rows(trajectory: Trajectory, indices: Iterable[int]) -> Iterator[list[float]]:
-    """Rows of ``points.csv`` for these frames.
-
-    Light that the Earth reflects is 0: the trajectory has no model of it.
-    """
+    """Rows of ``points.csv`` for these frames."""
     for i in indices:
         r_lvlh_m = frames.R_LVLH_FROM_RTN @ trajectory.r_chaser_rtn_m[i]
         r_target_m = trajectory.r_target_eci_m[i]
@@ -79,7 +76,7 @@ def points_rows(trajectory: Trajectory, indices: Iterable[int]) -> Iterator[list
             trajectory.sun_fraction_target[i],
             trajectory.solar_flux_w_m2[i],
             *(-r_target_m),
-            0.0,
+            trajectory.earth_albedo_w_m2[i],
             trajectory.earth_rotation_rad[i],
         ]
         yield [float(x) for x in row]

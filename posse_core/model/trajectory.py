@@ -41,6 +41,8 @@ class Trajectory:
         r_sun_eci_m, r_moon_eci_m: (F, 3) geocentric, geometric.
         sun_fraction_target, sun_fraction_camera: (F,) share of the Sun's disc in view, 0 … 1.
         solar_flux_w_m2: (F,) at the target, of the whole disc.
+        earth_albedo_w_m2, earth_infrared_w_m2: (F,) the Earth's reflected and own light on a plate
+            at the target that faces the Earth's centre.
         earth_rotation_rad: (F,) Earth rotation angle, 0 … 2π.
     """
 
@@ -60,6 +62,8 @@ class Trajectory:
     sun_fraction_target: FloatArray
     sun_fraction_camera: FloatArray
     solar_flux_w_m2: FloatArray
+    earth_albedo_w_m2: FloatArray
+    earth_infrared_w_m2: FloatArray
     earth_rotation_rad: FloatArray
 
     def __len__(self) -> int:

@@ -189,7 +189,7 @@ def test_thesis_points_have_the_eight_outputs_of_its_propagator(thesis_files):
         assert q == pytest.approx(trajectory.q_eci_from_body[i])
         assert float(row["sun_visibility"]) == pytest.approx(i / 5)
         assert float(row["solar_flux_w_m2"]) == 1361
-        assert float(row["earth_reflected_w_m2"]) == 0
+        assert float(row["earth_reflected_w_m2"]) == pytest.approx(30 * i)
         assert float(row["earth_rotation_rad"]) == pytest.approx(trajectory.earth_rotation_rad[i])
 
 

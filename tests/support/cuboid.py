@@ -157,6 +157,8 @@ def trajectory(frames: int) -> Trajectory:
         sun_fraction_target=np.linspace(0, 1, frames),
         sun_fraction_camera=np.ones(frames),
         solar_flux_w_m2=np.full(frames, 1361.0),
+        earth_albedo_w_m2=30.0 * np.arange(frames),
+        earth_infrared_w_m2=np.full(frames, 200.0),
         earth_rotation_rad=np.linspace(0, 6, frames),
     )
 

@@ -10,10 +10,43 @@ from posse_core.registry import ComponentSpec
 def posse_propagators() -> list[ComponentSpec]:
     return [
         ComponentSpec(
+            "file",
+            "a trajectory computed elsewhere: NPZ, CSV, or CCSDS OEM; its own frames",
+            "posse_core.propagators.file:FilePropagator",
+            options="posse_core.propagators.options:FileOptions",
+            capabilities=frozenset({"own-frames"}),
+        ),
+        ComponentSpec(
+            "hcw",
+            "Hill-Clohessy-Wiltshire: circular target, small separation",
+            "posse_core.propagators.linear:HcwPropagator",
+        ),
+        ComponentSpec(
+            "j2-roe",
+            "relative orbital elements under J2 in closed form (Koenig-Guffanti-D'Amico)",
+            "posse_core.propagators.j2_roe:J2RoePropagator",
+        ),
+        ComponentSpec(
+            "nonlinear",
+            "integrated: two-body or J2, drag, solar pressure, Sun and Moon; the reference",
+            "posse_core.propagators.nonlinear:NonlinearPropagator",
+            options="posse_core.propagators.options:NonlinearOptions",
+        ),
+        ComponentSpec(
             "roe",
             "exact two-body relative motion from relative orbital elements (the default)",
             "posse_core.propagators.roe:RoePropagator",
             capabilities=frozenset({"exact-two-body"}),
+        ),
+        ComponentSpec(
+            "roe-near-circular",
+            "relative orbital elements mapped by T(u): near-circular target",
+            "posse_core.propagators.linear:NearCircularPropagator",
+        ),
+        ComponentSpec(
+            "sgp4",
+            "target and chaser by SGP4 from a TLE",
+            "posse_core.propagators.sgp4:Sgp4Propagator",
         ),
         ComponentSpec(
             "thesis",
@@ -21,6 +54,11 @@ def posse_propagators() -> list[ComponentSpec]:
             "posse_core.propagators.thesis:ThesisPropagator",
             options="posse_core.propagators.options:ThesisOptions",
             capabilities=frozenset({"own-frames"}),
+        ),
+        ComponentSpec(
+            "yamanaka-ankersen",
+            "Yamanaka-Ankersen: any eccentricity, small separation",
+            "posse_core.propagators.linear:YamanakaAnkersenPropagator",
         ),
     ]
 

@@ -92,7 +92,8 @@ class Start:
         self._relative = problem.relative
         constants = problem.constants
         self.mu_m3_s2 = constants.mu_earth_m3_s2
-        r, v = target_state(problem.orbit, constants, elliptic=elliptic)
+        needs_elements = self._relative.roe_m is not None
+        r, v = target_state(problem.orbit, constants, elliptic=elliptic or needs_elements)
         self.r_target_eci_m, self.v_target_eci_m_s = r, v
         if self._relative.state_eci is not None:
             self.dr_eci_m = np.array(self._relative.state_eci.r_m) - r

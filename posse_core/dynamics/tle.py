@@ -13,12 +13,20 @@ from typing import Any
 import numpy as np
 from sgp4.api import SGP4_ERRORS, WGS72, Satrec
 
+from posse_core.dynamics.elements import (
+    equinoctial_from_state,
+    equinoctial_sign,
+    keplerian_from_qns,
+    qns_from_equinoctial,
+)
 from posse_core.environment.earth import R_gcrf_from_teme
 from posse_core.environment.time import Epoch
 from posse_core.errors import InputError
 from posse_core.model.arrays import FloatArray
 
 _LENGTH = 69
+_MU_WGS72_M3_S2 = 3.986008e14
+_CORRECTIONS = 8
 _LINES = (
     re.compile(
         r"1 [0-9A-HJ-NP-Z ][0-9 ]{3}\d[A-Z ] .{8} [0-9 ]{2}[0-9. ]{12} "
@@ -43,40 +51,20 @@ class MeanElements:
     mean_motion_rad_s: float
 
 
-class Tle:
-    """A two-line element set, read and checked.
+class Sgp4Orbit:
+    """An orbit that SGP4 (or SDP4, above 225 minutes of period) computes.
 
-    Raises:
-        InputError: a line's length, number, columns, checksum, or the two satellite numbers are
-            wrong, or SGP4 refuses the elements; the message names the line.
+    Attributes:
+        epoch: of its elements.
     """
 
-    def __init__(self, lines: Sequence[str], where: str = "orbit.tle") -> None:
-        line_1, line_2 = (_checked(line, n + 1, where) for n, line in enumerate(lines))
-        if line_1[2:7] != line_2[2:7]:
-            raise InputError(
-                f"{where}: line 1 is of satellite {line_1[2:7].strip()},"
-                f" line 2 of {line_2[2:7].strip()}; take both from one element set"
-            )
-        try:
-            self._satellite: Any = Satrec.twoline2rv(line_1, line_2, WGS72)
-        except ValueError as error:
-            raise InputError(f"{where}: SGP4 cannot read it: {error}") from error
+    def __init__(self, satellite: Any, epoch: Epoch, where: str) -> None:
+        self._satellite = satellite
         self._where = where
-        self.epoch = Epoch(self._satellite.jdsatepoch, self._satellite.jdsatepochF)
-        self.state(np.zeros(1))
-
-    @property
-    def mean(self) -> MeanElements:
-        """The elements as they stand in the lines."""
-        s = self._satellite
-        return MeanElements(s.inclo, s.nodeo, s.ecco, s.argpo, s.mo, s.no_kozai / 60.0)
+        self.epoch = epoch
 
     def state(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Position (m) and velocity (m/s) by SGP4 or SDP4, GCRF axes: (F,) → (F, 3) each.
-
-        Args:
-            t_s: SI seconds after the epoch of the lines.
+        """Position (m) and velocity (m/s), GCRF axes: (F,) SI seconds after the epoch → (F, 3) each.
 
         Raises:
             InputError: SGP4 ends in an error at one of the times, such as a decayed orbit.
@@ -95,6 +83,87 @@ class Tle:
         r_m = np.einsum("fij,fj->fi", R, np.asarray(r_km)) * 1e3
         v_m_s = np.einsum("fij,fj->fi", R, np.asarray(v_km_s)) * 1e3
         return r_m, v_m_s
+
+
+class Tle(Sgp4Orbit):
+    """A two-line element set, read and checked.
+
+    Raises:
+        InputError: a line's length, number, columns, checksum, or the two satellite numbers are
+            wrong, or SGP4 refuses the elements; the message names the line.
+    """
+
+    def __init__(self, lines: Sequence[str], where: str = "orbit.tle") -> None:
+        line_1, line_2 = (_checked(line, n + 1, where) for n, line in enumerate(lines))
+        if line_1[2:7] != line_2[2:7]:
+            raise InputError(
+                f"{where}: line 1 is of satellite {line_1[2:7].strip()},"
+                f" line 2 of {line_2[2:7].strip()}; take both from one element set"
+            )
+        try:
+            satellite: Any = Satrec.twoline2rv(line_1, line_2, WGS72)
+        except ValueError as error:
+            raise InputError(f"{where}: SGP4 cannot read it: {error}") from error
+        super().__init__(satellite, Epoch(satellite.jdsatepoch, satellite.jdsatepochF), where)
+        self.state(np.zeros(1))
+
+    @property
+    def mean(self) -> MeanElements:
+        """The elements as they stand in the lines."""
+        s = self._satellite
+        return MeanElements(s.inclo, s.nodeo, s.ecco, s.argpo, s.mo, s.no_kozai / 60.0)
+
+    def neighbour(self, r_m: FloatArray, v_m_s: FloatArray) -> Sgp4Orbit:
+        """The orbit with this one's drag that has a given state at the epoch.
+
+        Its mean elements are found by taking over the difference of the osculating ones, which
+        leaves about a thousandth (J2) of what was missing at each step.
+
+        Args:
+            r_m, v_m_s: (3,) GCRF axes.
+
+        Raises:
+            InputError: SGP4 has no orbit with this state.
+        """
+        R = R_gcrf_from_teme(*self.epoch.tt(np.zeros(())))
+        r, v = R.T @ r_m, R.T @ v_m_s
+        sign = equinoctial_sign(r, v)
+        wanted = equinoctial_from_state(r, v, sign, _MU_WGS72_M3_S2)
+        mean = wanted
+        for _ in range(_CORRECTIONS):
+            satellite = self._with(keplerian_from_qns(qns_from_equinoctial(mean, sign)))
+            error, r_km, v_km_s = satellite.sgp4_tsince(0.0)
+            if error:
+                raise InputError(f"{self._where}: SGP4 on the chaser's orbit: {SGP4_ERRORS[error]}")
+            got = equinoctial_from_state(
+                np.array(r_km) * 1e3, np.array(v_km_s) * 1e3, sign, _MU_WGS72_M3_S2
+            )
+            missing = wanted - got
+            missing[1] -= 2 * np.pi * np.round(missing[1] / (2 * np.pi))
+            mean = mean + missing
+        return Sgp4Orbit(satellite, self.epoch, self._where)
+
+    def _with(self, keplerian: FloatArray) -> Any:
+        """The same satellite with other mean elements."""
+        a_m, e, i, raan, argp, mean_anomaly = keplerian
+        own, other = self._satellite, Satrec()
+        other.sgp4init(
+            WGS72,
+            own.operationmode,
+            own.satnum,
+            own.jdsatepoch + own.jdsatepochF - 2433281.5,
+            own.bstar,
+            own.ndot,
+            own.nddot,
+            e,
+            argp % (2 * np.pi),
+            i,
+            mean_anomaly % (2 * np.pi),
+            60.0 * np.sqrt(_MU_WGS72_M3_S2 / a_m**3),
+            raan % (2 * np.pi),
+        )
+        other.jdsatepoch, other.jdsatepochF = own.jdsatepoch, own.jdsatepochF
+        return other
 
 
 def _checked(line: str, number: int, where: str) -> str:

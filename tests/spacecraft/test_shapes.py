@@ -1,0 +1,124 @@
+"""Solids against closed forms, and against trimesh's own checks of closure."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from posse_core.spacecraft import shapes
+
+length = st.floats(0.05, 5.0)
+SOLIDS = {
+    "box": shapes.box((1.0, 2.0, 3.0)),
+    "panel": shapes.panel(4.0, 1.0, 0.03),
+    "prism": shapes.prism([(0, 0), (2, 0), (2, 1), (1, 2), (0, 1)], 0.5),
+    "hood": shapes.hood((1.0, 2.0, 3.0), 0.1),
+    "cylinder": shapes.cylinder(1.0, 2.0),
+    "frustum": shapes.frustum(1.0, 0.5, 2.0),
+    "cone": shapes.revolved([(0, 0), (1, 0), (0, 2)], 16),
+    "ring": shapes.ring(0.5, 1.0, 2.0),
+    "nozzle": shapes.nozzle(0.1, 0.4, 0.5, 0.02),
+    "tube": shapes.tube([(0, 0, 0), (1, 0, 0), (1, 1, 0), (1.5, 1.5, 2)], 0.05),
+    "dish": shapes.dish(1.6, 0.9, offset_m=0.8),
+    "curved_panel": shapes.curved_panel(1.45, 0.4, 0.8, 0.03, 8),
+}
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_every_solid_is_closed_and_wound_outward(name, solid):
+    mesh = SOLIDS[name]
+    merged = solid(mesh.vertices_m, mesh.faces)
+    assert merged.is_watertight
+    assert merged.is_winding_consistent
+    assert mesh.volume_m3 > 0.0
+    assert mesh.volume_m3 == pytest.approx(merged.volume)
+    assert mesh.area_m2 == pytest.approx(merged.area)
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_shading_normals_are_unit_and_follow_the_faces(name, face_normals):
+    mesh = SOLIDS[name]
+    np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-6)
+    agreement = (face_normals(mesh.vertices_m, mesh.faces)[:, None] * mesh.normals[mesh.faces]).sum(-1)
+    assert agreement.min() > 0.94  # half a facet of the coarsest round solid, 18°
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_texture_coordinates_keep_the_orientation_and_are_not_mirrored(name):
+    """A picture on a face reads the right way round from outside."""
+    mesh = SOLIDS[name]
+    a, b, c = np.moveaxis(mesh.uv[mesh.faces].astype(np.float64), 1, 0)
+    (ux, uy), (vx, vy) = (b - a).T, (c - a).T
+    assert (ux * vy - uy * vx > 0.0).all()
+
+
+@given(x=length, y=length, z=length)
+def test_a_box_has_its_volume_and_area(x, y, z):
+    mesh = shapes.box((x, y, z))
+    assert mesh.volume_m3 == pytest.approx(x * y * z)
+    assert mesh.area_m2 == pytest.approx(2.0 * (x * y + y * z + z * x))
+    np.testing.assert_allclose(np.ptp(mesh.vertices_m, axis=0), (x, y, z))
+
+
+@given(bottom=length, top=length, height=length, segments=st.integers(3, 200))
+def test_a_frustum_is_the_regular_pyramid_frustum_inscribed_in_the_cone(bottom, top, height, segments):
+    polygon = 0.5 * segments * np.sin(2.0 * np.pi / segments)  # area, of the unit circle's polygon
+    exact = polygon * height * (bottom**2 + bottom * top + top**2) / 3.0
+    assert shapes.frustum(bottom, top, height, segments).volume_m3 == pytest.approx(exact)
+
+
+def test_round_solids_converge_to_the_round_ones():
+    assert shapes.cylinder(0.7, 2.0, 4000).volume_m3 == pytest.approx(np.pi * 0.49 * 2.0, rel=1e-5)
+    wall = np.pi * (0.5**2 - 0.4**2) * 0.3
+    assert shapes.ring(0.4, 0.5, 0.3, 4000).volume_m3 == pytest.approx(wall, rel=1e-5)
+    bent = 0.5 * 0.8 * (1.45**2 - 1.42**2) * 0.4
+    assert shapes.curved_panel(1.45, 0.4, 0.8, 0.03, 800).volume_m3 == pytest.approx(bent, rel=1e-5)
+
+
+def test_a_hood_is_a_box_less_its_hollow():
+    mesh = shapes.hood((1.0, 2.0, 3.0), 0.1)
+    assert mesh.volume_m3 == pytest.approx(1.0 * 2.0 * 3.0 - 0.8 * 1.8 * 2.9)
+
+
+@given(corner=st.tuples(*[st.floats(-1.0, 1.0)] * 3), radius=st.floats(0.01, 0.05))
+def test_a_bent_rod_has_the_volume_of_its_legs(corner, radius):
+    """A mitre takes from the outside of the bend what it adds on the inside."""
+    path = np.array([(-2.0, 0.0, 0.0), corner, (0.0, 2.5, 1.0)])
+    legs = np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
+    segments = 12
+    area = 0.5 * segments * np.sin(2.0 * np.pi / segments) * radius**2
+    assert shapes.tube(path, radius, segments).volume_m3 == pytest.approx(area * legs, rel=1e-9)
+
+
+@given(focal=st.floats(0.4, 3.0), offset=st.floats(0.0, 1.5))
+def test_a_dish_sends_rays_along_its_axis_to_the_focus(focal, offset):
+    mesh = shapes.dish(1.6, focal, offset)
+    front = mesh.normals[:, 2] > 0.1
+    points, normals = mesh.vertices_m[front], mesh.normals[front].astype(np.float64)
+    incoming = np.array([0.0, 0.0, -1.0])
+    reflected = incoming - 2.0 * (normals @ incoming)[:, None] * normals
+    focus = np.array([-offset, 0.0, focal - offset**2 / (4.0 * focal)])
+    to_focus = focus - points
+    miss = np.linalg.norm(np.cross(reflected, to_focus), axis=1)
+    assert miss.max() < 1e-5
+
+
+@given(
+    direction=st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda v: np.linalg.norm(v) > 0.1),
+    hint=st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda v: np.linalg.norm(v) > 0.1),
+)
+def test_R_from_z_is_a_rotation_that_takes_z_there(direction, hint):
+    R = shapes.R_from_z(direction, hint)
+    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-9)
+    assert np.linalg.det(R) == pytest.approx(1.0)
+    np.testing.assert_allclose(R[:, 2], direction / np.linalg.norm(direction), atol=1e-9)
+
+
+def test_a_moved_mesh_keeps_its_volume_and_turns_its_normals():
+    R = shapes.R_about((1.0, 2.0, 3.0), 0.7)
+    moved = SOLIDS["box"].at((1.0, -2.0, 0.5), R)
+    assert moved.volume_m3 == pytest.approx(6.0)
+    np.testing.assert_allclose(moved.normals, SOLIDS["box"].normals @ R.T, atol=1e-6)
+    np.testing.assert_allclose(moved.vertices_m.mean(axis=0), (1.0, -2.0, 0.5), atol=1e-12)

@@ -187,16 +187,20 @@ class Dataset:
             raise InputError(f"{self.folder}: has no frame {index}")
         return self.frames[place]
 
+    @property
+    def is_divided(self) -> bool:
+        """Whether ``posse partition`` has been run on it."""
+        return (self.folder / PARTITION_FILE).exists()
+
     def part(self, name: str) -> list[int]:
         """Indices of the frames in one part (``train``, ``valid``, ``test``), ascending.
 
         Raises:
             InputError: the dataset has not been divided, or has no such part.
         """
-        path = self.folder / PARTITION_FILE
-        if not path.exists():
+        if not self.is_divided:
             raise InputError(f"{self.folder}: not divided into parts; run 'posse partition' on it")
-        parts = read_json(path)["parts"]
+        parts = read_json(self.folder / PARTITION_FILE)["parts"]
         if name not in parts:
             raise InputError(f"{self.folder}: has no part {name!r}; it has {', '.join(parts)}")
         return list(parts[name])

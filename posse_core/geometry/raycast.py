@@ -25,7 +25,7 @@ SILHOUETTE_FIELD = 10.0
 """Where the unbounded image of ``silhouette_px`` ends: focal lengths from the principal point (84°)."""
 SILHOUETTE_RAYS = 1 << 18
 """Rays beyond the image's border at most; a larger silhouette is sampled on a coarser lattice."""
-_CHUNK = 1 << 15
+_CHUNK = 1 << 13
 """Rays cast at once: their arrays stay in the processor's cache."""
 _NO_BOX = PixelBox(0, 0, 0, 0)
 

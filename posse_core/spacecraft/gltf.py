@@ -146,7 +146,7 @@ def _check_extensions(path: Path, header: dict[str, Any]) -> None:
     if _DRACO in used and importlib.util.find_spec("DracoPy") is None:
         raise InputError(
             f"{path}: Draco-compressed, and the decoder is not installed;"
-            " pip install DracoPy, or export it without Draco"
+            " pip install 'posse-core[draco]', or export it without Draco"
         )
 
 

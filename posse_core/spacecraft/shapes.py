@@ -326,9 +326,7 @@ def dish(
         fan.append(np.column_stack([inner + i, outer + j, inner + j]))
     faces = np.concatenate(fan)
     front = _mesh(np.column_stack([xy, z]), faces, normals, xy)
-    back = _mesh(
-        np.column_stack([xy, z - thickness_m]), faces[:, ::-1], -normals, xy * (-1.0, 1.0)
-    )
+    back = _mesh(np.column_stack([xy, z - thickness_m]), faces[:, ::-1], -normals, xy * (-1.0, 1.0))
     rim = front.vertices_m[-segments:]
     rim = np.concatenate([rim, rim[:1]])
     turn = np.linspace(0.0, 2.0 * np.pi, segments + 1)

@@ -128,7 +128,9 @@ def digest(craft):
         for array in (part.vertices_body_m, part.faces, part.normals_body, part.uv):
             sha.update(np.ascontiguousarray(array).tobytes())
     for material in craft.materials.values():
-        sha.update(repr((material.name, material.base_color, material.metallic, material.roughness)).encode())
+        sha.update(
+            repr((material.name, material.base_color, material.metallic, material.roughness)).encode()
+        )
         for texture in (
             material.base_color_texture,
             material.metallic_roughness_texture,

@@ -44,7 +44,11 @@ class BlenderRenderer(Renderer):
         self.close()
         interpreter = find_interpreter(self.options)
         self._child = Child(interpreter)
-        answer = self._child.ask(scene_message(scene, self.options), "building the scene")
+        try:
+            answer = self._child.ask(scene_message(scene, self.options), "building the scene")
+        except ComponentError:
+            self.close()
+            raise
         self._radius_m = scene.spacecraft.radius_m
         self._described = {
             "blender": self._child.blender_version,

@@ -1,0 +1,22 @@
+"""A rasteriser as a POSSE renderer."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from posse_core.hookspecs import hookimpl
+from posse_core.registry import ComponentSpec
+
+
+@hookimpl
+def posse_renderers() -> Sequence[ComponentSpec]:
+    """The renderer ``raster``."""
+    return [
+        ComponentSpec(
+            name="raster",
+            summary="OpenGL without a display: real-time, linear float radiance, hard shadows",
+            factory="posse_render_raster.renderer:RasterRenderer",
+            options="posse_render_raster.options:RasterOptions",
+            capabilities=frozenset({"deterministic", "environment", "depth", "gpu"}),
+        )
+    ]

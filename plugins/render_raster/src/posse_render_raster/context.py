@@ -1,0 +1,22 @@
+"""An OpenGL context without a display."""
+
+from __future__ import annotations
+
+import moderngl
+
+from posse_core.errors import ComponentError
+
+WAY_OUT = "install an EGL driver (Debian, Ubuntu: apt-get install libegl1 libgl1 libgl1-mesa-dri)"
+
+
+def create_context() -> moderngl.Context:
+    """A context of OpenGL 3.3 core through EGL.
+
+    Raises:
+        ComponentError: there is no EGL, or no driver behind it that has OpenGL 3.3.
+    """
+    try:
+        return moderngl.create_context(require=330, standalone=True, backend="egl")
+    except Exception as error:  # the loader raises bare Exception for whatever is missing
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise ComponentError(f"raster: no OpenGL 3.3 through EGL: {reason}; {WAY_OUT}") from None

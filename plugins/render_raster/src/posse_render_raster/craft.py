@@ -1,0 +1,113 @@
+"""The spacecraft in the memory of OpenGL: vertices, textures, and a program that draws them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import moderngl
+import numpy as np
+
+from posse_core.model.arrays import AnyArray
+from posse_core.model.spacecraft import Material, Spacecraft
+
+TEXTURES = ("base_color_texture", "metallic_roughness_texture", "normal_texture")
+"""Samplers of the program; the place is the texture unit."""
+FREE_UNIT = len(TEXTURES)
+
+
+def program(context: moderngl.Context, name: str, vertex: str | None = None) -> moderngl.Program:
+    """Compile ``shaders/name.vert`` (or ``vertex.vert``) with ``shaders/name.frag``."""
+    folder = Path(__file__).parent / "shaders"
+    return context.program(
+        vertex_shader=(folder / f"{vertex or name}.vert").read_text(),
+        fragment_shader=(folder / f"{name}.frag").read_text(),
+    )
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """One part, ready to be drawn."""
+
+    material: Material
+    textures: Sequence[moderngl.Texture]
+    shaded: moderngl.VertexArray
+    shape: moderngl.VertexArray
+
+
+class Craft:
+    """All parts of a spacecraft, with the programs that draw their light and their shadow."""
+
+    def __init__(self, context: moderngl.Context, spacecraft: Spacecraft) -> None:
+        self.light = program(context, "craft")
+        self.shadow = program(context, "shadow")
+        for unit, key in enumerate(TEXTURES):
+            self.light[key] = unit
+        white = context.texture((1, 1), 3, np.full(3, 255, dtype=np.uint8).tobytes())
+        textures = {
+            name: [_texture(context, material, key) or white for key in TEXTURES]
+            for name, material in spacecraft.materials.items()
+        }
+        self._pieces = []
+        for part in spacecraft.parts:
+            columns = (part.vertices_body_m.astype(np.float32), part.normals_body, part.uv)
+            vertices = context.buffer(np.hstack(columns).astype(np.float32).tobytes())
+            faces = context.buffer(part.faces.astype(np.int32).tobytes())
+            attributes = ("position_body_m", "normal_body", "uv")
+            self._pieces.append(
+                _Piece(
+                    material=spacecraft.materials[part.material],
+                    textures=textures[part.material],
+                    shaded=context.vertex_array(
+                        self.light, [(vertices, "3f 3f 2f", *attributes)], index_buffer=faces
+                    ),
+                    shape=context.vertex_array(
+                        self.shadow, [(vertices, "3f 5x4", attributes[0])], index_buffer=faces
+                    ),
+                )
+            )
+
+    def draw_shape(self) -> None:
+        """Draw all parts with the program :attr:`shadow`."""
+        for piece in self._pieces:
+            piece.shape.render()
+
+    def draw_light(self) -> None:
+        """Draw all parts with the program :attr:`light`, each with its own material."""
+        for piece in self._pieces:
+            material = piece.material
+            self.light["base_color"] = material.base_color
+            self.light["metallic"] = material.metallic
+            self.light["roughness"] = material.roughness
+            self.light["specular"] = material.specular
+            self.light["has_normal_map"] = material.normal_texture is not None
+            for unit, texture in enumerate(piece.textures):
+                texture.use(unit)
+            piece.shaded.render()
+
+
+def _texture(context: moderngl.Context, material: Material, key: str) -> moderngl.Texture | None:
+    pixels: AnyArray | None = getattr(material, key)
+    if pixels is None:
+        return None
+    height, width, channels = pixels.shape
+    if key == "base_color_texture":
+        # Decoded before mipmaps are made: the mean of sRGB codes is not the mean of the light.
+        linear = _linear_from_srgb()[pixels]
+        texture = context.texture((width, height), channels, linear.tobytes(), dtype="f2", alignment=1)
+    else:
+        data = np.ascontiguousarray(pixels).tobytes()
+        texture = context.texture((width, height), channels, data, alignment=1)
+    texture.build_mipmaps()
+    texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+    return texture
+
+
+@cache
+def _linear_from_srgb() -> AnyArray:
+    """(256,) float16 light of each code (IEC 61966-2-1)."""
+    code = np.arange(256) / 255
+    linear = np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
+    return linear.astype(np.float16)

@@ -1,0 +1,269 @@
+"""The renderer ``raster``: shadow map, samples, pixels, in that order, a tile at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import metadata
+
+import moderngl
+import numpy as np
+
+from posse_core.errors import ComponentError
+from posse_core.interfaces.renderer import Renderer
+from posse_core.model.arrays import Float32Array, FloatArray
+from posse_core.model.camera import Camera, PixelBox
+from posse_core.model.scene import EnvironmentMap, FrameState, Radiance, RenderRequest, Scene
+from posse_core.model.spacecraft import Spacecraft
+from posse_render_raster.context import create_context
+from posse_render_raster.craft import FREE_UNIT, Craft, program
+from posse_render_raster.options import RasterOptions
+from posse_render_raster.sky_light import convolved, lobe_albedo
+
+Map = moderngl.Texture | moderngl.TextureArray
+
+TILE_SAMPLES = 1536
+"""Width and height of the sample buffer: 47 MB, whatever the image."""
+MARGIN = 1.01
+"""Of the craft's radius, so that rounding clips nothing."""
+NEAREST = 1e-3
+"""Near plane in radii of the craft, where the camera is inside its sphere."""
+
+
+@dataclass(frozen=True)
+class _Stage:
+    """What lives in OpenGL from open to close."""
+
+    context: moderngl.Context
+    camera: Camera
+    spacecraft: Spacecraft
+    craft: Craft
+    shadow: moderngl.Framebuffer
+    shadow_map: moderngl.Texture
+    samples: moderngl.Framebuffer
+    sampled: moderngl.Texture
+    pixels: moderngl.Framebuffer
+    average: moderngl.VertexArray
+    lobe_albedo: moderngl.Texture
+
+
+class RasterRenderer(Renderer):
+    """OpenGL through EGL."""
+
+    options: RasterOptions
+
+    def __init__(self, options: RasterOptions) -> None:
+        super().__init__(options)
+        self._stage: _Stage | None = None
+        self._described: dict[str, str] = {}
+
+    def open(self, scene: Scene) -> None:
+        """Make a context and load the scene into it.
+
+        Raises:
+            ComponentError: there is no EGL, or no driver behind it; the message names the packages.
+        """
+        self.close()
+        context = create_context()
+        n = self.options.samples_per_axis
+        tile_px = TILE_SAMPLES // n
+        size = (tile_px * n, tile_px * n)
+        sampled = context.texture(size, 4, dtype="f4")
+        samples = context.framebuffer(sampled, context.depth_renderbuffer(size))
+        pixels = context.framebuffer(
+            [
+                context.texture((tile_px, tile_px), 4, dtype="f4"),
+                context.texture((tile_px, tile_px), 1, dtype="f4"),
+            ]
+        )
+        shadow_map = context.depth_texture((self.options.shadow_map_px, self.options.shadow_map_px))
+        shadow_map.compare_func = "<="
+        shadow_map.filter = (moderngl.LINEAR, moderngl.LINEAR)
+        average = program(context, "pixel")
+        average["samples"] = 0
+        average["samples_per_axis"] = n
+        albedo = lobe_albedo()
+        lookup = context.texture(albedo.shape[1::-1], 2, albedo.tobytes(), dtype="f4")
+        lookup.repeat_x = lookup.repeat_y = False
+        self._stage = _Stage(
+            context=context,
+            camera=scene.camera,
+            spacecraft=scene.spacecraft,
+            craft=Craft(context, scene.spacecraft),
+            shadow=context.framebuffer(depth_attachment=shadow_map),
+            shadow_map=shadow_map,
+            samples=samples,
+            sampled=sampled,
+            pixels=pixels,
+            average=context.vertex_array(average, []),
+            lobe_albedo=lookup,
+        )
+        self._described = {
+            "opengl": context.info["GL_VERSION"],
+            "device": context.info["GL_RENDERER"],
+            "moderngl": metadata.version("moderngl"),
+        }
+
+    def render(self, request: RenderRequest) -> Radiance:
+        """Render one frame's box."""
+        stage = self._stage
+        if stage is None:
+            raise ComponentError("raster: the renderer is not open")
+        box, n = request.box, self.options.samples_per_axis
+        image = np.empty((box.height, box.width, 4), dtype=np.float32)
+        z_m = np.empty((box.height, box.width), dtype=np.float32)
+        with stage.context:
+            self._draw_shadow(stage, request.frame)
+            maps = self._set_frame(stage, request)
+            for x0, y0, part in _tiles(box, TILE_SAMPLES // n):
+                rows, columns = PixelBox(
+                    part.x0 - box.x0, part.y0 - box.y0, part.width, part.height
+                ).slices
+                image[rows, columns], z_m[rows, columns] = self._draw_part(stage, x0, y0, part)
+            for texture in maps:
+                texture.release()
+        return Radiance(
+            box=box,
+            radiance_rgb=np.ascontiguousarray(image[..., :3]),
+            coverage=np.ascontiguousarray(image[..., 3]),
+            depth_m=np.where(z_m > 0, z_m, np.float32(np.nan)),
+        )
+
+    def close(self) -> None:
+        """Free the context."""
+        if self._stage is not None:
+            self._stage.context.release()
+            self._stage = None
+
+    def describe(self) -> Mapping[str, str]:
+        """Version of OpenGL and the device that draws."""
+        return self._described
+
+    @classmethod
+    def doctor(cls, options: RasterOptions) -> Sequence[tuple[str, bool, str]]:
+        """What works on this machine: (what, whether it does, detail with the way out)."""
+        try:
+            context = create_context()
+        except ComponentError as error:
+            return [("opengl", False, str(error))]
+        detail = f"OpenGL {context.info['GL_VERSION']} on {context.info['GL_RENDERER']}"
+        context.release()
+        return [("opengl", True, detail)]
+
+    def _draw_shadow(self, stage: _Stage, frame: FrameState) -> None:
+        shadow_from_body = _shadow_from_body(stage.spacecraft, frame.sun_direction_body)
+        cam_from_body = np.eye(4)
+        cam_from_body[:3, :3], cam_from_body[:3, 3] = frame.R_cam_from_body, frame.t_body_cam_m
+        craft = stage.craft
+        _set_matrix(craft.shadow, "shadow_from_body", shadow_from_body)
+        _set_matrix(craft.light, "shadow_from_cam", shadow_from_body @ np.linalg.inv(cam_from_body))
+        widest_m = 2 / np.linalg.norm(shadow_from_body[:2, :3], axis=1).min()
+        craft.light["shadow_texel_m"] = float(widest_m / self.options.shadow_map_px)
+        stage.shadow.use()
+        stage.shadow.clear(depth=1.0)
+        stage.context.enable_only(moderngl.DEPTH_TEST)
+        craft.draw_shape()
+
+    def _set_frame(self, stage: _Stage, request: RenderRequest) -> list[Map]:
+        """Hand over what all tiles share; the textures that live for this frame."""
+        frame, light = request.frame, stage.craft.light
+        _set_matrix(light, "R_cam_from_body", frame.R_cam_from_body)
+        light["t_body_cam_m"] = tuple(frame.t_body_cam_m)
+        radius_m = MARGIN * stage.spacecraft.radius_m
+        nearest_m = max(frame.range_m - radius_m, NEAREST * radius_m)
+        light["clip_m"] = (nearest_m, frame.range_m + radius_m)
+        light["sun_direction"] = tuple(frame.sun_direction_cam)
+        light["sun_irradiance_rgb_w_m2"] = tuple(frame.sun_irradiance_rgb_w_m2)
+        light["sun_angular_radius_rad"] = frame.sun_angular_radius_rad
+        units = ("shadow_map", "lobe_albedo", "environment", "prefiltered")
+        for unit, name in enumerate(units, FREE_UNIT):
+            light[name] = unit
+        stage.shadow_map.use(FREE_UNIT)
+        stage.lobe_albedo.use(FREE_UNIT + 1)
+        light["has_environment"] = request.environment is not None
+        if request.environment is None:
+            return []
+        maps = _environment_textures(stage.context, request.environment)
+        for unit, texture in enumerate(maps, FREE_UNIT + 2):
+            texture.use(unit)
+        return maps
+
+    def _draw_part(
+        self, stage: _Stage, x0: int, y0: int, part: PixelBox
+    ) -> tuple[Float32Array, Float32Array]:
+        """Draw a part of the tile at (x0, y0): (h, w, 4) radiance and coverage, (h, w) depth or 0."""
+        n, camera = self.options.samples_per_axis, stage.camera
+        size_px = TILE_SAMPLES // n
+        stage.craft.light["focal_and_centre"] = (
+            2 * camera.fx_px / size_px,
+            2 * camera.fy_px / size_px,
+            2 * (camera.cx_px + 0.5 - x0) / size_px - 1,
+            2 * (camera.cy_px + 0.5 - y0) / size_px - 1,
+        )
+        within = (part.x0 - x0, part.y0 - y0, part.width, part.height)
+        stage.samples.scissor = (n * within[0], n * within[1], n * within[2], n * within[3])
+        stage.samples.use()
+        stage.samples.clear()
+        stage.context.enable_only(moderngl.DEPTH_TEST)
+        stage.craft.draw_light()
+        stage.pixels.scissor = within
+        stage.pixels.use()
+        stage.context.enable_only(moderngl.NOTHING)
+        stage.sampled.use(0)
+        stage.average.render(moderngl.TRIANGLES, vertices=3)
+        image = stage.pixels.read(within, components=4, attachment=0, dtype="f4")
+        z_m = stage.pixels.read(within, components=1, attachment=1, dtype="f4")
+        shape = (part.height, part.width)
+        return (
+            np.frombuffer(image, dtype=np.float32).reshape(*shape, 4),
+            np.frombuffer(z_m, dtype=np.float32).reshape(shape),
+        )
+
+
+def _tiles(box: PixelBox, size: int) -> Iterator[tuple[int, int, PixelBox]]:
+    """The tiles that a box touches: corner of the tile, and the part of it inside the box.
+
+    Tiles lie on a grid of the whole image, so that a pixel is drawn by the same numbers in any box.
+    """
+    right, bottom = box.x0 + box.width, box.y0 + box.height
+    for y0 in range(box.y0 // size * size, bottom, size):
+        for x0 in range(box.x0 // size * size, right, size):
+            x, y = max(x0, box.x0), max(y0, box.y0)
+            yield x0, y0, PixelBox(x, y, min(x0 + size, right) - x, min(y0 + size, bottom) - y)
+
+
+def _shadow_from_body(spacecraft: Spacecraft, sun_direction_body: FloatArray) -> FloatArray:
+    """(4, 4) body metres → −1 … 1 as the Sun sees it, tight about the craft; z grows from the Sun."""
+    helper = np.eye(3)[np.abs(sun_direction_body).argmin()]
+    x = np.cross(helper, sun_direction_body)
+    x /= np.linalg.norm(x)
+    axes = np.stack([x, np.cross(sun_direction_body, x), -sun_direction_body])
+    bounds = [(p @ axes.T).min(axis=0) for p in (part.vertices_body_m for part in spacecraft.parts)]
+    low = np.min(bounds, axis=0)
+    high = np.max([(part.vertices_body_m @ axes.T).max(axis=0) for part in spacecraft.parts], axis=0)
+    # A margin keeps the border texels empty, so that beyond the map there is no shadow.
+    half = np.maximum((high - low) / 2, 1e-6) * MARGIN + 1e-3 * spacecraft.radius_m
+    out = np.eye(4)
+    out[:3, :3] = axes / half[:, None]
+    out[:3, 3] = -(low + high) / 2 / half
+    return out
+
+
+def _environment_textures(context: moderngl.Context, environment: EnvironmentMap) -> list[Map]:
+    radiance = np.ascontiguousarray(environment.radiance_rgb, dtype=np.float32)
+    lobes = convolved(radiance)
+    plain = context.texture(radiance.shape[1::-1], 3, radiance.tobytes(), dtype="f4")
+    layers = context.texture_array(
+        (lobes.shape[2], lobes.shape[1], lobes.shape[0]), 3, lobes.tobytes(), dtype="f4"
+    )
+    for texture in (plain, layers):
+        texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
+        texture.repeat_y = False
+    return [plain, layers]
+
+
+def _set_matrix(target: moderngl.Program, name: str, matrix: FloatArray) -> None:
+    """OpenGL has its matrices column by column."""
+    uniform = target[name]
+    assert isinstance(uniform, moderngl.Uniform)
+    uniform.write(np.ascontiguousarray(matrix.T, dtype=np.float32).tobytes())

@@ -1,0 +1,110 @@
+#version 330 core
+// glTF 2.0 metallic-roughness (specification, appendix B) under the Sun and an environment map.
+const float PI = 3.14159265358979;
+const float PREFILTERED_STEP = 0.25;  // roughness between the layers of prefiltered
+const float DIFFUSE_LAYER = 4.0;
+
+uniform vec3 sun_direction;
+uniform vec3 sun_irradiance_rgb_w_m2;
+uniform float sun_angular_radius_rad;
+uniform mat4 shadow_from_cam;
+uniform float shadow_texel_m;
+uniform sampler2DShadow shadow_map;
+
+uniform bool has_environment;
+uniform sampler2D environment;          // radiance, as in posse_core.model.scene.EnvironmentMap
+uniform sampler2DArray prefiltered;     // lobes of roughness ¼ ½ ¾ 1, then the cosine lobe
+uniform sampler2D lobe_albedo;          // (n·v, roughness) → scale and bias of F0
+
+uniform vec3 base_color;
+uniform float metallic, roughness, specular;
+uniform bool has_normal_map;
+uniform sampler2D base_color_texture, metallic_roughness_texture, normal_texture;
+
+in vec3 position_m;
+in vec3 normal;
+in vec2 texture_uv;
+
+out vec4 radiance_and_z;
+
+vec2 map_place(vec3 d) {
+    return vec2(atan(d.x, d.z) / (2.0 * PI) + 0.5, acos(clamp(-d.y, -1.0, 1.0)) / PI);
+}
+
+vec3 mapped_normal(vec3 n) {
+    // Tangents from the derivatives of position and texture coordinates: none need be stored.
+    vec3 dp_x = dFdx(position_m), dp_y = dFdy(position_m);
+    vec2 dt_x = dFdx(texture_uv), dt_y = dFdy(texture_uv);
+    vec3 across_x = cross(n, dp_x), across_y = cross(dp_y, n);
+    float side = dot(dp_x, across_y);
+    vec3 tangent = (across_y * dt_x.x + across_x * dt_y.x) * sign(side);
+    vec3 down = (across_y * dt_x.y + across_x * dt_y.y) * sign(side);
+    float scale = inversesqrt(max(max(dot(tangent, tangent), dot(down, down)), 1e-30));
+    vec3 t = texture(normal_texture, texture_uv).xyz * 2.0 - 1.0;
+    return normalize(tangent * scale * t.x - down * scale * t.y + n * t.z);
+}
+
+float sun_visible(vec3 face_normal) {
+    float n_l = dot(face_normal, sun_direction);
+    if (n_l <= 0.0) return 0.0;
+    // Off the face by more than a texel's slope, or it would shade itself.
+    float lift = shadow_texel_m * (0.2 + 1.8 * sqrt(max(0.0, 1.0 - n_l * n_l)));
+    vec4 place = shadow_from_cam * vec4(position_m + lift * face_normal, 1.0);
+    return texture(shadow_map, place.xyz * 0.5 + 0.5);
+}
+
+void main() {
+    vec3 v = normalize(-position_m);
+    vec3 face_normal = normalize(cross(dFdx(position_m), dFdy(position_m)));
+    if (dot(face_normal, v) < 0.0) face_normal = -face_normal;
+    vec3 n = normalize(normal);
+    bool behind = dot(n, face_normal) < 0.0;  // both sides of a face are seen
+    if (has_normal_map) n = mapped_normal(n);
+    if (behind) n = -n;
+
+    vec3 color = base_color * texture(base_color_texture, texture_uv).rgb;
+    vec2 both = texture(metallic_roughness_texture, texture_uv).rg;
+    float metal = metallic * both.x, rough = roughness * both.y;
+    vec3 f0 = mix(vec3(0.04 * specular), color, metal);
+    float f90 = mix(specular, 1.0, metal);
+    vec3 diffuse = color * (1.0 - metal) / PI;
+    float n_v = max(dot(n, v), 1e-4);
+
+    vec3 radiance = vec3(0.0);
+    float n_l = dot(n, sun_direction);
+    if (n_l > 0.0) {
+        vec3 h = normalize(v + sun_direction);
+        float n_h = max(dot(n, h), 0.0), v_h = max(dot(v, h), 0.0);
+        // The Sun's disc widens the lobe: a mirror then shows E/(π σ²) at its middle, as it should.
+        float half_disc = 0.5 * sun_angular_radius_rad;
+        float a2 = rough * rough * rough * rough + half_disc * half_disc;
+        // 1 − n_h² as |n × h|²: the difference would lose the lobe of a mirror to rounding.
+        vec3 off = cross(n, h);
+        float d = n_h * n_h * a2 + dot(off, off);
+        float distribution = a2 / (PI * d * d);
+        float shadowing = 0.5 / (n_l * sqrt(n_v * n_v * (1.0 - a2) + a2)
+                               + n_v * sqrt(n_l * n_l * (1.0 - a2) + a2));
+        vec3 fresnel = f0 + (f90 - f0) * pow(1.0 - v_h, 5.0);
+        vec3 reflected = diffuse * (1.0 - max(max(fresnel.r, fresnel.g), fresnel.b) * (1.0 - metal))
+                       + fresnel * distribution * shadowing;
+        radiance += sun_visible(face_normal) * sun_irradiance_rgb_w_m2 * n_l * reflected;
+    }
+    if (has_environment) {
+        vec2 albedo = texture(lobe_albedo, vec2(n_v, rough)).rg;
+        vec3 fresnel = f0 * albedo.x + f90 * albedo.y;
+        vec2 mirrored = map_place(reflect(-v, n));
+        float layer = rough / PREFILTERED_STEP - 1.0;
+        vec3 lobe;
+        if (layer <= 0.0) {
+            lobe = mix(texture(environment, mirrored).rgb,
+                       texture(prefiltered, vec3(mirrored, 0.0)).rgb, layer + 1.0);
+        } else {
+            lobe = mix(texture(prefiltered, vec3(mirrored, floor(layer))).rgb,
+                       texture(prefiltered, vec3(mirrored, ceil(layer))).rgb, fract(layer));
+        }
+        float coat = max(max(fresnel.r, fresnel.g), fresnel.b) * (1.0 - metal);
+        vec3 even = texture(prefiltered, vec3(map_place(n), DIFFUSE_LAYER)).rgb;
+        radiance += lobe * fresnel + even * PI * diffuse * (1.0 - coat);
+    }
+    radiance_and_z = vec4(radiance, position_m.z);
+}

@@ -1,0 +1,26 @@
+#version 330 core
+// Everything is in camera axes: x right, y down, z forward, metres.
+uniform mat3 R_cam_from_body;
+uniform vec3 t_body_cam_m;
+uniform vec4 focal_and_centre;  // of the drawn samples: position = focal * xy / z + centre, in −1 … 1
+uniform vec2 clip_m;
+
+in vec3 position_body_m;
+in vec3 normal_body;
+in vec2 uv;
+
+out vec3 position_m;
+out vec3 normal;
+out vec2 texture_uv;
+
+void main() {
+    position_m = R_cam_from_body * position_body_m + t_body_cam_m;
+    normal = R_cam_from_body * normal_body;
+    texture_uv = vec2(uv.x, 1.0 - uv.y);  // textures have row 0 at v = 1
+    float z = position_m.z, near = clip_m.x, far = clip_m.y;
+    gl_Position = vec4(
+        focal_and_centre.xy * position_m.xy + focal_and_centre.zw * z,
+        ((far + near) * z - 2.0 * far * near) / (far - near),
+        z
+    );
+}

@@ -1,0 +1,93 @@
+"""The sky's light for a rasteriser: a map convolved with the lobes of rough and matt surfaces.
+
+The split-sum approximation of Karis, "Real Shading in Unreal Engine 4" (SIGGRAPH 2013 course), with the
+sums done exactly: a lobe about each output direction is a row of weights over the texels of the map, so
+a frame's convolution is one matrix product.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import cv2
+import numpy as np
+
+from posse_core.model.arrays import Float32Array, FloatArray
+
+LOBE_ROUGHNESS = (0.25, 0.5, 0.75, 1.0)
+"""Perceptual roughness of the lobes; below the first, the map itself is mixed in."""
+LOBE_HEIGHT = 24
+MAP_HEIGHT = 32
+ALBEDO_SIZE = 32
+ALBEDO_SAMPLES = 1024
+
+
+def convolved(radiance_rgb: Float32Array) -> Float32Array:
+    """Convolve a map with each lobe, and with the cosine lobe last.
+
+    Args:
+        radiance_rgb: (h, w, 3) as in :class:`posse_core.model.scene.EnvironmentMap`.
+
+    Returns:
+        (5, 24, 48, 3): mean radiance over the lobe about each direction; the last one is irradiance/π.
+    """
+    small = cv2.resize(radiance_rgb, (2 * MAP_HEIGHT, MAP_HEIGHT), interpolation=cv2.INTER_AREA)
+    out = _weights() @ np.asarray(small, dtype=np.float32).reshape(-1, 3)
+    return np.ascontiguousarray(out.reshape(len(LOBE_ROUGHNESS) + 1, LOBE_HEIGHT, 2 * LOBE_HEIGHT, 3))
+
+
+def lobe_albedo() -> Float32Array:
+    """(32, 32, 2) reflectance of a GGX lobe = F0 · [..., 0] + F90 · [..., 1].
+
+    Row: roughness, column: n·v, at texel centres (i + ½)/32.
+    """
+    axis = (np.arange(ALBEDO_SIZE) + 0.5) / ALBEDO_SIZE
+    u1 = (np.arange(ALBEDO_SAMPLES) + 0.5) / ALBEDO_SAMPLES
+    phi = 2 * np.pi * ((np.arange(ALBEDO_SAMPLES) * 0.618_033_988_749_895) % 1.0)
+    out = np.empty((ALBEDO_SIZE, ALBEDO_SIZE, 2), dtype=np.float32)
+    n_v = axis[:, None]
+    for i, roughness in enumerate(axis):
+        a2 = roughness**4
+        n_h = np.sqrt((1 - u1) / (1 + (a2 - 1) * u1))
+        h_x = np.sqrt(1 - n_h**2) * np.cos(phi)
+        v_h = np.maximum(np.sqrt(1 - n_v**2) * h_x + n_v * n_h, 1e-6)
+        n_l = 2 * v_h * n_h - n_v
+        lit = n_l > 0
+        n_l = np.maximum(n_l, 1e-6)
+        masking = (
+            2
+            * n_l
+            * n_v
+            / (n_l * np.sqrt(n_v**2 * (1 - a2) + a2) + n_v * np.sqrt(n_l**2 * (1 - a2) + a2))
+        )
+        share = np.where(lit, masking * v_h / (n_h * n_v), 0.0)
+        fresnel = (1 - v_h) ** 5
+        out[i, :, 0] = (share * (1 - fresnel)).mean(axis=1)
+        out[i, :, 1] = (share * fresnel).mean(axis=1)
+    return out
+
+
+@cache
+def _weights() -> Float32Array:
+    """(lobes · outputs, texels) rows that sum to 1."""
+    theta, seen = _directions(MAP_HEIGHT)
+    _, about = _directions(LOBE_HEIGHT)
+    cosine = np.clip(about @ seen.T, -1.0, 1.0).astype(np.float32)
+    lit = np.maximum(cosine, 0)
+    solid_angle = np.sin(theta).astype(np.float32)
+    n_h2 = (1 + cosine) / 2  # seen along the normal, the half vector lies midway to the light
+    lobes = []
+    for roughness in LOBE_ROUGHNESS:
+        a2 = np.float32(roughness**4)
+        lobes.append(lit * solid_angle / (n_h2 * (a2 - 1) + 1) ** 2)
+    lobes.append(lit * solid_angle)
+    rows = np.concatenate(lobes)
+    return np.asarray(rows / rows.sum(axis=1, keepdims=True), dtype=np.float32)
+
+
+def _directions(height: int) -> tuple[FloatArray, FloatArray]:
+    """(texels,) polar angle and (texels, 3) direction of a map's texels, camera axes."""
+    theta = np.pi * (np.arange(height) + 0.5) / height
+    phi = 2 * np.pi * (np.arange(2 * height) + 0.5) / (2 * height) - np.pi
+    t, p = (a.ravel() for a in np.meshgrid(theta, phi, indexing="ij"))
+    return t, np.stack([np.sin(t) * np.sin(p), -np.cos(t), np.sin(t) * np.cos(p)], axis=-1)

@@ -1,0 +1,41 @@
+"""Every image in these tests is drawn by a real OpenGL."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from posse_core.errors import ComponentError
+from posse_core.model.scene import Scene
+from posse_render_raster.context import create_context
+from posse_render_raster.options import RasterOptions
+from posse_render_raster.renderer import RasterRenderer
+
+
+@pytest.fixture(scope="session")
+def opengl() -> None:
+    """Ask for this where a test needs OpenGL."""
+    try:
+        create_context().release()
+    except ComponentError as error:
+        if os.environ.get("POSSE_REQUIRE_RASTER") == "1":
+            pytest.fail(f"{error} (POSSE_REQUIRE_RASTER=1)")
+        pytest.skip(str(error))
+
+
+@pytest.fixture
+def opened(opengl: None) -> Iterator[Callable[..., RasterRenderer]]:
+    """Open a renderer on a scene with these options; it is closed after the test."""
+    renderers: list[RasterRenderer] = []
+
+    def open_renderer(scene: Scene, **options: object) -> RasterRenderer:
+        renderer = RasterRenderer(RasterOptions.model_validate(options))
+        renderers.append(renderer)
+        renderer.open(scene)
+        return renderer
+
+    yield open_renderer
+    for renderer in renderers:
+        renderer.close()

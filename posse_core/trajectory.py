@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
-import io
-import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +21,6 @@ from posse_core.environment.eclipse import solar_flux_w_m2, sun_angular_radius_r
 from posse_core.environment.ephemeris import moon_eci_m, sun_eci_m
 from posse_core.environment.time import Epoch
 from posse_core.errors import InputError
-from posse_core.files import atomic_file
 from posse_core.frames import (
     R_eci_from_rtn,
     eci_from_rtn,
@@ -36,6 +32,7 @@ from posse_core.model.arrays import AnyArray
 from posse_core.model.scene import FrameState
 from posse_core.model.trajectory import Trajectory
 from posse_core.scenario.attitude import AttitudeConfig
+from posse_core.tables import read_table, write_table
 
 
 def build_trajectory(
@@ -144,109 +141,27 @@ def frame_state(trajectory: Trajectory, index: int, constants: Constants) -> Fra
 
 
 def save_trajectory(trajectory: Trajectory, path: Path) -> None:
-    """Write ``.npz`` or ``.csv``, atomically.
-
-    Both carry the fields of :class:`Trajectory` by name. The CSV has a row a frame; a vector's
-    columns end in ``_x _y _z``, a quaternion's in ``_w _x _y _z``, and every number is read back to
-    the bit.
+    """Write ``.npz`` or ``.csv`` with the fields of :class:`Trajectory` by name (see ``tables``).
 
     Raises:
         InputError: the name ends otherwise.
     """
-    arrays = {name: getattr(trajectory, name) for name in _FIELDS}
-    match path.suffix:
-        case ".npz":
-            with atomic_file(path) as stream:
-                np.savez(stream, epoch_utc=np.array(trajectory.epoch_utc), **arrays)
-        case ".csv":
-            text = io.StringIO()
-            rows = csv.writer(text, lineterminator="\n")
-            rows.writerow(["epoch_utc", *(column for name in _FIELDS for column in _columns(name))])
-            flat = [part for name in _FIELDS for part in arrays[name].reshape(len(trajectory), -1).T]
-            for row in zip(*(part.tolist() for part in flat), strict=True):
-                rows.writerow([trajectory.epoch_utc, *row])
-            with atomic_file(path) as stream:
-                stream.write(text.getvalue().encode())
-        case _:
-            raise _unknown_suffix(path)
+    write_table(path, trajectory.epoch_utc, {name: getattr(trajectory, name) for name in _FIELDS})
 
 
 def load_trajectory(path: Path) -> Trajectory:
-    """Read what :func:`save_trajectory` wrote.
+    """Read what :func:`save_trajectory` wrote, to the bit.
 
     Raises:
-        InputError: the file is missing, of another kind, lacks a column, or has a value that is no
-            finite number; the message names the file and the column.
+        InputError: the file is missing, of another kind, lacks a field, or has a value that is no
+            finite number; the message names the file and the field.
     """
-    if not path.is_file():
-        raise InputError(f"there is no trajectory {path}; make one with 'posse propagate'")
-    match path.suffix:
-        case ".npz":
-            epoch_utc, columns = _read_npz(path)
-        case ".csv":
-            epoch_utc, columns = _read_csv(path)
-        case _:
-            raise _unknown_suffix(path)
-    arrays: dict[str, AnyArray] = {}
-    for name in _FIELDS:
-        parts = [columns[column] for column in _columns(name)]
-        array = np.stack(parts, axis=-1) if len(parts) > 1 else parts[0]
-        if not np.all(np.isfinite(array)):
-            raise InputError(f"{path}: {name} has a value that is no finite number; mend that row")
-        arrays[name] = array.astype(np.int64) if name == "sequence" else array
-    if len(arrays["t_s"]) == 0:
-        raise InputError(f"{path} has no frame")
-    return Trajectory(epoch_utc=epoch_utc, **arrays)
+    table = read_table(path, _FIELDS)
+    if table.epoch_utc is None:
+        raise InputError(f"{path} has no 'epoch_utc'; files of 'posse propagate' have")
+    arrays: dict[str, AnyArray] = {name: table[name] for name in _FIELDS}
+    arrays["sequence"] = arrays["sequence"].astype(np.int64)
+    return Trajectory(epoch_utc=table.epoch_utc, **arrays)
 
 
 _FIELDS = tuple(field.name for field in dataclasses.fields(Trajectory) if field.name != "epoch_utc")
-_SUFFIXES = {"q": ("_w", "_x", "_y", "_z"), "r": ("_x", "_y", "_z"), "v": ("_x", "_y", "_z")}
-
-
-def _columns(name: str) -> list[str]:
-    """Names of the columns that a field takes in a CSV file."""
-    return [name + suffix for suffix in _SUFFIXES.get(name.split("_")[0], ("",))]
-
-
-def _read_npz(path: Path) -> tuple[str, dict[str, AnyArray]]:
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-    except (OSError, ValueError, zipfile.BadZipFile) as error:
-        raise InputError(f"{path} is not a trajectory in NumPy's npz format: {error}") from None
-    columns: dict[str, AnyArray] = {}
-    for name in ("epoch_utc", *_FIELDS):
-        if name not in arrays:
-            raise InputError(f"{path} has no array {name!r}; make it with 'posse propagate'")
-    frames = np.shape(arrays["t_s"])
-    for name in _FIELDS:
-        wanted = (*frames, len(_columns(name))) if len(_columns(name)) > 1 else frames
-        array = arrays[name]
-        if len(frames) != 1 or array.shape != wanted or array.dtype.kind not in "fiu":
-            raise InputError(f"{path}: {name} has shape {array.shape}; {wanted} of numbers is needed")
-        columns.update(zip(_columns(name), array.reshape(*frames, -1).T, strict=True))
-    return str(arrays["epoch_utc"]), columns
-
-
-def _read_csv(path: Path) -> tuple[str, dict[str, AnyArray]]:
-    with open(path, newline="", encoding="utf-8") as stream:
-        rows = list(csv.reader(stream))
-    header, body = (rows[0], rows[1:]) if rows else ([], [])
-    for column in ("epoch_utc", *(column for name in _FIELDS for column in _columns(name))):
-        if column not in header:
-            raise InputError(f"{path} has no column {column!r}; make it with 'posse propagate'")
-    if not body:
-        raise InputError(f"{path} has no frame")
-    columns: dict[str, AnyArray] = {}
-    for place, column in enumerate(header):
-        try:
-            values = [row[place] for row in body]
-            if column != "epoch_utc":
-                columns[column] = np.array(values, dtype=np.float64)
-        except (IndexError, ValueError) as error:
-            raise InputError(f"{path}: column {column!r}: {error}") from None
-    return body[0][header.index("epoch_utc")], columns
-
-
-def _unknown_suffix(path: Path) -> InputError:
-    return InputError(f"{path}: a trajectory's name ends in .npz or .csv")

@@ -228,11 +228,16 @@ def test_npz_holds_plain_arrays(trajectory: Trajectory, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("none.npz", None, "there is no trajectory"),
-        ("t.txt", "", "ends in .npz or .csv"),
-        ("t.npz", "not a zip", "not a trajectory"),
-        ("t.csv", "", "no column 'epoch_utc'"),
-        ("t.csv", "epoch_utc,t_s\n2022-01-01,0\n", "no column 'sequence'"),
+        ("none.npz", None, "there is no file"),
+        ("t.txt", "", r"ends in \.npz or \.csv"),
+        ("t.npz", "not a zip", "cannot be read as NPZ"),
+        ("t.npz", "", "cannot be read as NPZ"),
+        ("t.csv", "", "none of t_s, sequence"),
+        ("t.csv", "t_s\n0\n", "no 'epoch_utc'"),
+        ("t.csv", "epoch_utc,t_s\n2022-01-01,0\n", "no 'sequence'"),
+        ("t.csv", "epoch_utc,t_s\n", "t_s is empty"),
+        ("t.csv", "t_s,sequence\n0,0\n1\n", "too short for the column 'sequence'"),
+        ("t.csv", "\xff\xfe", "cannot be read as CSV|none of"),
     ],
 )
 def test_a_file_that_is_no_trajectory(
@@ -268,6 +273,14 @@ def test_an_array_of_another_shape(trajectory: Trajectory, tmp_path: Path) -> No
     arrays["r_sun_eci_m"] = arrays["r_sun_eci_m"][:-1]
     np.savez(path, **arrays)
     with pytest.raises(InputError, match=r"r_sun_eci_m has shape \(199, 3\)"):
+        load_trajectory(path)
+
+
+def test_an_array_file_under_a_wrong_name(tmp_path: Path) -> None:
+    path = tmp_path / "t.npz"
+    with open(path, "wb") as stream:
+        np.save(stream, np.zeros(3))
+    with pytest.raises(InputError, match="cannot be read as NPZ"):
         load_trajectory(path)
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import importlib
 import platform
 from collections.abc import Iterator
-from typing import Any
 
 import click
 
 from posse_core.cli.common import echo_json
 from posse_core.errors import CheckFailed, PosseError
+from posse_core.interfaces.renderer import Renderer
 from posse_core.plugins import Plugins, load_plugins
 
 Finding = tuple[str, bool, str]
@@ -71,11 +71,11 @@ def _plugins(plugins: Plugins) -> Iterator[Finding]:
 
 
 def _renderer(plugins: Plugins, name: str) -> Iterator[Finding]:
-    """A renderer class may have a classmethod ``doctor() -> Iterable[Finding]``."""
     try:
-        cls: Any = plugins.registry.load("renderer", name)
-        findings = list(cls.doctor()) if hasattr(cls, "doctor") else [("loads", True, "")]
+        renderer: type[Renderer] = plugins.registry.load("renderer", name)
+        options = plugins.registry.options("renderer", name, {})
+        findings = renderer.doctor(options) or [("it", True, "loads")]
     except PosseError as error:
-        findings = [("loads", False, str(error))]
+        findings = [("it", False, str(error))]
     for what, works, detail in findings:
         yield f"renderer {name}: {what}", works, detail

@@ -7,7 +7,7 @@ process of its own, is opened once, renders frame after frame, and is closed.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from pydantic import BaseModel
 
@@ -42,6 +42,14 @@ class Renderer(ABC):
     @abstractmethod
     def close(self) -> None:
         """Free what :meth:`open` took; may be called twice, or without open."""
+
+    @classmethod
+    def doctor(cls, options: BaseModel) -> Sequence[tuple[str, bool, str]]:
+        """What the renderer needs of this machine: (what, whether it works, detail with the way out).
+
+        ``posse doctor`` asks with the default options; nothing is opened.
+        """
+        return ()
 
     def describe(self) -> Mapping[str, str]:
         """Versions and choices for the manifest, such as ``{"mitsuba": "3.9.1"}``; after open."""

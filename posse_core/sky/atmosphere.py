@@ -57,6 +57,10 @@ def densities(height_m: RealArray) -> FloatArray:
 
 EXTINCTION: FloatArray = np.stack([RAYLEIGH_DEPTH, AEROSOL_DEPTH, OZONE_DEPTH])
 """(3, 3) species × band: optical depth of a whole vertical column."""
+_FORWARD = np.array([0.5, 0.5 * (1 + AEROSOL_ASYMMETRY), 0.0])
+_ALBEDO = np.array([1.0, AEROSOL_ALBEDO, 0.0])
+DIMMING: FloatArray = EXTINCTION * (1 - _ALBEDO * _FORWARD)[:, None]
+"""(3, 3) the same for the light of wide ground, which gets back what its surroundings lose forwards."""
 
 
 @functools.cache
@@ -128,7 +132,7 @@ class AirTables:
 
     Attributes:
         glow: (rows, AZIMUTHS, 3) radiance per irradiance of the Sun, sr⁻¹.
-        transmission: (rows, AZIMUTHS, 3) of what is behind.
+        transmission: (rows, AZIMUTHS, 3) of the ground's light, or of light from beyond the limb.
     """
 
     glow: Float32Array
@@ -164,8 +168,8 @@ def air_tables(distance_m: float, sun_zenith_cosine: float) -> AirTables:
     near = _way_m(b_limb, passing_m, squares)
     through = np.concatenate([near, -near[:, -2::-1]], axis=1)
     parts = [
-        _trace(b, way, distance_m, sun_zenith_cosine, azimuth)
-        for b, way in ((b_ground, to_ground), (b_limb, through))
+        _trace(b, way, behind, distance_m, sun_zenith_cosine, azimuth)
+        for b, way, behind in ((b_ground, to_ground, DIMMING), (b_limb, through, EXTINCTION))
     ]
     glow, transmission = (np.concatenate(part) for part in zip(*parts, strict=True))
     return AirTables(glow, transmission)
@@ -180,6 +184,7 @@ def _way_m(b_m: FloatArray, lowest_m: FloatArray, squares: FloatArray) -> FloatA
 def _trace(
     b_m: FloatArray,
     way_m: FloatArray,
+    behind: FloatArray,
     distance_m: float,
     sun_zenith_cosine: float,
     azimuth_rad: FloatArray,
@@ -211,5 +216,5 @@ def _trace(
     g = AEROSOL_ASYMMETRY
     haze = (1 - g * g) / (4 * np.pi * (1 + g * g - 2 * g * forward) ** 1.5)
     glow = by_species[:, 0] * rayleigh[..., None] + by_species[:, 1] * haze[..., None]
-    transmission = np.exp(-depth.sum(axis=1))[:, None, :] * np.ones((1, len(azimuth_rad), 1))
+    transmission = np.exp(-column.sum(axis=1) @ behind)[:, None, :] * np.ones((1, len(azimuth_rad), 1))
     return glow.astype(np.float32), transmission.astype(np.float32)

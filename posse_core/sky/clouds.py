@@ -10,21 +10,18 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 from scipy.special import ndtri
 
-from posse_core.model.arrays import Float32Array, FloatArray
+from posse_core.model.arrays import Float32Array
 from posse_core.randomness import generator
 from posse_core.sky.atmosphere import RADIUS_M
+from posse_core.sky.detail import Detail, make_detail
 from posse_core.sky.pyramid import Pyramid
 
 MAP_WIDTH = 2048
-TILE_PX = 1024
-TILE_M = 512e3
-"""Side of the tile of fine structure, which repeats."""
-DETAIL_SHARE = 0.22
-"""Share of the field's variance that the tile holds."""
+DETAIL_SHARE = 0.2
+"""Share of the field's variance that is fine structure."""
 _COVER_LAT_DEG = (-90, -62, -48, -35, -20, -8, 5, 14, 25, 40, 55, 70, 90)
-_COVER = (0.45, 0.72, 0.68, 0.5, 0.38, 0.42, 0.55, 0.42, 0.32, 0.46, 0.58, 0.58, 0.55)
-"""Share of sky under bright cloud by latitude: the shape of MODIS' zonal means (King et al. 2013),
-less their thin cirrus."""
+_COVER = (0.50, 0.86, 0.82, 0.62, 0.50, 0.52, 0.68, 0.55, 0.44, 0.60, 0.72, 0.70, 0.62)
+"""Share of sky under cloud by latitude, after MODIS' zonal means (King et al. 2013)."""
 
 
 @dataclass(frozen=True)
@@ -33,12 +30,11 @@ class Clouds:
 
     Attributes:
         base: float32 map of the field's large structure, plate carrée as the ground's.
-        tile: float32, 3 channels: fine structure and its slopes to the right and downwards, per
-            tile pixel.
+        detail: fine structure, laid over it.
     """
 
     base: Pyramid
-    tile: Pyramid
+    detail: Detail
 
     def at(
         self, normal: Float32Array, latitude_rad: Float32Array, footprint_m: Float32Array, t_s: float
@@ -48,35 +44,28 @@ class Clouds:
         normal: (3, n) unit, ECEF axes, and latitude_rad: (n,) of the places; footprint_m: (n,) width
         that a pixel covers there. Returns, (n,), (n,) and (3, n): how far the field is above the
         threshold of cloud; the standard deviation of what the footprint averages out; the field's
-        fine slope, ECEF axes, per tile pixel.
+        fine slope, ECEF axes, per kilometre.
         """
         turn = -drift_rad_s(latitude_rad) * np.float32(t_s)
         cosine, sine = np.cos(turn), np.sin(turn)
-        x, y, z = normal[0] * cosine - normal[1] * sine, normal[0] * sine + normal[1] * cosine, normal[2]
-        level = np.log2(footprint_m / np.float32(2 * np.pi * RADIUS_M / MAP_WIDTH))
-        field = self.base.between(
-            np.arctan2(y, x) * np.float32(0.5 / np.pi) + np.float32(0.5),
-            np.float32(0.5) - latitude_rad * np.float32(1 / np.pi),
-            level,
+        turned = np.stack(
+            [normal[0] * cosine - normal[1] * sine, normal[0] * sine + normal[1] * cosine, normal[2]]
         )
+        level = np.log2(footprint_m / np.float32(2 * np.pi * RADIUS_M / MAP_WIDTH))
+        x = np.arctan2(turned[1], turned[0]) * np.float32(0.5 / np.pi) + np.float32(0.5)
+        y = np.float32(0.5) - latitude_rad * np.float32(1 / np.pi)
+        field = self.base.between(x, y, level)
         field -= threshold(latitude_rad)
-        slope = np.zeros_like(normal)
-        fine_level = np.log2(footprint_m / np.float32(TILE_M / TILE_PX))
-        scale = np.float32(RADIUS_M / TILE_M)
-        weights = np.stack([x, y, z]) ** 4
-        weights /= weights.sum(axis=0)
-        # The tile is laid on from three sides, blended by how squarely each meets the ground.
-        for side, (right, down) in enumerate(((y, z), (z, x), (x, y))):
-            u, v = right * scale, down * scale
-            sample = self.tile.at(u - np.floor(u), v - np.floor(v), fine_level)
-            field += weights[side] * sample[:, 0]
-            slope[(side + 1) % 3] += weights[side] * sample[:, 1]
-            slope[(side + 2) % 3] += weights[side] * sample[:, 2]
-        # Each halving of the tile takes away a part of its variance, and so it is with the base.
-        lost = DETAIL_SHARE * np.clip(fine_level / 6, 0, 1) + (1 - DETAIL_SHARE) * np.clip(
+        # Some weather is smooth and some broken, as another part of the map has it.
+        broken = self.base.at((x + np.float32(0.381)) % 1, y, np.maximum(level, 3))
+        strength = np.sqrt(DETAIL_SHARE) * np.clip(0.9 + 0.5 * broken, 0.25, 1.7)
+        strength = np.asarray(strength, dtype=np.float32)
+        fine, slope = self.detail.at(turned, footprint_m)
+        field += strength * fine
+        lost = DETAIL_SHARE * self.detail.lost_variance(footprint_m) + (1 - DETAIL_SHARE) * np.clip(
             level / 8, 0, 1
         )
-        return field, np.sqrt(lost), slope
+        return field, np.sqrt(lost.astype(np.float32)), np.asarray(strength * slope)
 
 
 def threshold(latitude_rad: Float32Array) -> Float32Array:
@@ -95,7 +84,7 @@ def drift_rad_s(latitude_rad: Float32Array) -> Float32Array:
 def make_clouds(seed: int) -> Clouds:
     """The clouds of a seed. Takes about a second."""
     random = generator(seed, -1, "clouds")
-    return Clouds(Pyramid(_base(random)), Pyramid(_tile(random), tiles=True))
+    return Clouds(Pyramid(_base(random)), make_detail(seed))
 
 
 def _base(random: np.random.Generator) -> Float32Array:
@@ -103,14 +92,14 @@ def _base(random: np.random.Generator) -> Float32Array:
     places = _warped(random)
     total: Float32Array = np.zeros((32, 64), dtype=np.float32)
     volume = _noise_volume(random)
-    cycles, amplitude, width = 1.6, 0.8, 128
-    while width <= MAP_WIDTH:
+    amplitude = 0.8
+    for cycles, width in ((1.6, 128), (3.2, 256), (6.4, 512), (13, 1024), (26, 2048), (52, 2048)):
         at = _enlarged(places, width) * np.float32(8 * cycles)
         octave = map_coordinates(
             volume, np.moveaxis(at + random.uniform(0, 64, 3), -1, 0), order=1, mode="grid-wrap"
         )
         total = _enlarged(total, width) + np.float32(amplitude) * octave
-        cycles, amplitude, width = cycles * 2, amplitude * 0.75, width * 2
+        amplitude *= 0.78
     # Rows near the poles stand for little area.
     area = np.cos(np.linspace(-np.pi / 2, np.pi / 2, len(total)))[:, None]
     mean = np.average(total, weights=np.broadcast_to(area, total.shape))
@@ -181,22 +170,3 @@ def _noise_volume(random: np.random.Generator) -> Float32Array:
         np.where((norm >= 6) & (norm <= 13), spectrum, 0), s=(64, 64, 64), axes=(0, 1, 2)
     )
     return np.asarray(volume / volume.std(), dtype=np.float32)
-
-
-def _tile(random: np.random.Generator) -> Float32Array:
-    """(TILE_PX, TILE_PX, 3) field of variance DETAIL_SHARE, and its two slopes."""
-    k = np.fft.fftfreq(TILE_PX) * TILE_PX
-    norm = np.hypot(k[:, None], k[None, : TILE_PX // 2 + 1])
-    norm[0, 0] = 1
-    fall = np.where(norm >= 8, norm**-1.75, 0)  # waves of 64 km and less
-    fields: list[FloatArray] = [
-        np.fft.irfft2(
-            fall * np.fft.rfft2(random.standard_normal((TILE_PX, TILE_PX))), s=(TILE_PX, TILE_PX)
-        )
-        for _ in range(2)
-    ]
-    puffs = np.hypot(fields[0], fields[1])  # round tops between sharp clefts
-    puffs = (puffs - puffs.mean()) * np.sqrt(DETAIL_SHARE) / puffs.std()
-    right = (np.roll(puffs, -1, axis=1) - np.roll(puffs, 1, axis=1)) / 2
-    down = (np.roll(puffs, -1, axis=0) - np.roll(puffs, 1, axis=0)) / 2
-    return np.asarray(np.stack([puffs, right, down], axis=-1), dtype=np.float32)

@@ -24,7 +24,7 @@ from posse_core.sky.atmosphere import (
 )
 from posse_core.sky.clouds import Clouds
 from posse_core.sky.ellipsoid import SEMI_AXES_M
-from posse_core.sky.ground import MAP_TEXEL_RAD, OCEAN_RGB, Ground, glint_radiance
+from posse_core.sky.ground import OCEAN_RGB, Ground, glint_radiance
 from posse_core.sky.pyramid import lookup
 
 _STRETCH: FloatArray = RADIUS_M / SEMI_AXES_M
@@ -164,11 +164,7 @@ class EarthView:
         sun_cosine = self._sun.astype(np.float32) @ normal
         footprint_m = (way_m * pixel_rad / np.sqrt(np.maximum(view_cosine, 0.02))).astype(np.float32)
         latitude = np.arcsin(np.clip(normal[2], -1, 1))
-        land, water = self._earth.ground.at(
-            np.arctan2(normal[1], normal[0]) * np.float32(0.5 / np.pi) + np.float32(0.5),
-            np.float32(0.5) - latitude * np.float32(1 / np.pi),
-            np.log2(footprint_m / np.float32(MAP_TEXEL_RAD * RADIUS_M)),
-        )
+        land, water = self._earth.ground.at(normal, latitude, footprint_m)
         diffuse = land + water[:, None] * (OCEAN_RGB - land)
         view32 = view_cosine.astype(np.float32)
         to_eye = -(d / _STRETCH) @ self._sun / np.linalg.norm(d / _STRETCH, axis=1)
@@ -182,7 +178,7 @@ class EarthView:
             direct = sunlight(np.zeros_like(sun_cosine), sun_cosine)
         radiance = irradiance * diffuse * np.float32(1 / np.pi) + glint[:, None] * direct
         if self._earth.clouds is not None:
-            self._cover(radiance, irradiance, diffuse, normal, latitude, sun_cosine, footprint_m)
+            self._cover(radiance, irradiance, normal, latitude, sun_cosine, footprint_m)
         if self._earth.air:
             glow, transmission = self._air.sample(ground_row(view_cosine), self._azimuth(d))
             radiance = radiance * transmission + glow
@@ -192,7 +188,6 @@ class EarthView:
         self,
         radiance: Float32Array,
         irradiance: Float32Array,
-        diffuse: Float32Array,
         normal: Float32Array,
         latitude: Float32Array,
         sun_cosine: Float32Array,
@@ -201,14 +196,12 @@ class EarthView:
         """Lay clouds over the ground's radiance, in place; all of it (n, ...), per Sun's irradiance."""
         assert self._earth.clouds is not None
         field, lost, slope = self._earth.clouds.at(normal, latitude, footprint_m, self._t_s)
-        # Deserts are yellow and have few clouds.
-        field -= np.clip(4 * (diffuse[:, 0] - diffuse[:, 2]), 0, 1.2)
+        field -= np.float32(1.2) * self._earth.ground.aridity(normal, latitude, footprint_m)
         depth = field / (1 + 1.5 * lost)
-        cover = np.clip(depth / 0.9 + 0.15, 0, 1)
+        cover = np.clip(depth / 1.1 + 0.35, 0, 1)
         cover *= cover * (3 - 2 * cover)
-        bright = np.clip(0.35 + 0.3 * depth, 0.35, 0.75)
         # Sides towards the Sun are brighter, the more so the lower it stands.
         relief = -(self._sun.astype(np.float32) @ slope) / np.maximum(sun_cosine, 0.15)
-        bright *= np.clip(1 + 1.2 * relief, 0.6, 1.4)
+        bright = np.clip(0.5 + 0.35 * depth, 0.45, 0.9) * np.clip(1 + 0.6 * relief, 0.65, 1.25)
         radiance *= (1 - cover)[:, None]
         radiance += (cover * bright * np.float32(1 / np.pi))[:, None] * irradiance

@@ -11,10 +11,12 @@ import cv2
 import numpy as np
 
 from posse_core.model.arrays import AnyArray, Float32Array
+from posse_core.sky.atmosphere import RADIUS_M
+from posse_core.sky.detail import Detail, make_detail
 from posse_core.sky.pyramid import Pyramid
 
-MAP_TEXEL_RAD = 2 * np.pi / 5400
-"""Width of a pixel of the map at the equator, 7.4 km."""
+_SHIFT_M = 2500.0
+"""How far noise of unit slope moves a place on the map, whose pixels are 7.4 km wide."""
 OCEAN_RGB: Float32Array = np.array([0.008, 0.018, 0.040], dtype=np.float32)
 """(3,) diffuse reflectance of open water: what comes back from below its surface."""
 WIND_M_S = 7.0
@@ -28,17 +30,53 @@ class Ground:
     Attributes:
         pyramid: uint8, 4 channels: 255 √reflectance of the land in red, green and blue, and
             255 times the share of water. The square root spends the 8 bits where the eye sees them.
+        detail: noise finer than the map, or None.
     """
 
     pyramid: Pyramid
+    detail: Detail | None = None
 
     def at(
-        self, x: Float32Array, y: Float32Array, texel_level: Float32Array
+        self, normal: Float32Array, latitude_rad: Float32Array, footprint_m: Float32Array
     ) -> tuple[Float32Array, Float32Array]:
-        """(...) map places 0 … 1 → land reflectance (..., 3) and share of water (...)."""
-        sample = self.pyramid.between(x, y, texel_level)
+        """Land reflectance (n, 3) and share of water (n,).
+
+        normal: (3, n) unit, ECEF axes, and latitude_rad: (n,) of the places; footprint_m: (n,) width
+        that a pixel covers there. Between the map's pixels its colours and shores are broken up by
+        noise, where plain interpolation would look out of focus.
+        """
+        x, y = _place(normal, latitude_rad)
+        if self.detail is not None:
+            noise, slope = self.detail.at(normal, footprint_m)
+            x = x + np.float32(_SHIFT_M / (2 * np.pi * RADIUS_M)) * slope[0]
+            y = y + np.float32(_SHIFT_M / (np.pi * RADIUS_M)) * slope[2]
+            x -= np.floor(x)
+        level = np.log2(footprint_m / np.float32(2 * np.pi * RADIUS_M / self.pyramid.width_px))
+        sample = self.pyramid.between(x, y, level)
         sample *= np.float32(1 / 255)
-        return np.square(sample[..., :3]), sample[..., 3]
+        water = sample[:, 3].copy()
+        if self.detail is not None:
+            # A shore is sharper than the map wherever a pixel is finer than it.
+            steep = np.clip(np.exp2(-level), 1, 3)
+            water = np.clip((water - 0.5) * steep + 0.5, 0, 1)
+            sample *= (1 + np.float32(0.03) * noise)[:, None]
+        return np.square(sample[:, :3]), water
+
+    def aridity(
+        self, normal: Float32Array, latitude_rad: Float32Array, footprint_m: Float32Array
+    ) -> Float32Array:
+        """(n,) 0 … 1: how much of a desert the country is, by its yellow. Arguments as of ``at``."""
+        x, y = _place(normal, latitude_rad)
+        level = np.log2(footprint_m / np.float32(2 * np.pi * RADIUS_M / self.pyramid.width_px))
+        sample = self.pyramid.at(x, y, np.maximum(level, 5)) * np.float32(1 / 255)
+        yellow = (np.square(sample[:, 0]) - np.square(sample[:, 2])) * (1 - sample[:, 3])
+        return np.asarray(np.clip(4 * yellow, 0, 1))
+
+
+def _place(normal: Float32Array, latitude_rad: Float32Array) -> tuple[Float32Array, Float32Array]:
+    """Places on the map, 0 … 1, (n,) each."""
+    x = np.arctan2(normal[1], normal[0]) * np.float32(0.5 / np.pi) + np.float32(0.5)
+    return x, np.float32(0.5) - latitude_rad * np.float32(1 / np.pi)
 
 
 def make_ground(land_rgb: Float32Array, water: Float32Array) -> Ground:
@@ -73,7 +111,7 @@ def blue_marble() -> Ground:
     cv2.copyTo(spread, shore, land)
     # Ice shelves and sea ice are water by the mask and white in the picture: √0.3 is its darkest.
     water[land.min(axis=-1) > 140] = 0
-    return Ground(Pyramid(cv2.merge([land, water])))
+    return Ground(Pyramid(cv2.merge([land, water])), make_detail(0))
 
 
 def glint_radiance(

@@ -55,6 +55,11 @@ class Pyramid:
         self._origin = np.array(corners, dtype=np.float32) + np.float32(0.5)
         self._size = np.array([level.shape[1::-1] for level in levels], dtype=np.float32)
 
+    @property
+    def width_px(self) -> int:
+        """Of the image itself."""
+        return int(self._size[0, 0])
+
     def at(self, x: Float32Array, y: Float32Array, level: Float32Array) -> AnyArray:
         """Samples between pixels: (...) places and level numbers (rounded) → (..., [c])."""
         which = np.clip(np.rint(level), 0, len(self._size) - 1).astype(np.intp)

@@ -165,7 +165,9 @@ def posse_subcommands() -> list[ComponentSpec]:
             "doctor", "what works on this machine, and how to mend it", "posse_core.cli.doctor:command"
         ),
         ComponentSpec("export", "the labels in another format", "posse_core.cli.export:command"),
-        ComponentSpec("import", "a spacecraft package from a mesh", "posse_core.cli.import_mesh:command"),
+        ComponentSpec(
+            "import", "a spacecraft package from a mesh", "posse_core.cli.import_mesh:command"
+        ),
         ComponentSpec("partition", "train, valid and test lists", "posse_core.cli.partition:command"),
         ComponentSpec(
             "plugins", "what is installed, and what became of it", "posse_core.cli.plugins:command"

@@ -177,6 +177,13 @@ def beside(path: Path, name: str) -> Path:
     return target
 
 
+def side_files(path: Path) -> list[Path]:
+    """The buffers and pictures beside a .gltf file."""
+    header = _open(path).header
+    uris = [item.get("uri", "data:") for key in ("buffers", "images") for item in header.get(key, [])]
+    return [beside(path, urllib.parse.unquote(uri)) for uri in uris if not uri.startswith("data:")]
+
+
 def _geometries(file: _File) -> dict[str, Any]:
     """trimesh's geometry by the place of its primitive, ``mesh:primitive``."""
     header = {

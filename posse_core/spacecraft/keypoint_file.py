@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,16 +13,31 @@ from pydantic import Field, field_validator, model_validator
 
 from posse_core.errors import InputError
 from posse_core.model.arrays import FloatArray
-from posse_core.options import Options, validated
+from posse_core.model.spacecraft import Part
+from posse_core.options import Options, nearest, validated
 
 Triple = tuple[float, float, float]
 
 
+class Corner(Options):
+    """A keypoint picked by name: the vertex of a part that lies farthest in a direction."""
+
+    part: str = Field(description="the part's name")
+    corner: Triple = Field(
+        description="direction in body axes, in sides of the part's box:"
+        " [1, -1, 1] is its corner at +X -Y +Z"
+    )
+
+
 @dataclass(frozen=True)
 class Keypoints:
-    """What :class:`~posse_core.model.spacecraft.Spacecraft` holds besides its mesh."""
+    """What :class:`~posse_core.model.spacecraft.Spacecraft` holds besides its mesh.
 
-    keypoints_body_m: Mapping[str, FloatArray] = field(default_factory=dict)
+    Attributes:
+        places: a point (3,) in metres in the body frame, or a part's corner.
+    """
+
+    places: Mapping[str, FloatArray | Corner] = field(default_factory=dict)
     skeleton: tuple[tuple[str, str], ...] = ()
     symmetries: tuple[FloatArray, ...] = ()
 
@@ -30,10 +45,10 @@ class Keypoints:
 class KeypointModel(Options):
     """The keys that a keypoint file may have."""
 
-    keypoints: dict[str, Triple] = Field(
+    keypoints: dict[str, Triple | Corner] = Field(
         min_length=1,
-        description="name: [x, y, z] in metres in the body frame; T main body top, B bottom,"
-        " A antenna, S solar panel, each with a number",
+        description="name: [x, y, z] in metres in the body frame, or {part: bus, corner: [1, 1, -1]};"
+        " T main body top, B bottom, A antenna, S solar panel, each with a number",
     )
     skeleton: tuple[tuple[str, str], ...] = Field(
         (), description="pairs of keypoint names to draw lines between"
@@ -62,7 +77,10 @@ class KeypointModel(Options):
     def records(self) -> Keypoints:
         """As arrays."""
         return Keypoints(
-            {name: np.array(point) for name, point in self.keypoints.items()},
+            {
+                name: place if isinstance(place, Corner) else np.array(place)
+                for name, place in self.keypoints.items()
+            },
             self.skeleton,
             tuple(np.array(rows) for rows in self.symmetries),
         )
@@ -96,3 +114,29 @@ def read_mapping(path: Path) -> dict[str, Any]:
     if not isinstance(raw, dict):
         raise InputError(f"{path}: not a mapping of keys to values")
     return raw
+
+
+def located(
+    places: Mapping[str, FloatArray | Corner], parts: Sequence[Part], path: Path
+) -> dict[str, FloatArray]:
+    """Points (3,) in the body frame for all keypoints.
+
+    Raises:
+        InputError: a part that is not there, or a corner without a direction.
+    """
+    by_name = {part.name: part for part in parts}
+    points: dict[str, FloatArray] = {}
+    for name, place in places.items():
+        if not isinstance(place, Corner):
+            points[name] = place
+            continue
+        if place.part not in by_name:
+            hint = nearest(place.part, by_name)
+            raise InputError(f"{path}: keypoints.{name}: no part named {place.part!r}{hint}")
+        if not any(place.corner):
+            raise InputError(f"{path}: keypoints.{name}.corner: all zero; give it a direction")
+        vertices = by_name[place.part].vertices_body_m
+        size = np.ptp(vertices, axis=0)
+        reach = vertices @ (np.array(place.corner) / np.where(size > 0.0, size, 1.0))
+        points[name] = vertices[int(np.argmax(reach))].copy()
+    return points

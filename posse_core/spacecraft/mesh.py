@@ -10,7 +10,7 @@ from posse_core.errors import InputError
 from posse_core.interfaces.scene import SceneSource
 from posse_core.model.arrays import FloatArray
 from posse_core.model.spacecraft import Part, Spacecraft
-from posse_core.spacecraft.keypoint_file import Keypoints, read_keypoints
+from posse_core.spacecraft.keypoint_file import Keypoints, located, read_keypoints
 from posse_core.spacecraft.options import MeshOptions, R_body_from_mesh
 from posse_core.spacecraft.raw import RawMesh
 from posse_core.spacecraft.reader import read_mesh
@@ -45,21 +45,22 @@ def spacecraft_from_raw(raw: RawMesh, options: MeshOptions, name: str, points: K
         if options.centre_of_mass_m is None
         else np.asarray(options.centre_of_mass_m)
     )
+    parts = tuple(
+        Part(
+            part.name,
+            part.vertices @ turn.T - origin,
+            part.faces,
+            (part.normals @ R.T).astype(np.float32),
+            part.uv,
+            part.material,
+        )
+        for part in raw.parts
+    )
     craft = Spacecraft(
         name=name,
-        parts=tuple(
-            Part(
-                part.name,
-                part.vertices @ turn.T - origin,
-                part.faces,
-                (part.normals @ R.T).astype(np.float32),
-                part.uv,
-                part.material,
-            )
-            for part in raw.parts
-        ),
+        parts=parts,
         materials=raw.materials,
-        keypoints_body_m=points.keypoints_body_m,
+        keypoints_body_m=located(points.places, parts, options.keypoints or options.mesh),
         skeleton=points.skeleton,
         symmetries=points.symmetries,
     )

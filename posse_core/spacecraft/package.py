@@ -10,7 +10,7 @@ from posse_core.errors import InputError
 from posse_core.interfaces.scene import SceneSource
 from posse_core.model.spacecraft import Spacecraft
 from posse_core.options import validated
-from posse_core.spacecraft.keypoint_file import KeypointModel, Keypoints, Triple, read_mapping
+from posse_core.spacecraft.keypoint_file import Corner, KeypointModel, Keypoints, Triple, read_mapping
 from posse_core.spacecraft.mesh import spacecraft_from_raw
 from posse_core.spacecraft.options import MeshOptions, PackageOptions, R_body_from_mesh
 from posse_core.spacecraft.reader import read_mesh
@@ -26,8 +26,8 @@ class PackageModel(KeypointModel):
     scale_m_per_unit: float = Field(gt=0, description="metres that one unit of the mesh file is")
     body_axes: str = Field(description="the mesh axis along each body axis, as in 'x -z y'")
     centre_of_mass_m: Triple = Field(description="in metres along body axes from the mesh file's origin")
-    keypoints: dict[str, Triple] = Field(
-        default_factory=dict, description="name: [x, y, z] in metres in the body frame"
+    keypoints: dict[str, Triple | Corner] = Field(
+        default_factory=dict, description="as in a keypoint file"
     )
 
     @field_validator("body_axes")

@@ -114,6 +114,18 @@ def _material_libraries(path: Path, data: bytes) -> dict[str, dict[str, Material
     return libraries
 
 
+def obj_side_files(path: Path) -> list[Path]:
+    """The material libraries beside an OBJ file, and their pictures."""
+    libraries = [beside(path, name) for name in _material_libraries(path, path.read_bytes())]
+    pictures = [
+        beside(library, line.split(maxsplit=1)[1].strip())
+        for library in libraries
+        for line in library.read_text(errors="replace").splitlines()
+        if line.startswith("map_Kd ")
+    ]
+    return [*libraries, *pictures]
+
+
 def _materials(path: Path) -> dict[str, Material]:
     """A Wavefront material library: Kd, Ns, map_Kd, and Pm, Pr of its physically based extension.
 

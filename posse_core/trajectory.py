@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from posse_core.attitude.camera import R_rtn_from_camera
+from posse_core.attitude.camera import R_eci_from_camera
 from posse_core.attitude.target import R_eci_from_body, Surroundings
 from posse_core.constants import Constants
 from posse_core.dynamics.orbit import orbit_epoch
@@ -56,6 +56,7 @@ def build_trajectory(
     tdb = epoch.tdb(motion.t_s)
     r_sun = sun_eci_m(*tdb)
     around = Surroundings(
+        epoch=epoch,
         t_s=motion.t_s,
         r_target_eci_m=r_target,
         v_target_eci_m_s=v_target,
@@ -63,7 +64,6 @@ def build_trajectory(
         r_sun_epoch_eci_m=sun_eci_m(*epoch.tdb(np.zeros(()))),
         r_chaser_rtn_m=motion.r_chaser_rtn_m,
     )
-    R_rtn_from_cam = R_rtn_from_camera(attitude.camera, motion.r_chaser_rtn_m, seed)
     tt = epoch.tt(motion.t_s)
     pole = R_cirs_from_gcrf(*tt)[..., 2, :]
     flux = solar_flux_w_m2(
@@ -100,7 +100,7 @@ def build_trajectory(
         r_chaser_eci_m=r_chaser,
         v_chaser_eci_m_s=v_chaser,
         q_eci_from_body=quaternion_from_matrix(R_eci_from_body(attitude.target, around)),
-        q_eci_from_camera=quaternion_from_matrix(R_eci_from_rtn(r_target, v_target) @ R_rtn_from_cam),
+        q_eci_from_camera=quaternion_from_matrix(R_eci_from_camera(attitude.camera, around, seed)),
         r_sun_eci_m=r_sun,
         r_moon_eci_m=moon_eci_m(*tdb),
         sun_fraction_target=fraction(r_target),

@@ -6,27 +6,46 @@ from typing import assert_never
 
 import numpy as np
 
+from posse_core.attitude.recorded import recorded_attitude
 from posse_core.attitude.sight import R_rtn_by_sight
+from posse_core.attitude.target import Surroundings
 from posse_core.frames import (
     R_GL_FROM_CAM,
+    R_eci_from_rtn,
     matrix_from_rotation_vector,
     rotation_vector_from_matrix,
 )
 from posse_core.model.arrays import FloatArray
 from posse_core.randomness import generator
-from posse_core.scenario.attitude import CameraLaw, PointingErrorLaw, TrackLaw
+from posse_core.scenario.attitude import CameraLaw, FileLaw, PointingErrorLaw, TrackLaw
 
 R_RTN_FROM_RESTING_CAM: FloatArray = R_GL_FROM_CAM
 """A Blender camera without a rotation looks along −z with +y up; the scene's axes are RTN."""
 _BORESIGHT_CAM, _UP_CAM = np.array([0.0, 0.0, 1.0]), np.array([0.0, -1.0, 0.0])
 
 
-def R_rtn_from_camera(law: CameraLaw, r_chaser_rtn_m: FloatArray, seed: int) -> FloatArray:
-    """The camera's attitude in the target's RTN axes: (F, 3) → (F, 3, 3).
+def R_eci_from_camera(law: CameraLaw, around: Surroundings, seed: int) -> FloatArray:
+    """The camera's attitude by the law that the scenario names: (F, 3, 3).
+
+    Args:
+        seed: of the run; a frame's draw depends on it and the frame's number alone.
+
+    Raises:
+        InputError: the camera is at the target, or a file of attitudes cannot be used.
+    """
+    if isinstance(law, FileLaw):
+        return recorded_attitude(law.path, "q_eci_from_camera", around.epoch, around.t_s)
+    R_eci_rtn = R_eci_from_rtn(around.r_target_eci_m, around.v_target_eci_m_s)
+    return R_eci_rtn @ R_rtn_from_camera(law, around.r_chaser_rtn_m, seed)
+
+
+def R_rtn_from_camera(
+    law: TrackLaw | PointingErrorLaw, r_chaser_rtn_m: FloatArray, seed: int
+) -> FloatArray:
+    """Attitude of a camera that looks for the target, in RTN axes: (F, 3) → (F, 3, 3).
 
     Args:
         r_chaser_rtn_m: the camera's place relative to the target.
-        seed: of the run; a frame's draw depends on it and the frame's number alone.
 
     Raises:
         InputError: the camera is at the target.

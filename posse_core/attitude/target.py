@@ -7,8 +7,10 @@ from typing import assert_never
 
 import numpy as np
 
+from posse_core.attitude.recorded import recorded_attitude
 from posse_core.attitude.sight import R_rtn_by_sight
 from posse_core.attitude.tumbling import torque_free_attitude
+from posse_core.environment.time import Epoch
 from posse_core.errors import InputError
 from posse_core.frames import (
     R_LVLH_FROM_RTN,
@@ -21,6 +23,7 @@ from posse_core.frames import (
 from posse_core.model.arrays import FloatArray
 from posse_core.scenario.attitude import (
     BodyAxis,
+    FileLaw,
     InertialLaw,
     NadirLaw,
     NedLaw,
@@ -43,13 +46,15 @@ class Surroundings:
     """What a law may look at, for F frames; ECI is GCRF axes, geocentric.
 
     Attributes:
-        t_s: (F,) seconds since the epoch.
+        epoch: of t_s = 0.
+        t_s: (F,).
         r_target_eci_m, v_target_eci_m_s: (F, 3).
         r_sun_eci_m: (F, 3).
         r_sun_epoch_eci_m: (3,) at t_s = 0.
         r_chaser_rtn_m: (F, 3) the chaser relative to the target, target's RTN axes.
     """
 
+    epoch: Epoch
     t_s: FloatArray
     r_target_eci_m: FloatArray
     v_target_eci_m_s: FloatArray
@@ -84,6 +89,8 @@ def R_eci_from_body(law: TargetLaw, around: Surroundings) -> FloatArray:
                 matrix_from_quaternion(np.array(law.q_eci_from_body)),
                 around.t_s,
             )
+        case FileLaw():
+            return recorded_attitude(law.path, "q_eci_from_body", around.epoch, around.t_s)
         case _:
             assert_never(law)
 

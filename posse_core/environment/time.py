@@ -71,6 +71,11 @@ class Epoch:
         jd1, jd2, _ = erfa.ufunc.taiutc(*self._tai(np.float64(t_s)))
         return Epoch(float(jd1), float(jd2))
 
+    def seconds_until(self, later: Epoch) -> float:
+        """SI seconds from this epoch to another, which may be earlier."""
+        (a1, a2), (b1, b2) = (epoch._tai(np.float64(0.0)) for epoch in (self, later))
+        return float(((b1 - a1) + (b2 - a2)) * SECONDS_PER_DAY)
+
     def tt(self, t_s: FloatArray) -> JulianDates:
         """Terrestrial time ``t_s`` seconds later; any shape."""
         jd1, jd2, _ = erfa.ufunc.taitt(*self._tai(t_s))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
@@ -117,8 +118,18 @@ class TumblingLaw(Options):
         return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
+class FileLaw(Options):
+    """Recorded attitudes, turned evenly from one to the next."""
+
+    law: Literal["file"] = "file"
+    path: Path = Field(
+        description="a CCSDS AEM in keyword notation, or .npz or .csv with t_s and q_eci_from_body"
+        " (target) or q_eci_from_camera (camera), as 'posse propagate' writes"
+    )
+
+
 TargetLaw = Annotated[
-    NadirLaw | SunPointingLaw | InertialLaw | SpinLaw | NedLaw | TrackingLaw | TumblingLaw,
+    NadirLaw | SunPointingLaw | InertialLaw | SpinLaw | NedLaw | TrackingLaw | TumblingLaw | FileLaw,
     Field(discriminator="law"),
 ]
 
@@ -150,7 +161,7 @@ class PointingErrorLaw(Options):
     )
 
 
-CameraLaw = Annotated[TrackLaw | PointingErrorLaw, Field(discriminator="law")]
+CameraLaw = Annotated[TrackLaw | PointingErrorLaw | FileLaw, Field(discriminator="law")]
 
 
 class AttitudeConfig(Options):

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from posse_core.attitude.target import ECLIPTIC_NORTH_ECI, R_eci_from_body, Surroundings, body_axes
 from posse_core.environment.ephemeris import sun_eci_m
+from posse_core.environment.time import Epoch
 from posse_core.errors import InputError
 from posse_core.frames import eci_from_rtn, unit
 from posse_core.model.arrays import FloatArray
@@ -36,6 +37,7 @@ def surroundings(
     r = 7.1e6 * (np.cos(u)[:, None] * x + np.sin(u)[:, None] * y)
     v = 7.5e3 * (-np.sin(u)[:, None] * x + np.cos(u)[:, None] * y) + (e_v - 1) * r * 1e-3
     return Surroundings(
+        epoch=Epoch.from_iso("2022-01-31T02:02:27.58"),
         t_s=t_s,
         r_target_eci_m=r,
         v_target_eci_m_s=v,

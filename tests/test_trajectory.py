@@ -19,7 +19,7 @@ from posse_core.frames import matrix_from_quaternion, unit
 from posse_core.interfaces.propagator import PropagationProblem, Propagator
 from posse_core.model.trajectory import Motion, Trajectory
 from posse_core.options import NoOptions
-from posse_core.scenario.attitude import AttitudeConfig, SpinLaw, TrackLaw
+from posse_core.scenario.attitude import AttitudeConfig, FileLaw, SpinLaw, TrackLaw
 from posse_core.scenario.orbit import ElementsConfig, OrbitConfig, RelativeConfig
 from posse_core.trajectory import build_trajectory, frame_state, load_trajectory, save_trajectory
 
@@ -188,6 +188,14 @@ def test_the_same_bits_in_another_process(trajectory: Trajectory, tmp_path: Path
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
     assert path.read_bytes() == (tmp_path / "b.npz").read_bytes()
+
+
+def test_a_recorded_attitude_comes_back(trajectory: Trajectory, tmp_path: Path) -> None:
+    path = tmp_path / "t.npz"
+    save_trajectory(trajectory, path)
+    again = build(attitude=AttitudeConfig(target=FileLaw(path=path), camera=FileLaw(path=path)), seed=99)
+    np.testing.assert_allclose(again.q_eci_from_body, trajectory.q_eci_from_body, atol=1e-12)
+    np.testing.assert_allclose(again.q_eci_from_camera, trajectory.q_eci_from_camera, atol=1e-12)
 
 
 def test_the_ellipsoid_is_asked_for_by_its_flattening(trajectory: Trajectory) -> None:

@@ -128,14 +128,25 @@ def _put(raw: dict[str, Any], path: Sequence[str], value: Any) -> None:
     current[path[-1]] = value
 
 
+_FILES = (
+    ("target", "mesh"),
+    ("target", "package"),
+    ("target", "keypoints"),
+    ("propagator", "path"),
+    ("propagator", "chaser_path"),
+    ("attitude", "target", "path"),
+    ("attitude", "camera", "path"),
+)
+
+
 def _anchor_files(raw: dict[str, Any], base: Path) -> None:
     """Paths in a scenario file are relative to that file."""
-    for block, keys in (("target", ("mesh", "package", "keypoints")), ("propagator", ("path",))):
-        inner = raw.get(block)
-        if isinstance(inner, dict):
-            for key in keys:
-                if isinstance(inner.get(key), str):
-                    inner[key] = str((base / inner[key]).absolute())
+    for *blocks, key in _FILES:
+        inner: Any = raw
+        for block in blocks:
+            inner = inner.get(block) if isinstance(inner, dict) else None
+        if isinstance(inner, dict) and isinstance(inner.get(key), str):
+            inner[key] = str((base / inner[key]).absolute())
 
 
 def _with_complete_options(scenario: Scenario, registry: Registry, where: Any) -> Scenario:

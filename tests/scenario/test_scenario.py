@@ -171,3 +171,10 @@ def test_what_a_standard_yaml_writer_writes_is_read_back(document):
 def test_no_text_ends_in_anything_but_an_input_error(text):
     with contextlib.suppress(InputError):
         YamlText(text, "t")
+
+
+def test_files_of_the_attitude_are_beside_the_scenario(tmp_path):
+    laws = "attitude: {target: {law: file, path: a.aem}, camera: {law: file, path: /b.npz}}\n"
+    attitude = load(tmp_path, MINIMAL + laws).attitude
+    assert attitude.target.path == tmp_path / "a.aem"
+    assert attitude.camera.path == Path("/b.npz")

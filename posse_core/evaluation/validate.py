@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,34 +13,12 @@ from posse_core.dataset import PARTITION_FILE, Dataset, read_image, read_json
 from posse_core.errors import InputError
 from posse_core.evaluation.case import Case
 from posse_core.evaluation.checks import CHECKS, SCHEMA
+from posse_core.evaluation.exports import check_exports
+from posse_core.evaluation.result import Fault, Result
 from posse_core.files import sha256
 
 Progress = Callable[[Iterable[int], int], Iterable[int]]
 """Wraps the places of the frames to show how far it is: (places, how many)."""
-
-
-@dataclass(frozen=True)
-class Fault:
-    """One thing that is wrong; ``frame`` is an index, or None where it is of the whole dataset."""
-
-    frame: int | None
-    message: str
-
-
-@dataclass
-class Result:
-    """What one check found. ``checked`` counts frames (files, for ``checksums``); 0 where no frame had
-    the labels that it compares."""
-
-    name: str
-    proves: str
-    checked: int = 0
-    faults: list[Fault] = field(default_factory=list)
-
-    @property
-    def frames(self) -> list[int]:
-        """Indices of the frames with a fault, ascending."""
-        return sorted({fault.frame for fault in self.faults if fault.frame is not None})
 
 
 @dataclass(frozen=True)
@@ -107,7 +85,8 @@ def validate(dataset: Dataset, progress: Progress) -> Report:
             if check.applies(case):
                 result.checked += 1
                 result.faults += [Fault(index, message) for message in check.run(case)]
-    return Report(dataset.folder, len(lines), (*whole, schema, *results))
+    exports = [] if schema.faults else check_exports(dataset)
+    return Report(dataset.folder, len(lines), (*whole, schema, *results, *exports))
 
 
 def _lines(dataset: Dataset) -> Result:

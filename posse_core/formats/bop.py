@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.distance import pdist
 
 from posse_core import frames
-from posse_core.dataset import PARTS, Dataset
+from posse_core.dataset import PARTS, Dataset, read_image, read_json
 from posse_core.errors import InputError
 from posse_core.files import write_bytes, write_json
 from posse_core.formats.images import place, write_png
@@ -19,7 +19,7 @@ from posse_core.formats.ply import Mesh
 from posse_core.formats.rle import decode_rle
 from posse_core.formats.stream import labels_with, text_file, write_members
 from posse_core.interfaces.writer import Writer
-from posse_core.model.arrays import FloatArray, IntArray
+from posse_core.model.arrays import BoolArray, FloatArray, IntArray
 
 NEEDS = {
     "q_cam_from_body": "pose",
@@ -206,3 +206,32 @@ def _pixels_of(box_px: list[float] | None) -> list[int]:
     x, y, width, height = box_px
     x0, y0 = int(np.ceil(x)), int(np.ceil(y))
     return [x0, y0, int(np.floor(x + width)) - x0 + 1, int(np.floor(y + height)) - y0 + 1]
+
+
+def read_bop(folder: Path) -> Iterator[tuple[str, dict[str, Any], dict[str, FloatArray | BoolArray]]]:
+    """Image name, labels and arrays of every image below a folder ``bop``, as a dataset has them.
+
+    Arrays: ``mask`` (H, W) bool; ``depth_m`` (H, W), NaN where none; ``depth_step_m`` () its resolution.
+    """
+    infos = read_json(folder / "models" / "models_info.json")
+    for scene in sorted(path.parent for path in folder.glob("*/*/scene_gt.json")):
+        cameras, details = (read_json(scene / f"scene_{name}.json") for name in ("camera", "gt_info"))
+        for id_, (pose,) in read_json(scene / "scene_gt.json").items():
+            name = f"{int(id_):06d}"
+            (detail,) = details[id_]
+            R = np.reshape(pose["cam_R_m2c"], (3, 3))
+            steps = read_image(scene / "depth" / f"{name}.png").astype(np.float64)
+            step_m = cameras[id_]["depth_scale"] / 1e3
+            labels = {
+                "spacecraft": infos[str(pose["obj_id"])]["name"],
+                "q_cam_from_body": frames.quaternion_from_matrix(R).tolist(),
+                "t_body_cam_m": [x / 1e3 for x in pose["cam_t_m2c"]],
+                "box_visible_px": None if detail["bbox_visib"] == _NO_BOX else detail["bbox_visib"],
+                "mask_area_px": detail["px_count_visib"],
+            }
+            arrays: dict[str, FloatArray | BoolArray] = {
+                "mask": read_image(scene / "mask_visib" / f"{name}_000000.png") > 0,
+                "depth_m": np.where(steps > 0, steps * step_m, np.nan),
+                "depth_step_m": np.array(step_m),
+            }
+            yield f"images/{name}.png", labels, arrays

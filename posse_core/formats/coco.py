@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from posse_core import __version__
-from posse_core.dataset import Dataset, SpacecraftInfo
+from posse_core.dataset import Dataset, SpacecraftInfo, read_json
 from posse_core.formats.stream import labels_with, text_file, write_items
 from posse_core.interfaces.writer import Writer
 from posse_core.model.labels import NOT_IN_FRAME
@@ -93,3 +93,26 @@ def _category(craft: SpacecraftInfo, id_: int) -> dict[str, Any]:
         "skeleton": [[place[a], place[b]] for a, b in craft.skeleton],
         "sigmas": [KEYPOINT_SIGMA] * len(place),
     }
+
+
+def read_coco(path: Path) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Image name and labels of every image in a COCO file, the labels as a dataset's lines have them.
+
+    An image without an annotation has the box null. Keypoints outside the image are left out.
+    """
+    value = read_json(path)
+    categories = {category["id"]: category for category in value["categories"]}
+    annotation_of = {annotation["image_id"]: annotation for annotation in value["annotations"]}
+    for image in value["images"]:
+        labels: dict[str, Any] = {"box_visible_px": None}
+        annotation = annotation_of.get(image["id"])
+        if annotation is not None:
+            category = categories[annotation["category_id"]]
+            labels = {"spacecraft": category["name"], "box_visible_px": annotation["bbox"]}
+            if isinstance(annotation.get("segmentation"), dict):
+                labels |= {"mask_rle": annotation["segmentation"], "mask_area_px": annotation["area"]}
+            if "keypoints" in annotation:
+                flat = iter(annotation["keypoints"])
+                points = zip(category["keypoints"], zip(flat, flat, flat, strict=True), strict=True)
+                labels["keypoints"] = {name: list(p) for name, p in points if p[2] != NOT_IN_FRAME}
+        yield image["file_name"], labels

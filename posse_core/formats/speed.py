@@ -5,8 +5,10 @@ With R the matrix of the scalar-first quaternion, x_cam = R x_body + r.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from posse_core.dataset import Dataset
 from posse_core.formats.stream import labels_with, text_file, write_items
@@ -33,3 +35,10 @@ class SpeedWriter(Writer):
             write_items(text, poses)
             text.write("\n")
         return [path]
+
+
+def read_speed(path: Path) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Image name and pose of every entry of SPEED or SPEED+, as a dataset's lines have them."""
+    for entry in json.loads(path.read_text(encoding="utf-8")):
+        q = entry["q_vbs2tango_true"] if "q_vbs2tango_true" in entry else entry["q_vbs2tango"]
+        yield entry["filename"], {"q_cam_from_body": q, "t_body_cam_m": entry["r_Vo2To_vbs_true"]}

@@ -5,7 +5,7 @@ A share of 0 is the image's left or upper border, so a pixel's centre u is at (u
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from posse_core.files import write_bytes
 from posse_core.formats.images import place
 from posse_core.formats.stream import labels_with
 from posse_core.interfaces.writer import Writer
+from posse_core.model.camera import Camera
 from posse_core.model.labels import NOT_IN_FRAME
 
 NEEDS = {"box_visible_px": "box", "keypoints": "keypoints"}
@@ -88,3 +89,31 @@ def _row(dataset: Dataset, labels: dict[str, Any], class_: int, count: int) -> s
         else:
             numbers += [(u + 0.5) / width_px, (v + 0.5) / height_px, visibility]
     return " ".join(map(repr, [class_, *numbers])) + "\n"
+
+
+def read_yolo(folder: Path, camera: Camera) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Image name and labels of every text file beside a ``data.yaml``, as a dataset's lines have them.
+
+    An empty file has the box null. Keypoints outside the image are left out.
+    """
+    data = yaml.safe_load((folder / "data.yaml").read_text(encoding="utf-8"))
+    size = (camera.width_px, camera.height_px)
+    for path in sorted((folder / "labels").glob("*.txt")):
+        labels: dict[str, Any] = {"box_visible_px": None}
+        row = [float(number) for number in path.read_text().split()]
+        if row:
+            class_ = int(row[0])
+            (cx, cy, width, height), points = row[1:5], iter(row[5:])
+            corner = ((cx - width / 2) * size[0], (cy - height / 2) * size[1])
+            labels = {
+                "spacecraft": data["names"][class_],
+                "box_visible_px": [*corner, width * size[0], height * size[1]],
+                "keypoints": {
+                    name: [x * size[0] - 0.5, y * size[1] - 0.5, int(visibility)]
+                    for name, (x, y, visibility) in zip(
+                        data["kpt_names"][class_], zip(points, points, points, strict=True), strict=False
+                    )
+                    if visibility != NOT_IN_FRAME
+                },
+            }
+        yield f"images/{path.stem}.png", labels

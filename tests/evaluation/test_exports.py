@@ -1,0 +1,231 @@
+"""Exports read back are the labels; each fault planted in one is found, and told from the others'."""
+
+import json
+import shutil
+
+import cuboid
+import cv2
+import numpy as np
+import pytest
+
+from posse_core.dataset import Dataset
+from posse_core.evaluation.validate import validate
+from posse_core.formats.bop import BopWriter, read_bop
+from posse_core.formats.coco import CocoWriter, read_coco
+from posse_core.formats.speed import SpeedWriter, read_speed
+from posse_core.formats.yolo import YoloWriter, read_yolo
+from posse_core.options import NoOptions
+
+FRAME = 3
+IMAGE = "images/000003.png"
+WRITERS = (BopWriter, CocoWriter, SpeedWriter, YoloWriter)
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory):
+    crafts = (("brick", cuboid.HALF), ("plate", np.array([2.0, 1.0, 0.1])))
+    folder = cuboid.write_dataset(tmp_path_factory.mktemp("exports") / "d", crafts)
+    for writer in WRITERS:
+        writer(NoOptions()).write(Dataset(folder), folder)
+    return folder
+
+
+@pytest.fixture
+def folder(exported, tmp_path):
+    shutil.copytree(exported, tmp_path / "d")
+    return tmp_path / "d"
+
+
+def results(folder):
+    report = validate(Dataset(folder), lambda places, frames: places)
+    return {result.name: result for result in report.results}
+
+
+def assert_found(folder, export, words, frame=FRAME):
+    found = results(folder)
+    faults = found.pop(f"{export} export").faults
+    assert [(fault.frame, words in fault.message) for fault in faults] == [(frame, True)], faults
+    assert not any(result.faults for result in found.values())
+
+
+def test_clean_exports_pass(exported):
+    found = results(exported)
+    exports = {name: result.checked for name, result in found.items() if name.endswith("export")}
+    assert exports == {f"{name} export": 12 for name in ("bop", "coco", "speed", "yolo")}
+    assert not any(result.faults for result in found.values())
+
+
+# Out, in, the same labels
+
+
+def shown(line):
+    """Keypoints in the image, or None where the craft is not seen."""
+    points = {name: point for name, point in line["keypoints"].items() if point[2] > 0}
+    return points if line["box_visible_px"] else None
+
+
+def test_coco_and_speed_come_back_to_the_bit(exported):
+    lines = {line["image"]: line for line in cuboid.read_lines(exported)}
+    back = dict(read_coco(exported / "coco.json"))
+    assert list(back) == list(lines)
+    for name, labels in back.items():
+        assert labels.get("keypoints") == shown(lines[name])
+        assert all(lines[name][k] == v for k, v in labels.items() if k != "keypoints")
+    for name, labels in read_speed(exported / "speed.json"):
+        assert labels == {k: lines[name][k] for k in ("q_cam_from_body", "t_body_cam_m")}
+
+
+def test_the_older_key_of_speed_is_read(tmp_path):
+    entry = {"filename": "a.jpg", "q_vbs2tango": [1, 0, 0, 0], "r_Vo2To_vbs_true": [0, 0, 9]}
+    (tmp_path / "train.json").write_text(json.dumps([entry]))
+    (back,) = read_speed(tmp_path / "train.json")
+    assert back == ("a.jpg", {"q_cam_from_body": [1, 0, 0, 0], "t_body_cam_m": [0, 0, 9]})
+
+
+def test_yolo_comes_back_within_rounding(exported):
+    lines = {line["image"]: line for line in cuboid.read_lines(exported)}
+    back = dict(read_yolo(exported / "yolo", cuboid.CAMERA))
+    assert back.keys() == lines.keys()
+    for name, labels in back.items():
+        line, points = lines[name], shown(lines[name])
+        if points is None:
+            assert labels == {"box_visible_px": None}
+            continue
+        assert labels["spacecraft"] == line["spacecraft"]
+        assert labels["box_visible_px"] == pytest.approx(line["box_visible_px"], abs=1e-10)
+        assert labels["keypoints"].keys() == points.keys()
+        assert all(labels["keypoints"][k] == pytest.approx(points[k], abs=1e-10) for k in points)
+
+
+def test_bop_comes_back_within_its_depth_step(exported):
+    lines = {line["image"]: line for line in cuboid.read_lines(exported)}
+    back = list(read_bop(exported / "bop"))
+    assert [name for name, _, _ in back] == list(lines)
+    for name, labels, arrays in back:
+        line = lines[name]
+        assert labels["spacecraft"] == line["spacecraft"]
+        assert labels["q_cam_from_body"] == pytest.approx(line["q_cam_from_body"], abs=1e-12)
+        assert labels["t_body_cam_m"] == pytest.approx(line["t_body_cam_m"], abs=1e-12)
+        with np.load(exported / line["truth"]) as truth:
+            assert np.array_equal(arrays["mask"], truth["part_id"] >= 0)
+            off = np.abs(arrays["depth_m"] - truth["depth_m"])
+            assert np.array_equal(np.isnan(off), np.isnan(truth["depth_m"]))
+            assert not np.any(off > 0.51 * arrays["depth_step_m"])
+
+
+# Planted faults
+
+
+def alter_json(path, alter):
+    value = json.loads(path.read_text())
+    alter(value)
+    path.write_text(json.dumps(value))
+
+
+def test_speed_scalar_last(folder):
+    def alter(poses):
+        w, x, y, z = poses[FRAME]["q_vbs2tango_true"]
+        poses[FRAME]["q_vbs2tango_true"] = [x, y, z, w]
+
+    alter_json(folder / "speed.json", alter)
+    assert_found(folder, "speed", "q_cam_from_body is not that of the label line: it is scalar-last")
+
+
+def test_speed_inverse_rotation(folder):
+    def alter(poses):
+        w, x, y, z = poses[FRAME]["q_vbs2tango_true"]
+        poses[FRAME]["q_vbs2tango_true"] = [-w, x, y, z]
+
+    alter_json(folder / "speed.json", alter)
+    assert_found(folder, "speed", "it is the inverse")
+
+
+def test_speed_without_a_frame(folder):
+    alter_json(folder / "speed.json", lambda poses: poses.pop(FRAME))
+    assert_found(folder, "speed", "is not in it")
+
+
+def test_speed_with_a_frame_twice(folder):
+    alter_json(folder / "speed.json", lambda poses: poses.append(poses[FRAME]))
+    assert_found(folder, "speed", "images/000003.png: is in it twice", frame=None)
+
+
+def annotation(value):
+    return next(each for each in value["annotations"] if each["image_id"] == FRAME)
+
+
+def test_coco_box_by_corners(folder):
+    def alter(value):
+        x, y, width, height = annotation(value)["bbox"]
+        annotation(value)["bbox"] = [x, y, x + width, y + height]
+
+    alter_json(folder / "coco.json", alter)
+    assert_found(folder, "coco", "box_visible_px")
+
+
+def test_coco_keypoints_half_a_pixel_off(folder):
+    def alter(value):
+        points = annotation(value)["keypoints"]
+        points[0::3] = [u + 0.5 for u in points[0::3]]
+
+    alter_json(folder / "coco.json", alter)
+    assert_found(folder, "coco", "keypoints")
+
+
+def test_coco_category_of_the_other_craft(folder):
+    alter_json(folder / "coco.json", lambda value: annotation(value).update(category_id=2))
+    assert_found(folder, "coco", "spacecraft")
+
+
+def test_coco_of_an_image_that_is_not_there(folder):
+    image = {"id": 99, "file_name": "images/000099.png", "width": 160, "height": 120}
+    alter_json(folder / "coco.json", lambda value: value["images"].append(image))
+    assert_found(folder, "coco", "no frame has this image", frame=None)
+
+
+def test_coco_cut_short(folder):
+    path = folder / "coco.json"
+    path.write_text(path.read_text()[:-100])
+    assert_found(folder, "coco", "cannot be read", frame=None)
+
+
+def test_yolo_keypoints_without_the_half_pixel(folder):
+    path = folder / "yolo/labels/000003.txt"
+    row = [float(x) for x in path.read_text().split()]
+    row[5::3] = [x - 0.5 / 160 for x in row[5::3]]
+    path.write_text(" ".join(map(str, [0, *row[1:]])))
+    assert_found(folder, "yolo", "keypoints")
+
+
+def test_yolo_of_a_seen_craft_emptied(folder):
+    (folder / "yolo/labels/000003.txt").write_text("")
+    assert_found(folder, "yolo", "box_visible_px")
+
+
+def test_bop_position_in_metres(folder):
+    def alter(value):
+        value[str(FRAME)][0]["cam_t_m2c"] = [x / 1e3 for x in value[str(FRAME)][0]["cam_t_m2c"]]
+
+    alter_json(folder / "bop/train/000000/scene_gt.json", alter)
+    assert_found(folder, "bop", "t_body_cam_m")
+
+
+def test_bop_wrong_depth_scale(folder):
+    def alter(value):
+        value[str(FRAME)]["depth_scale"] *= 1.001
+
+    alter_json(folder / "bop/train/000000/scene_camera.json", alter)
+    assert_found(folder, "bop", "depth is not the dataset's")
+
+
+def test_bop_mask_of_another_frame(folder):
+    scene = folder / "bop/train/000000/mask_visib"
+    shutil.copy(scene / "000001_000000.png", scene / "000003_000000.png")
+    assert_found(folder, "bop", "mask is not the dataset's")
+
+
+def test_bop_depth_of_eight_bits(folder):
+    path = folder / "bop/train/000000/depth/000003.png"
+    steps = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    cv2.imwrite(str(path), (steps // 256).astype(np.uint8))
+    assert_found(folder, "bop", "depth is not the dataset's")

@@ -11,7 +11,7 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from posse_core.model.arrays import BoolArray, FloatArray, IntArray
-from posse_core.model.spacecraft import Spacecraft
+from posse_core.model.spacecraft import Part, Spacecraft
 from posse_core.spacecraft.shapes import R_about
 
 DIRECTIONS = 64
@@ -36,17 +36,18 @@ def sphere(count: int) -> FloatArray:
 def propose_keypoints(craft: Spacecraft, count: int) -> dict[str, FloatArray]:
     """Up to ``count`` vertices, well spread and visible from many sides, named by category.
 
-    Each next one is the vertex with the greatest product of its distance to those chosen and the
-    square root of the share of directions it can be seen from. The result depends on the mesh alone.
+    Each next one is the vertex with the greatest product of its distance to those chosen, the square
+    root of the share of directions it can be seen from, and its sharpness: a corner counts three times
+    a point on an edge or a face. The result depends on the mesh alone.
     Parts or materials named after panels or antennas give the categories S and A; the rest is main
     body, T above the origin (body −Z, away from the nadir) and B below.
 
     Returns:
         name → (3,) metres, body frame, by category and number.
     """
-    points, part_ids = _candidates(craft)
+    points, part_ids, sharpness = _candidates(craft)
     seen = _visibility(craft, points)
-    weight = np.sqrt(seen.mean(axis=1))
+    weight = np.sqrt(seen.mean(axis=1)) * (1.0 + 2.0 * sharpness)
     distance = np.linalg.norm(points, axis=1)
     chosen: list[int] = []
     while len(chosen) < min(count, len(points)):
@@ -59,14 +60,15 @@ def propose_keypoints(craft: Spacecraft, count: int) -> dict[str, FloatArray]:
     return _named(craft, points[chosen], part_ids[chosen])
 
 
-def _candidates(craft: Spacecraft) -> tuple[FloatArray, IntArray]:
-    """Vertices (N, 3) and the part that each is of; at most about :data:`CANDIDATES`.
+def _candidates(craft: Spacecraft) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Vertices (N, 3), the part that each is of, its sharpness 0 … 1; about :data:`CANDIDATES` at most.
 
     Of the vertices in a cell of a grid only the one farthest from the origin stays.
     """
     points = np.concatenate([part.vertices_body_m for part in craft.parts])
     sizes = [len(part.vertices_body_m) for part in craft.parts]
     part_ids = np.repeat(np.arange(len(craft.parts)), sizes)
+    sharpness = np.concatenate([_sharpness(part) for part in craft.parts])
     far = np.linalg.norm(points, axis=1)
     cell = craft.radius_m / 1000.0
     while True:
@@ -75,8 +77,31 @@ def _candidates(craft: Spacecraft) -> tuple[FloatArray, IntArray]:
         _, first = np.unique(grid[order], axis=0, return_index=True)
         if len(first) <= CANDIDATES:
             keep = order[first]
-            return points[keep], part_ids[keep]
+            return points[keep], part_ids[keep], sharpness[keep]
         cell *= 1.5
+
+
+def _sharpness(part: Part) -> FloatArray:
+    """(V,) how far the faces about each vertex point three ways: 1 at a cube's corner, 0 on an edge.
+
+    It is three times the least eigenvalue of the faces' mean n nᵀ, each face weighted by its angle.
+    """
+    _, place = np.unique(np.round(part.vertices_body_m, 9), axis=0, return_inverse=True)
+    place = place.reshape(-1)
+    corners = part.vertices_body_m[part.faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    spread = np.zeros((place.max() + 1, 3, 3))
+    total = np.zeros(len(spread))
+    for k in range(3):
+        u = corners[:, (k + 1) % 3] - corners[:, k]
+        v = corners[:, (k + 2) % 3] - corners[:, k]
+        angle = np.arctan2(np.linalg.norm(np.cross(u, v), axis=1), (u * v).sum(axis=1))
+        at = place[part.faces[:, k]]
+        np.add.at(spread, at, angle[:, None, None] * normal[:, :, None] * normal[:, None, :])
+        np.add.at(total, at, angle)
+    least = np.linalg.eigvalsh(spread / np.maximum(total, 1e-300)[:, None, None])[:, 0]
+    return np.asarray(np.clip(3.0 * least, 0.0, 1.0)[place])
 
 
 def _visibility(craft: Spacecraft, points: FloatArray) -> BoolArray:
@@ -134,8 +159,8 @@ def rotations(axes: Sequence[tuple[str, int]]) -> tuple[FloatArray, ...]:
 def shape_symmetries(craft: Spacecraft, tolerance: float = 0.01) -> list[tuple[str, int]]:
     """Turns about the body axes that leave the shape (not necessarily its looks) unchanged.
 
-    Points spread over the surface are turned; each must come to lie within ``tolerance`` of the
-    radius of another one's neighbourhood.
+    Points spread over the surface are turned; each must come to lie near an unturned one: nearer than
+    twice the points' spacing and ``tolerance`` of the radius. So small features do not count.
 
     Returns:
         axis and the highest order found, for each axis that has any.
@@ -143,7 +168,7 @@ def shape_symmetries(craft: Spacecraft, tolerance: float = 0.01) -> list[tuple[s
     surface = _surface_points(craft)
     tree = cKDTree(surface)
     spacing = float(np.quantile(tree.query(surface, k=2)[0][:, 1], 0.99))
-    reach = tolerance * craft.radius_m + spacing
+    reach = tolerance * craft.radius_m + 2.0 * spacing
     found = []
     for axis, direction in zip("xyz", np.eye(3), strict=True):
         for order in reversed(ORDERS):
@@ -155,7 +180,7 @@ def shape_symmetries(craft: Spacecraft, tolerance: float = 0.01) -> list[tuple[s
     return found
 
 
-def _surface_points(craft: Spacecraft, count: int = 8000) -> FloatArray:
+def _surface_points(craft: Spacecraft, count: int = 20000) -> FloatArray:
     """Points (count, 3) spread over the surface by area: a low-discrepancy sequence, so repeatable."""
     corners = np.concatenate([part.vertices_body_m[part.faces] for part in craft.parts])
     edges = corners[:, 1:] - corners[:, :1]

@@ -72,7 +72,7 @@ def _base_color(material: Material) -> dict[str, Any]:
 
 def _bitmap(values: AnyArray) -> dict[str, Any]:
     """A repeating texture of linear values; row 0 is at v = 1."""
-    data = mi.TensorXf(np.ascontiguousarray(values, dtype=np.float32))
+    data = mi.TensorXf(np.ascontiguousarray(values[::-1], dtype=np.float32))  # v is upward
     return {"type": "bitmap", "data": data, "raw": True}
 
 

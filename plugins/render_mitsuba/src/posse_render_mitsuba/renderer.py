@@ -206,12 +206,11 @@ class _World:
 def _sun_directions_body(frame: FrameState, count: int, shift: FloatArray) -> FloatArray:
     """(count, 3) directions spread evenly over the Sun's disc, moved about by ``shift`` (2,) in 0 … 1.
 
-    The R2 sequence (Roberts 2018), area-true on the disc.
+    Vogel's sunflower (1979): even over the area, and seen along any diameter.
     """
-    plastic = 1.324717957244746
-    unit_square = (shift + np.arange(count)[:, None] * [1 / plastic, 1 / plastic**2]) % 1.0
-    radius = np.sqrt(unit_square[:, 0]) * np.tan(frame.sun_angular_radius_rad)
-    angle = 2 * np.pi * unit_square[:, 1]
+    place = np.arange(count)
+    radius = np.sqrt((place + shift[0]) / count) * np.tan(frame.sun_angular_radius_rad)
+    angle = np.pi * (3 - np.sqrt(5)) * place + 2 * np.pi * shift[1]
     local = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.ones(count)], axis=-1)
     local /= np.linalg.norm(local, axis=-1, keepdims=True)
     return np.asarray(local @ _rotation_with_z(frame.sun_direction_body).T)

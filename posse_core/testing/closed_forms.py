@@ -1,0 +1,47 @@
+"""What rendered images are compared with: formulas that know no renderer."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from posse_core.model.arrays import FloatArray
+from posse_core.model.camera import Camera
+from posse_core.model.scene import FrameState
+
+
+def directions(height: int) -> FloatArray:
+    """(height, 2·height, 3) directions in camera axes of an environment map's pixels."""
+    theta = np.pi * (np.arange(height) + 0.5) / height
+    phi = np.pi * (np.arange(2 * height) + 0.5) / height - np.pi
+    theta, phi = np.meshgrid(theta, phi, indexing="ij")
+    return np.stack([np.sin(theta) * np.sin(phi), -np.cos(theta), np.sin(theta) * np.cos(phi)], axis=-1)
+
+
+def disc_share(x: FloatArray) -> FloatArray:
+    """Share of the unit disc's area left of the line at ``x`` (any shape): −1 → 0, 1 → 1."""
+    x = np.clip(x, -1.0, 1.0)
+    return np.asarray(0.5 + (np.arcsin(x) + x * np.sqrt(1 - x**2)) / np.pi)
+
+
+def lambertian_sphere(camera: Camera, frame: FrameState, radius_m: float, fine: int = 6) -> FloatArray:
+    """(H, W, 3) radiance of a white Lambertian sphere at the body's origin, E/π cos θ, from
+    ``fine``² rays a pixel."""
+    u = (np.arange(fine * camera.width_px) + 0.5) / fine - 0.5
+    v = (np.arange(fine * camera.height_px) + 0.5) / fine - 0.5
+    rays = camera.rays(np.stack(np.meshgrid(u, v), axis=-1))
+    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+    along = rays @ frame.t_body_cam_m
+    inside = along**2 - frame.range_m**2 + radius_m**2
+    hits = rays * (along - np.sqrt(np.maximum(inside, 0.0)))[..., None]
+    normals = (hits - frame.t_body_cam_m) / radius_m
+    cosine = np.where(inside > 0, np.maximum(normals @ frame.sun_direction_cam, 0.0), 0.0)
+    mean = cosine.reshape(camera.height_px, fine, camera.width_px, fine).mean(axis=(1, 3))
+    return np.asarray(mean[..., None] * frame.sun_irradiance_rgb_w_m2 / np.pi)
+
+
+def polygon_area_and_centroid(corners: FloatArray) -> tuple[float, FloatArray]:
+    """Area and centroid (2,) of a simple polygon (n, 2)."""
+    a, b = corners, np.roll(corners, -1, axis=0)
+    cross = a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1]
+    area = cross.sum() / 2
+    return abs(float(area)), ((a + b) * cross[:, None]).sum(axis=0) / (6 * area)

@@ -1,0 +1,72 @@
+"""Conformance of renderers: opening, closing, repeating, other processes."""
+
+from __future__ import annotations
+
+import multiprocessing
+
+import numpy as np
+from pydantic import BaseModel
+
+from posse_core.interfaces.renderer import Renderer
+from posse_core.model.camera import PixelBox
+from posse_core.model.scene import FrameState, Radiance, RenderRequest, Scene
+from posse_core.testing import scenes
+from posse_core.testing.stage import RendererStage, attitudes, ball, craft, facing
+
+
+class MannersConformance(RendererStage):
+    """Nothing left behind, the same again, closing."""
+
+    def test_close_may_be_called_at_any_time(self) -> None:
+        renderer = self.renderer()
+        renderer.close()
+        renderer = self.renderer()
+        renderer.open(ball())
+        renderer.close()
+        renderer.close()
+
+    def test_a_frame_leaves_nothing_behind(self) -> None:
+        """The third of three frames is the first of a new renderer."""
+        scene = craft()
+        suns: list[tuple[float, float, float]] = [(1, 0, 1), (0, -1, 1), (-1, 1, 1)]
+        frames = [
+            scenes.frame(t_body_cam_m=(0.0, 0.0, z), sun_direction_body=sun, R_cam_from_body=R)
+            for z, sun, R in zip((4.0, 9.0, 5.0), suns, attitudes(), strict=True)
+        ]
+        with self.opened(scene) as stage:
+            after = [stage.shot(frame) for frame in frames][-1]
+        with self.opened(scene) as stage:
+            fresh = stage.shot(frames[-1])
+        np.testing.assert_allclose(after.coverage, fresh.coverage, atol=0.25)
+        np.testing.assert_allclose(after.radiance_rgb.sum(), fresh.radiance_rgb.sum(), rtol=0.02)
+
+    def test_the_same_request_gives_the_same_bits(self) -> None:
+        """Capability ``deterministic``, also in another process, started by spawn."""
+        if "deterministic" not in self.capabilities:
+            return
+        scene, frame = ball(), facing(sun=(1.0, 0.0, 1.0))
+        with self.opened(scene) as stage:
+            one = stage.shot(frame)
+            stage.shot(facing(sun=(0.0, 1.0, 1.0)), seed=5)
+            two = stage.shot(frame)
+        np.testing.assert_array_equal(one.radiance_rgb, two.radiance_rgb)
+        np.testing.assert_array_equal(one.coverage, two.coverage)
+        with multiprocessing.get_context("spawn").Pool(1) as pool:
+            three = pool.apply(_in_child, (type(stage.renderer), stage.renderer.options, scene, frame))
+        np.testing.assert_array_equal(one.radiance_rgb, three.radiance_rgb)
+
+    def test_it_says_what_it_is(self) -> None:
+        with self.opened(ball()) as stage:
+            said = stage.renderer.describe()
+        assert said
+        assert all(isinstance(key, str) and isinstance(value, str) for key, value in said.items())
+
+
+def _in_child(kind: type[Renderer], options: BaseModel, scene: Scene, frame: FrameState) -> Radiance:
+    renderer = kind(options)
+    renderer.open(scene)
+    try:
+        box = PixelBox(0, 0, scene.camera.width_px, scene.camera.height_px)
+        return renderer.render(RenderRequest(frame, box, None, 1))
+    finally:
+        renderer.close()

@@ -1,0 +1,165 @@
+"""The conformance class for propagators."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from posse_core.constants import Constants
+from posse_core.frames import eci_from_rtn, rtn_from_eci
+from posse_core.interfaces.propagator import PropagationProblem, Propagator
+from posse_core.model.arrays import FloatArray
+from posse_core.model.trajectory import Motion
+from posse_core.scenario.orbit import ElementsConfig, OrbitConfig, RelativeConfig
+from posse_core.testing.conformance import Conformance
+
+PERIOD_S = 5900.0
+"""About one period of the orbit of :meth:`PropagatorConformance.problem`."""
+
+
+class PropagatorConformance(Conformance):
+    """Subclass it, give :meth:`propagator` and ``capabilities``.
+
+    The problem is a low orbit of e = 0.001 and a relative ellipse of some ten metres; a propagator
+    with another domain overrides :meth:`problem`.
+    """
+
+    capabilities: frozenset[str] = frozenset()
+
+    @abstractmethod
+    def propagator(self) -> Propagator:
+        """A new propagator."""
+
+    def problem(self, t_s: FloatArray) -> PropagationProblem:
+        """The motion to propagate at the times ``t_s`` (F,)."""
+        elements = ElementsConfig(
+            epoch_utc="2022-01-31T02:02:27.58",
+            a_m=7.1e6,
+            e=0.001,
+            i_deg=98.2,
+            raan_deg=334.0,
+            argp_deg=52.0,
+            mean_anomaly_deg=318.0,
+        )
+        return PropagationProblem(
+            orbit=OrbitConfig(elements=elements),
+            relative=RelativeConfig(roe_m=(0.0, 5.0, 15.0, -4.0, 12.0, 7.0)),
+            t_s=t_s,
+            constants=Constants(),
+        )
+
+    def test_shapes_and_numbers(self) -> None:
+        t_s = np.linspace(0.0, PERIOD_S, 7)
+        motion = self._motion(t_s)
+        frames = len(motion.t_s)
+        for name in (
+            "r_target_eci_m",
+            "v_target_eci_m_s",
+            "r_chaser_rtn_m",
+            "v_chaser_rtn_m_s",
+        ):
+            array = getattr(motion, name)
+            assert array.shape == (frames, 3), name
+            assert array.dtype == np.float64, name
+            assert np.isfinite(array).all(), name
+        assert motion.sequence.shape == (frames,)
+        assert np.issubdtype(motion.sequence.dtype, np.integer)
+        if "own-frames" in self.capabilities:
+            assert set(motion.t_s.tolist()) <= set(t_s.tolist()), "frames at times not asked for"
+        else:
+            np.testing.assert_array_equal(motion.t_s, t_s)
+
+    def test_one_frame(self) -> None:
+        assert np.isfinite(self._motion(np.zeros(1)).r_chaser_rtn_m).all()
+
+    def test_the_orbit_is_the_one_asked_for(self) -> None:
+        """The semi-major axis by the vis-viva equation, within what short-period terms make of it."""
+        motion = self._motion(np.linspace(0.0, PERIOD_S, 7))
+        r = np.linalg.norm(motion.r_target_eci_m, axis=-1)
+        v = np.linalg.norm(motion.v_target_eci_m_s, axis=-1)
+        a_m = 1 / (2 / r - v**2 / Constants().mu_earth_m3_s2)
+        np.testing.assert_allclose(a_m, 7.1e6, rtol=3e-3)
+
+    def test_the_relative_orbit_has_the_size_asked_for(self) -> None:
+        """a·δe = 15.5 m and a·δi = 13.9 m at the start: an ellipse of that size, seen at any time."""
+        motion = self._motion(np.linspace(0.0, PERIOD_S, 25))
+        first = motion.r_chaser_rtn_m[motion.sequence == motion.sequence[0]]
+        assert 0.5 * 15.5 < np.abs(first[:, 0]).max() < 1.5 * 15.5
+        assert 0.5 * 13.9 < np.abs(first[:, 2]).max() < 1.5 * 13.9
+
+    def test_the_targets_velocity_is_the_derivative_of_its_position(self) -> None:
+        t_s, step_s = 1000.0, 0.5
+        motion = self._motion(t_s + step_s * np.arange(5.0))
+        derivative = _five_point_derivative(motion.r_target_eci_m[:5], step_s)
+        np.testing.assert_allclose(motion.v_target_eci_m_s[2], derivative, atol=0.02)
+
+    def test_the_chasers_velocity_is_the_derivative_in_the_rotating_frame(self) -> None:
+        t_s, step_s = 1000.0, 10.0
+        motion = self._motion(t_s + step_s * np.arange(5.0))
+        derivative = _five_point_derivative(motion.r_chaser_rtn_m[:5], step_s)
+        # 1 % of the speed: approximate models may drop terms of the order of the eccentricity.
+        speed = float(np.linalg.norm(derivative))
+        np.testing.assert_allclose(motion.v_chaser_rtn_m_s[2], derivative, atol=0.01 * speed)
+
+    def test_the_same_problem_gives_the_same_bits(self) -> None:
+        t_s = np.linspace(0.0, PERIOD_S, 5)
+        one, two = self._motion(t_s), self._motion(t_s)
+        np.testing.assert_array_equal(one.r_chaser_rtn_m, two.r_chaser_rtn_m)
+        np.testing.assert_array_equal(one.r_target_eci_m, two.r_target_eci_m)
+
+    def test_a_time_does_not_depend_on_the_others(self) -> None:
+        """More times, in the same order, change no frame beyond what a step size may."""
+        t_s = np.linspace(0.0, PERIOD_S, 61)
+        many, few = self._motion(t_s), self._motion(t_s[::2])
+        first = many.sequence == many.sequence[0]
+        some = few.sequence == few.sequence[0]
+        np.testing.assert_allclose(many.r_chaser_rtn_m[first][::2], few.r_chaser_rtn_m[some], atol=1e-5)
+        np.testing.assert_allclose(many.r_target_eci_m[first][::2], few.r_target_eci_m[some], atol=10.0)
+
+    def test_the_problem_is_left_alone(self) -> None:
+        t_s = np.linspace(0.0, PERIOD_S, 5)
+        problem = self.problem(t_s.copy())
+        self.propagator().propagate(problem)
+        np.testing.assert_array_equal(problem.t_s, t_s)
+
+    def test_two_body_motion_is_exact(self) -> None:
+        """Capability ``exact-two-body``: both orbits against Newton's law integrated by DOP853."""
+        if "exact-two-body" not in self.capabilities:
+            return
+        motion = self._motion(np.linspace(0.0, PERIOD_S, 9))
+        mu = Constants().mu_earth_m3_s2
+        r_chaser, v_chaser = eci_from_rtn(
+            motion.r_target_eci_m,
+            motion.v_target_eci_m_s,
+            motion.r_chaser_rtn_m,
+            motion.v_chaser_rtn_m_s,
+        )
+        target = _newton(motion.r_target_eci_m[0], motion.v_target_eci_m_s[0], motion.t_s, mu)
+        chaser = _newton(r_chaser[0], v_chaser[0], motion.t_s, mu)
+        np.testing.assert_allclose(motion.r_target_eci_m, target[:, :3], atol=1e-3)
+        r_rtn, v_rtn = rtn_from_eci(target[:, :3], target[:, 3:], chaser[:, :3], chaser[:, 3:])
+        np.testing.assert_allclose(motion.r_chaser_rtn_m, r_rtn, atol=1e-3)
+        np.testing.assert_allclose(motion.v_chaser_rtn_m_s, v_rtn, atol=1e-6)
+
+    def _motion(self, t_s: FloatArray) -> Motion:
+        return self.propagator().propagate(self.problem(t_s))
+
+
+def _five_point_derivative(x: FloatArray, step: float) -> FloatArray:
+    """(5, 3) at equal steps → (3,) derivative in the middle, error of order step⁴."""
+    return np.asarray((x[0] - 8 * x[1] + 8 * x[3] - x[4]) / (12 * step))
+
+
+def _newton(r_m: FloatArray, v_m_s: FloatArray, t_s: FloatArray, mu_m3_s2: float) -> FloatArray:
+    """(F, 6) states from t_s[0] on, by an integrator that knows no orbital element."""
+
+    def rate(_t: float, state: FloatArray) -> FloatArray:
+        return np.concatenate([state[3:], -mu_m3_s2 * state[:3] / np.linalg.norm(state[:3]) ** 3])
+
+    start = np.concatenate([r_m, v_m_s])
+    solution = solve_ivp(
+        rate, (t_s[0], t_s[-1]), start, "DOP853", t_s, rtol=1e-13, atol=[1e-6] * 3 + [1e-9] * 3
+    )
+    return np.asarray(solution.y.T)

@@ -1,0 +1,12 @@
+"""The conformance class for renderers: light, geometry, sky and manners, against closed forms."""
+
+from __future__ import annotations
+
+from posse_core.testing.geometry import GeometryConformance
+from posse_core.testing.light import LightConformance
+from posse_core.testing.manners import MannersConformance
+from posse_core.testing.sky import SkyConformance
+
+
+class RendererConformance(LightConformance, GeometryConformance, SkyConformance, MannersConformance):
+    """What every renderer must do; see :class:`posse_core.testing.stage.RendererStage`."""

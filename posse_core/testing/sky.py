@@ -1,0 +1,71 @@
+"""Conformance of renderers: light from the sky."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from posse_core.model.scene import EnvironmentMap
+from posse_core.testing import scenes
+from posse_core.testing.closed_forms import directions
+from posse_core.testing.stage import SIDES, RendererStage, attitudes, ball, centroid, facing
+
+
+class SkyConformance(RendererStage):
+    """Capability ``environment``: level, direction, and that it leaves no trace."""
+
+    def test_an_even_sky_lights_a_white_ball_evenly(self) -> None:
+        """Capability ``environment``: the furnace, in which a white ball looks like the sky."""
+        if "environment" not in self.capabilities:
+            return
+        level = np.array([2.0, 1.0, 0.5])
+        sky = EnvironmentMap(np.full((16, 32, 3), level, dtype=np.float32))
+        with self.opened(ball()) as stage:
+            frame = replace(facing(sun=(0.0, 0.0, 1.0)), sun_fraction_target=0.0)
+            image = stage.shot(frame, environment=sky)
+        full = image.coverage > 0.999
+        mean = image.radiance_rgb[full].mean(axis=0)
+        np.testing.assert_allclose(mean, level, rtol=2 * self.radiance_tolerance)
+        assert image.radiance_rgb[image.coverage == 0].max() == 0.0, "the sky itself is in the image"
+        assert image.coverage.min() == 0.0
+
+    def test_the_skys_bright_side_lights_that_side(self) -> None:
+        """Capability ``environment``: the map is given in camera axes, whatever the craft's attitude."""
+        if "environment" not in self.capabilities:
+            return
+        around = directions(16)
+        with self.opened(ball()) as stage:
+            for R in attitudes()[:2]:
+                for side, axis in {**SIDES, "behind the camera": (0.0, 0.0, -1.0)}.items():
+                    bright = np.maximum(around @ axis, 0.0) ** 4
+                    sky = EnvironmentMap(np.stack([bright] * 3, axis=-1).astype(np.float32))
+                    frame = scenes.frame(
+                        t_body_cam_m=(0.0, 0.0, 4.0),
+                        sun_direction_body=(0, 0, 1),
+                        R_cam_from_body=R,
+                        sun_fraction=0.0,
+                    )
+                    image = stage.shot(frame, environment=sky)
+                    light = image.radiance_rgb.sum(axis=-1)
+                    offset = centroid(light) - centroid(image.coverage)
+                    if axis[2]:
+                        assert np.abs(offset).max() < 0.5
+                        assert light.max() > 0.8  # 3 bands of 1/3
+                    else:
+                        assert offset @ axis[:2] > 1.0, f"the sky is bright {side}, the ball is not"
+                        assert abs(offset @ [axis[1], axis[0]]) < 0.5
+
+    def test_a_sky_comes_and_goes(self) -> None:
+        """A frame with a sky leaves nothing behind in one without."""
+        if "environment" not in self.capabilities:
+            return
+        dark = replace(facing(sun=(0.0, 0.0, 1.0)), sun_fraction_target=0.0)
+        with self.opened(ball()) as stage:
+            for level in (1.0, None, 3.0):
+                sky = None
+                if level is not None:
+                    sky = EnvironmentMap(np.full((8, 16, 3), level, dtype=np.float32))
+                image = stage.shot(dark, environment=sky)
+                mean = image.radiance_rgb[image.coverage > 0.999].mean()
+                np.testing.assert_allclose(mean, level or 0.0, rtol=0.05)

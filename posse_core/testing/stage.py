@@ -1,0 +1,171 @@
+"""What the conformance tests of renderers share: small scenes, a camera in front of them, an image."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from posse_core.interfaces.renderer import Renderer
+from posse_core.model.arrays import AnyArray, BoolArray, FloatArray
+from posse_core.model.camera import Camera, PixelBox
+from posse_core.model.scene import EnvironmentMap, FrameState, Radiance, RenderRequest, Scene
+from posse_core.model.spacecraft import Material, Part
+from posse_core.testing import scenes
+from posse_core.testing.conformance import Conformance
+
+COLOUR = (0.8, 0.5, 0.2)
+CLAY = Material("clay", base_color=COLOUR, specular=0.0)
+WHITE = Material("white", base_color=(1.0, 1.0, 1.0), specular=0.0)
+SIDES = {
+    "right": (1.0, 0.0, 0.0),
+    "left": (-1.0, 0.0, 0.0),
+    "down": (0.0, 1.0, 0.0),
+    "up": (0.0, -1.0, 0.0),
+}
+"""Directions in camera axes."""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """An open renderer and the camera of its scene."""
+
+    renderer: Renderer
+    camera: Camera
+
+    def shot(
+        self,
+        frame: FrameState,
+        *,
+        box: PixelBox | None = None,
+        environment: EnvironmentMap | None = None,
+        seed: int = 1,
+    ) -> Radiance:
+        """Render the box (the whole image, if None), and check what holds of every image."""
+        asked = box or PixelBox(0, 0, self.camera.width_px, self.camera.height_px)
+        image = self.renderer.render(RenderRequest(frame, asked, environment, seed))
+        shape = (asked.height, asked.width)
+        assert image.box == asked
+        assert image.radiance_rgb.shape == (*shape, 3)
+        assert image.coverage.shape == shape
+        assert image.radiance_rgb.dtype == image.coverage.dtype == np.float32
+        assert np.isfinite(image.radiance_rgb).all()
+        assert image.radiance_rgb.min() >= 0
+        assert image.coverage.min() >= 0
+        assert image.coverage.max() <= 1
+        if image.depth_m is not None:
+            assert image.depth_m.shape == shape
+        return image
+
+
+class RendererStage(Conformance):
+    """Subclass it, give :meth:`renderer`, ``capabilities`` and, if need be, tolerances.
+
+    Give the renderer 64 samples a pixel or more, if it samples: tolerances reckon with it.
+
+    Attributes:
+        capabilities: as in the component's record; ``deterministic``, ``environment`` and
+            ``path-traced`` call for more tests.
+        radiance_tolerance: relative, of Lambertian radiance against E ρ/π cos θ.
+        edge_tolerance_px: of where a silhouette's edges lie.
+        iou_min: of the pixels with coverage above one half against the exact ray-cast.
+    """
+
+    capabilities: frozenset[str] = frozenset()
+    radiance_tolerance: float = 0.01
+    edge_tolerance_px: float = 0.1
+    iou_min: float = 0.995
+
+    @abstractmethod
+    def renderer(self) -> Renderer:
+        """A new renderer, not yet open; its class must be importable."""
+
+    @contextmanager
+    def opened(self, scene: Scene) -> Iterator[Stage]:
+        """A new renderer, open for the block."""
+        renderer = self.renderer()
+        renderer.open(scene)
+        try:
+            yield Stage(renderer, scene.camera)
+        finally:
+            renderer.close()
+
+    def assert_radiance(self, image: Radiance, expected_rgb: FloatArray) -> None:
+        """The image is all craft and its mean radiance is ``expected_rgb`` (3,)."""
+        assert (image.coverage > 0.999).all()
+        mean = image.radiance_rgb.mean(axis=(0, 1))
+        np.testing.assert_allclose(mean, expected_rgb, rtol=self.radiance_tolerance)
+
+
+def one_part(part: Part, *, material: Material, camera: Camera | None = None) -> Scene:
+    """A scene of one part."""
+    return scenes.scene(part, materials=(material,), camera=camera or scenes.camera())
+
+
+def wall(material: Material) -> Scene:
+    """A plate in the body's xy plane that fills the image of :func:`facing`."""
+    plate = scenes.rectangle("wall", material.name, u_m=(9.0, 0, 0), v_m=(0, 9.0, 0))
+    return one_part(plate, material=material, camera=scenes.camera(32, 24))
+
+
+def ball(material: Material = WHITE) -> Scene:
+    """A sphere of 1 m about the body's origin."""
+    return one_part(scenes.sphere("ball", material.name, rings=48), material=material)
+
+
+def craft() -> Scene:
+    """A small craft without any symmetry: drum, wing and boom."""
+    return scenes.scene(
+        scenes.sphere("drum", "white", radius_m=0.6, rings=32),
+        scenes.rectangle("wing", "clay", centre_m=(1.3, 0.2, 0), u_m=(0.7, 0.1, 0), v_m=(0, 0.3, 0.2)),
+        scenes.rectangle("boom", "clay", centre_m=(0, 1.0, 0.4), u_m=(0.06, 0, 0), v_m=(0, 0.5, 0.2)),
+        materials=(WHITE, CLAY),
+        camera=scenes.camera(192, 144),
+    )
+
+
+def facing(sun: tuple[float, float, float]) -> FrameState:
+    """A camera 4 m along the body's +z that sees +x to the right and +y up; the Sun in body axes."""
+    return scenes.frame(t_body_cam_m=(0.0, 0.0, 4.0), sun_direction_body=sun)
+
+
+def body(direction_cam: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Camera axes → body axes of :func:`facing`."""
+    x, y, z = scenes.FACING.T @ np.asarray(direction_cam)
+    return float(x), float(y), float(z)
+
+
+def attitudes() -> list[FloatArray]:
+    """Three R_cam_from_body (3, 3) without symmetry."""
+    vectors = ([0.2, -0.3, 0.4], [0.6, 0.5, -2.0], [-0.9, 0.4, 1.3])
+    return [Rotation.from_rotvec(vector).as_matrix() @ scenes.FACING for vector in vectors]
+
+
+def lambert(frame: FrameState, reflectance: tuple[float, float, float], cosine: float) -> FloatArray:
+    """(3,) E ρ/π cos θ."""
+    return np.asarray(frame.sun_irradiance_rgb_w_m2 * reflectance / np.pi * cosine)
+
+
+def project(camera: Camera, frame: FrameState, points_body_m: FloatArray) -> FloatArray:
+    """(n, 3) body axes → (n, 2) pixels."""
+    return camera.project(points_body_m @ frame.R_cam_from_body.T + frame.t_body_cam_m)
+
+
+def pixels(image: AnyArray) -> FloatArray:
+    """(h, w, 2) pixel coordinates (u, v) of an image (h, w)."""
+    return PixelBox(0, 0, image.shape[1], image.shape[0]).pixel_centres_px()
+
+
+def centroid(weight: AnyArray) -> FloatArray:
+    """(2,) centre (u, v) of an image (h, w) of weights, px."""
+    w = np.asarray(weight, dtype=np.float64)
+    return np.asarray((pixels(w) * w[..., None]).sum(axis=(0, 1)) / w.sum())
+
+
+def iou(a: BoolArray, b: BoolArray) -> float:
+    """Intersection over union."""
+    return float((a & b).sum() / (a | b).sum())

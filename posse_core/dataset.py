@@ -6,8 +6,9 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import groupby
 from pathlib import Path
-from typing import Any, overload
+from typing import Any, BinaryIO, overload
 
 import cv2
 import numpy as np
@@ -85,12 +86,17 @@ class Frames(Sequence[dict[str, Any]]):
         if isinstance(place, slice):
             return [self[i] for i in range(*place.indices(len(self)))]
         with open(self._shards[self._shard[place]], "rb") as stream:
-            stream.seek(self._offset[place])
-            line: dict[str, Any] = json.loads(stream.readline())
-        return line
+            return self._read(stream, place)
 
     def __iter__(self) -> Iterator[dict[str, Any]]:
-        return (self[i] for i in range(len(self)))
+        for shard, places in groupby(range(len(self)), key=self._shard.__getitem__):
+            with open(self._shards[shard], "rb") as stream:
+                yield from (self._read(stream, place) for place in places)
+
+    def _read(self, stream: BinaryIO, place: int) -> dict[str, Any]:
+        stream.seek(self._offset[place])
+        line: dict[str, Any] = json.loads(stream.readline())
+        return line
 
 
 def _index_of(line: bytes) -> int | None:

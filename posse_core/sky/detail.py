@@ -35,7 +35,7 @@ class Detail:
         noise, slope = np.zeros_like(normal[0]), np.zeros_like(normal)
         level = np.log2(footprint_m / np.float32(TEXEL_M))
         # Laid on from three sides, blended by how squarely each meets the ground.
-        weights = normal**8
+        weights = np.square(np.square(np.square(normal)))
         weights /= weights.sum(axis=0)
         for side in range(3):
             near = np.flatnonzero(weights[side] > 0.03)

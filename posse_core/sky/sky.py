@@ -13,18 +13,16 @@ from posse_core.sky import moon
 from posse_core.sky.clouds import make_clouds
 from posse_core.sky.earth import Earth, EarthView
 from posse_core.sky.ellipsoid import entry_distance_m
+from posse_core.sky.environment import environment_map
 from posse_core.sky.ground import blue_marble
 from posse_core.sky.stars import hipparcos
 from posse_core.sky.sun import SUBSAMPLES, box_of_disc, limb_darkened, subpixel_rays
 from posse_core.sky.view import SkyView
 
-__all__ = ["ENVIRONMENT_SHAPE", "STAR_MARGIN_PX", "Sky", "SkyView"]
+__all__ = ["STAR_MARGIN_PX", "Sky", "SkyView"]
 
 STAR_MARGIN_PX = 32.0
 """Stars this far outside the image are handed on: a wide PSF brings their light in."""
-ENVIRONMENT_SHAPE = (64, 128)
-"""Rows and columns of environment maps."""
-_ENVIRONMENT_SUBSAMPLES = 3
 _BAND_PX = 32
 
 
@@ -70,25 +68,11 @@ class Sky:
     def environment(self, frame: FrameState) -> EnvironmentMap | None:
         """Light from everywhere but the Sun and the spacecraft; None where there is none.
 
-        Every pixel is the mean over its solid angle, so the map holds the sky's light whatever its
-        resolution. Moon and stars, under a thousandth of the Earth's light, are left out.
+        Moon and stars, under a thousandth of the Earth's light, are left out.
         """
         if self._earth is None:
             return None
-        n = _ENVIRONMENT_SUBSAMPLES
-        rows, columns = ENVIRONMENT_SHAPE
-        # Even steps in the cosine inside a row: every sample stands for the same solid angle.
-        edges = np.cos(np.pi * np.arange(rows + 1) / rows)
-        steps = (np.arange(n) + 0.5) / n
-        cosine = (edges[:-1, None] + np.diff(edges)[:, None] * steps).ravel()[:, None]
-        sine = np.sqrt(1 - cosine**2)
-        phi = 2 * np.pi * (np.arange(columns * n) + 0.5) / (columns * n) - np.pi
-        directions = np.stack(
-            [sine * np.sin(phi), np.broadcast_to(-cosine, (rows * n, columns * n)), sine * np.cos(phi)],
-            axis=-1,
-        )
-        light = self._earth.seen(frame).light(directions, np.pi / (rows * n))
-        return EnvironmentMap(light.reshape(rows, n, columns, n, 3).mean(axis=(1, 3)))
+        return environment_map(self._earth.seen(frame))
 
     def _draw_earth(self, earth: EarthView, image: _Image) -> None:
         """Draw the Earth in bands of rows, as wide as it can reach."""

@@ -1,0 +1,159 @@
+"""The real map, its clouds, water and air; and the Moon."""
+
+import numpy as np
+import pytest
+
+from posse_core.model.bands import SOLAR_BAND_FRACTIONS
+from posse_core.scenario.sky import SkyConfig
+from posse_core.sky import moon
+from posse_core.sky.clouds import make_clouds
+from posse_core.sky.earth import Earth
+from posse_core.sky.ground import WIND_M_S, blue_marble, glint_radiance
+from posse_core.sky.sky import Sky
+
+PLACES = {
+    # latitude, longitude, share of water, red reflectance from … to (MODIS white-sky albedo)
+    "Sahara": (22.0, 10.0, 0.0, (0.3, 0.55)),
+    "Amazonia": (-5.0, -65.0, 0.0, (0.01, 0.06)),
+    "Greenland": (72.0, -40.0, 0.0, (0.65, 1.0)),
+    "Australia": (-25.0, 135.0, 0.0, (0.12, 0.4)),
+    "Pacific": (0.0, -140.0, 1.0, None),
+    "Indian Ocean": (-30.0, 80.0, 1.0, None),
+    "Caspian Sea": (42.0, 50.5, 1.0, None),
+    "Lake Victoria": (-1.0, 33.0, 1.0, None),
+    "Strait of Sicily": (36.4, 12.9, 1.0, None),
+}
+
+
+def _normal(lat_deg, lon_deg) -> np.ndarray:
+    lat, lon = np.deg2rad(lat_deg), np.deg2rad(lon_deg)
+    place = [np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat) + 0 * lon]
+    return np.stack(np.broadcast_arrays(*place)).astype(np.float32)
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_land_and_water_lie_where_they_do(name: str) -> None:
+    lat, lon, wet, red = PLACES[name]
+    land, water = blue_marble().at(
+        _normal([lat], [lon]), np.float32(np.deg2rad([lat])), np.float32([5000.0])
+    )
+    assert water[0] == pytest.approx(wet, abs=0.05)
+    if red is not None:
+        assert red[0] < land[0, 0] < red[1]
+
+
+def test_no_seam_at_the_date_line() -> None:
+    """Values a kilometre apart, over the meridian of 180°, differ no more than elsewhere."""
+    lat = np.float32(np.deg2rad(np.linspace(-75, 75, 400)))
+    clouds = make_clouds(3)
+    steps = []
+    for lon in (179.9999, 37.0):
+        a, b = (
+            clouds.at(_normal(np.rad2deg(lat), lon + step), lat, np.full(400, 40e3, np.float32), 0.0)[0]
+            for step in (0.0, 0.01)
+        )
+        steps.append(np.abs(a - b).max())
+    assert steps[0] < 2 * steps[1] + 0.05
+
+
+def test_clouds_belong_to_a_seed_and_drift_with_the_wind() -> None:
+    lat = np.zeros(500, np.float32)
+    lon = np.linspace(-60, 60, 500)
+    footprint = np.full(500, 2000.0, np.float32)
+
+    def row(clouds, t_s: float, shift_deg: float = 0.0) -> np.ndarray:
+        return clouds.at(_normal(0.0, lon + shift_deg), lat, footprint, t_s)[0]
+
+    one, other = make_clouds(0), make_clouds(3)
+    make_clouds.cache_clear()
+    np.testing.assert_array_equal(row(one, 0.0), row(make_clouds(0), 0.0))
+    assert np.corrcoef(row(one, 0.0), row(other, 0.0))[0, 1] < 0.5
+    # Trade winds: 8 m/s to the west, 0.26° in an hour.
+    hour_deg = -np.rad2deg(8.0 * 3600 / 6.378e6)
+    np.testing.assert_allclose(row(one, 3600.0, hour_deg), row(one, 0.0), atol=0.05)
+
+
+def test_glint_at_the_mirror_point_is_cox_and_munks() -> None:
+    """Sun and eye overhead: R₀ / (4 π σ²) with R₀ = ((n − 1)/(n + 1))²."""
+    one = np.ones(1, np.float32)
+    r0 = (0.34 / 2.34) ** 2
+    expected = r0 / (4 * np.pi * (0.003 + 0.00512 * WIND_M_S))
+    assert glint_radiance(one, one, one)[0] == pytest.approx(expected, rel=1e-4)
+    # Both 40° from the vertical: bright with the Sun opposite, dark with the Sun behind.
+    forty, eighty = np.float32([np.cos(np.deg2rad(40))]), np.float32([np.cos(np.deg2rad(80))])
+    assert glint_radiance(forty, forty, eighty)[0] > expected
+    assert glint_radiance(forty, forty, one)[0] < 1e-4 * expected
+
+
+def test_the_planet_reflects_three_tenths(make_state) -> None:
+    """Mean over directions of a plate's irradiance far away; CERES' planetary albedo is 0.29."""
+    earth = Earth(blue_marble(), make_clouds(0))
+    count, r = 40, 20 * 6.378137e6
+    k = np.arange(count) + 0.5
+    polar, around = np.arccos(1 - 2 * k / count), np.pi * (1 + 5**0.5) * k
+    places = np.stack(
+        [np.cos(around) * np.sin(polar), np.sin(around) * np.sin(polar), np.cos(polar)], -1
+    )
+    half = np.tan(np.arcsin(1.03 / 20))
+    u = half * ((np.arange(40) + 0.5) / 20 - 1)
+    rays = np.stack([*np.meshgrid(u, u), np.ones((40, 40))], axis=-1)
+    solid = (half / 20) ** 2 / np.linalg.norm(rays, axis=-1) ** 4
+    total = np.zeros(3)
+    for place in places:
+        frame = make_state(r_camera_m=r * place, forward=-place, up=(0.1, 0.2, 1.0), sun=(1.0, 0.0, 0.0))
+        frame = make_state(
+            r_camera_m=r * place,
+            forward=-place,
+            up=(0.1, 0.2, 1.0),
+            r_sun_eci_m=np.array([1.5e11, 0, 0]),
+        )
+        total += np.einsum("ij,ijk->k", solid, earth.seen(frame).light(rays, half / 20).astype(float))
+    reflected = total / count * 4 * np.pi * r**2
+    received = np.pi * 6.371e6**2 * 1361.0 * SOLAR_BAND_FRACTIONS
+    assert reflected.sum() / received.sum() == pytest.approx(0.29, abs=0.04)
+
+
+def test_the_sky_over_the_day_side(make_camera, make_state) -> None:
+    """Nadir is filled with light, the limb has a blue rim, the zenith is black."""
+    camera = make_camera(160, 120)
+    sky = Sky(SkyConfig(stars=None), camera, seed=0)
+    down = sky.look(make_state(forward=(-1.0, 0.0, 0.0))).radiance_rgb
+    assert down.min() > 1.0  # W m⁻² sr⁻¹; a white plate has 50
+    assert down.max() < 70
+    assert sky.look(make_state(forward=(1.0, 0.3, 0.0), sun=(-1.0, 0.0, 0.0))).radiance_rgb is None
+    limb = sky.look(make_state(forward=(-0.45, 0.9, 0.0), up=(1.0, 0.0, 0.0))).radiance_rgb
+    column = limb[:, 80]
+    top = np.flatnonzero(column[:, 2] > 0.05)[0]
+    assert column[top, 2] > 1.5 * column[top, 0]
+    assert (limb[: top - 8, 75:85] < 0.02).all()
+
+
+def test_the_night_side_is_dark_and_the_map_of_the_sky_holds_the_earth(make_camera, make_state) -> None:
+    sky = Sky(SkyConfig(stars=None), make_camera(160, 120), seed=0)
+    night = make_state(forward=(-1.0, 0.0, 0.0), sun=(-1.0, 0.0, 0.0), sun_fraction_camera=0.0)
+    rgb = sky.look(night).radiance_rgb
+    assert rgb is None or rgb.max() < 1e-3
+    environment = sky.environment(make_state(forward=(0.0, 1.0, 0.0), up=(1.0, 0.0, 0.0))).radiance_rgb
+    assert environment[:28].max() < 0.5 < environment[40:].mean()  # rows: the top is up
+    assert Sky(SkyConfig(earth=False), make_camera(160, 120), 0).environment(night) is None
+
+
+@pytest.mark.parametrize(("phase_deg", "magnitudes"), [(0.0, 0.0), (45.0, 1.1864), (90.0, 2.6024)])
+def test_the_moon_follows_its_phase_law(make_camera, make_state, phase_deg, magnitudes) -> None:
+    """Irradiance p E_sun (R/d)² · 10^(−0.4 Δm), Δm of Allen's law by hand."""
+    camera = make_camera(200, 200, hfov_deg=1)
+    d = 3.844e8
+    phase = np.deg2rad(phase_deg)
+    frame = make_state(
+        forward=(0.0, 1.0, 0.0),
+        r_moon_eci_m=np.array([7.08e6, d, 0.0]),
+        r_sun_eci_m=np.array([7.08e6, d, 0.0]) + 1.5e11 * np.array([np.sin(phase), -np.cos(phase), 0.0]),
+    )
+    rgb = Sky(SkyConfig(earth=False, stars=None, sun_disc=False), camera, 0).look(frame).radiance_rgb
+    v, u = np.mgrid[:200, :200]
+    solid = 1 / (camera.fx_px**2 * np.linalg.norm(camera.rays(np.stack([u, v], -1)), axis=-1) ** 3)
+    total = np.einsum("ij,ijk->k", solid, rgb.astype(float))
+    full = moon.GEOMETRIC_ALBEDO_RGB * 1361.0 * SOLAR_BAND_FRACTIONS * (1.7374e6 / d) ** 2
+    assert total == pytest.approx(full * 10 ** (-0.4 * magnitudes), rel=0.02)
+    lit = rgb[100, :, 1] > 0
+    assert lit.sum() == pytest.approx(camera.fx_px * 1.7374e6 / d * (1 + np.cos(phase)), abs=3)

@@ -107,7 +107,7 @@ def test_a_steady_spin_is_met_between_its_records(tmp_path: Path, suffix: str, o
 
     times = np.array([-2.0, 0.0, 1.0, 5.0, 9.0])
     path = tmp_path / f"a{suffix}"
-    arrays = {"t_s": times + offset_s, "q_eci_from_camera": spin(times).as_quat(scalar_first=True)}
+    arrays = {"t_s": times + offset_s, "q_eci_from_camera": np.roll(spin(times).as_quat(), 1, axis=-1)}
     write_table(path, EPOCH.shifted(-offset_s).iso(), arrays)
     wanted = np.linspace(-2, 9, 40)
     R = recorded_attitude(path, "q_eci_from_camera", EPOCH, wanted)

@@ -17,6 +17,7 @@ from posse_core.dynamics.elements import (
     equinoctial_from_state,
     equinoctial_sign,
     keplerian_from_qns,
+    later,
     qns_from_equinoctial,
 )
 from posse_core.environment.earth import R_gcrf_from_teme
@@ -113,8 +114,8 @@ class Tle(Sgp4Orbit):
         s = self._satellite
         return MeanElements(s.inclo, s.nodeo, s.ecco, s.argpo, s.mo, s.no_kozai / 60.0)
 
-    def neighbour(self, r_m: FloatArray, v_m_s: FloatArray) -> Sgp4Orbit:
-        """The orbit with this one's drag that has a given state at the epoch.
+    def neighbour(self, r_m: FloatArray, v_m_s: FloatArray, at_s: float) -> Sgp4Orbit:
+        """The orbit with this one's drag that has a given state ``at_s`` seconds after the epoch.
 
         Its mean elements are found by taking over the difference of the osculating ones, which
         leaves about a thousandth (J2) of what was missing at each step.
@@ -125,14 +126,14 @@ class Tle(Sgp4Orbit):
         Raises:
             InputError: SGP4 has no orbit with this state.
         """
-        R = R_gcrf_from_teme(*self.epoch.tt(np.zeros(())))
+        R = R_gcrf_from_teme(*self.epoch.tt(np.asarray(at_s)))
         r, v = R.T @ r_m, R.T @ v_m_s
         sign = equinoctial_sign(r, v)
         wanted = equinoctial_from_state(r, v, sign, _MU_WGS72_M3_S2)
-        mean = wanted
+        mean = later(wanted, _MU_WGS72_M3_S2, np.asarray(-at_s))
         for _ in range(_CORRECTIONS):
             satellite = self._with(keplerian_from_qns(qns_from_equinoctial(mean, sign)))
-            error, r_km, v_km_s = satellite.sgp4_tsince(0.0)
+            error, r_km, v_km_s = satellite.sgp4_tsince(at_s / 60.0)
             if error:
                 raise InputError(f"{self._where}: SGP4 on the chaser's orbit: {SGP4_ERRORS[error]}")
             got = equinoctial_from_state(

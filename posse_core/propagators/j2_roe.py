@@ -2,35 +2,32 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from posse_core.dynamics.domain import warn_if_far_off
 from posse_core.dynamics.elements import state_from_qns
 from posse_core.dynamics.j2 import j2_secular, j2_stm, mean_from_osculating, osculating_from_mean
-from posse_core.dynamics.orbit import Start
 from posse_core.dynamics.roe import qns_from_roe, roe_from_qns, rtn_from_roe
-from posse_core.interfaces.propagator import PropagationProblem, Propagator
+from posse_core.dynamics.start import Start
+from posse_core.interfaces.propagator import PropagationProblem
 from posse_core.model.arrays import FloatArray
-from posse_core.model.trajectory import Motion
-from posse_core.propagators.roe import one_sequence
+from posse_core.propagators.flight import Flight, FlightPropagator
 
 
-class J2RoePropagator(Propagator):
+class J2RoePropagator(FlightPropagator):
     """Osculating → mean elements, Koenig–Guffanti–D'Amico's matrix, mean → osculating, exact map.
 
     The inclination must not be 0° or 180°, where these ROE are singular.
     """
 
-    def propagate(self, problem: PropagationProblem) -> Motion:
-        start = Start(problem)
+    def fly(
+        self, problem: PropagationProblem, start: Start, start_s: float, after_s: FloatArray
+    ) -> Flight:
         constants, mu = problem.constants, start.mu_m3_s2
-        t_s = np.asarray(problem.t_s, dtype=np.float64)
         deputy_qns = qns_from_roe(start.chief_qns, start.roe)
         chief_0 = mean_from_osculating(start.chief_qns, constants)
         deputy_0 = mean_from_osculating(deputy_qns, constants)
         roe_0 = roe_from_qns(chief_0, deputy_0)
-        chief = j2_secular(chief_0, constants, t_s)
-        linear = qns_from_roe(chief, j2_stm(chief_0, constants, t_s) @ roe_0)
+        chief = j2_secular(chief_0, constants, after_s)
+        linear = qns_from_roe(chief, j2_stm(chief_0, constants, after_s) @ roe_0)
         chief_osculating = osculating_from_mean(chief, constants)
 
         def rtn(deputy_mean: FloatArray) -> FloatArray:
@@ -38,7 +35,6 @@ class J2RoePropagator(Propagator):
             return rtn_from_roe(chief_osculating, roe, mu, 0.0)
 
         states = rtn(linear)
-        whole = rtn(j2_secular(deputy_0, constants, t_s))
+        whole = rtn(j2_secular(deputy_0, constants, after_s))
         warn_if_far_off("j2-roe", states[:, :3], whole[:, :3], "linear in the separation", "nonlinear")
-        r_target, v_target = state_from_qns(chief_osculating, mu)
-        return one_sequence(t_s, r_target, v_target, states)
+        return Flight(*state_from_qns(chief_osculating, mu), states)

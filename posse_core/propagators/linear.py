@@ -13,14 +13,14 @@ import numpy as np
 
 from posse_core.dynamics.domain import warn_if_far_off
 from posse_core.dynamics.linear import hcw_stm, near_circular_map, yamanaka_ankersen_stm
-from posse_core.dynamics.orbit import Start
-from posse_core.interfaces.propagator import PropagationProblem, Propagator
+from posse_core.dynamics.start import Start
+from posse_core.interfaces.propagator import PropagationProblem
 from posse_core.model.arrays import FloatArray
-from posse_core.model.trajectory import Motion
-from posse_core.propagators.roe import exact_rtn, two_body_motion
+from posse_core.propagators.flight import Flight, FlightPropagator
+from posse_core.propagators.roe import exact_rtn, two_body_flight
 
 
-class LinearPropagator(Propagator):
+class LinearPropagator(FlightPropagator):
     """What the three share."""
 
     name: ClassVar[str]
@@ -30,15 +30,14 @@ class LinearPropagator(Propagator):
     def rtn(self, start: Start, t_s: FloatArray) -> FloatArray:
         """(F,) → (F, 6) the chaser's RTN state by the model."""
 
-    def propagate(self, problem: PropagationProblem) -> Motion:
-        start = Start(problem)
-        t_s = np.asarray(problem.t_s, dtype=np.float64)
-        rtn = self.rtn(start, t_s)
+    def fly(
+        self, problem: PropagationProblem, start: Start, start_s: float, after_s: FloatArray
+    ) -> Flight:
+        rtn = self.rtn(start, after_s)
         e = float(np.hypot(*start.chief_equinoctial[2:4]))
-        warn_if_far_off(
-            self.name, rtn[:, :3], exact_rtn(start, t_s)[:, :3], f"e = {e:.3g}", self.instead
-        )
-        return two_body_motion(start, t_s, rtn)
+        exact = exact_rtn(start, after_s)
+        warn_if_far_off(self.name, rtn[:, :3], exact[:, :3], f"e = {e:.3g}", self.instead)
+        return two_body_flight(start, after_s, rtn)
 
 
 class HcwPropagator(LinearPropagator):

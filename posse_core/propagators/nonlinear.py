@@ -7,29 +7,31 @@ from collections.abc import Callable
 import numpy as np
 
 from posse_core.dynamics.nonlinear import Body, ForceModel, integrate
-from posse_core.dynamics.orbit import Start, orbit_epoch
+from posse_core.dynamics.orbit import orbit_epoch
+from posse_core.dynamics.start import Start
 from posse_core.environment.ephemeris import moon_eci_m, sun_eci_m
 from posse_core.environment.time import Epoch
 from posse_core.frames import R_eci_from_rtn, rtn_rate_rad_s
-from posse_core.interfaces.propagator import PropagationProblem, Propagator
+from posse_core.interfaces.propagator import PropagationProblem
 from posse_core.model.arrays import FloatArray
-from posse_core.model.trajectory import Motion
+from posse_core.propagators.flight import Flight, FlightPropagator
 from posse_core.propagators.options import NonlinearOptions
-from posse_core.propagators.roe import one_sequence
 
 
-class NonlinearPropagator(Propagator):
+class NonlinearPropagator(FlightPropagator):
     """The reference: any orbit, hyperbolic too; two-body or J2, drag, solar pressure, Sun and Moon."""
 
     options: NonlinearOptions
+    elliptic = False
 
-    def propagate(self, problem: PropagationProblem) -> Motion:
-        start = Start(problem, elliptic=False)
-        t_s = np.asarray(problem.t_s, dtype=np.float64)
+    def fly(
+        self, problem: PropagationProblem, start: Start, start_s: float, after_s: FloatArray
+    ) -> Flight:
+        epoch = orbit_epoch(problem.orbit).shifted(start_s)
         r, v, dr, dv = integrate(
             (start.r_target_eci_m, start.v_target_eci_m_s, start.dr_eci_m, start.dv_eci_m_s),
-            t_s,
-            self._forces(orbit_epoch(problem.orbit), t_s),
+            after_s,
+            self._forces(epoch, after_s),
             problem.constants,
         )
         R = np.swapaxes(R_eci_from_rtn(r, v), -1, -2)
@@ -37,7 +39,7 @@ class NonlinearPropagator(Propagator):
         spin = np.zeros_like(position)
         spin[:, 2] = rtn_rate_rad_s(r, v)
         velocity = np.einsum("fij,fj->fi", R, dv) - np.cross(spin, position)
-        return one_sequence(t_s, r, v, np.concatenate([position, velocity], axis=-1))
+        return Flight(r, v, np.concatenate([position, velocity], axis=-1))
 
     def _forces(self, epoch: Epoch, t_s: FloatArray) -> ForceModel:
         o = self.options

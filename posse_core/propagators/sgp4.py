@@ -4,30 +4,30 @@ from __future__ import annotations
 
 import numpy as np
 
-from posse_core.dynamics.orbit import Start
+from posse_core.dynamics.start import Start
 from posse_core.dynamics.tle import Tle
 from posse_core.errors import InputError
 from posse_core.frames import rtn_from_eci
-from posse_core.interfaces.propagator import PropagationProblem, Propagator
-from posse_core.model.trajectory import Motion
-from posse_core.propagators.roe import one_sequence
+from posse_core.interfaces.propagator import PropagationProblem
+from posse_core.model.arrays import FloatArray
+from posse_core.propagators.flight import Flight, FlightPropagator
 
 
-class Sgp4Propagator(Propagator):
+class Sgp4Propagator(FlightPropagator):
     """The chaser has the target's drag, and mean elements that give its state at the epoch.
 
     SGP4's own rounding and its dated constants leave the relative state uncertain by some mm.
     """
 
-    def propagate(self, problem: PropagationProblem) -> Motion:
+    def fly(
+        self, problem: PropagationProblem, start: Start, start_s: float, after_s: FloatArray
+    ) -> Flight:
         if problem.orbit.tle is None:
             raise InputError("propagator sgp4 starts from orbit.tle; give it, or take propagator roe")
-        start = Start(problem)
-        t_s = np.asarray(problem.t_s, dtype=np.float64)
         tle = Tle(problem.orbit.tle)
-        chaser = tle.neighbour(
-            start.r_target_eci_m + start.dr_eci_m, start.v_target_eci_m_s + start.dv_eci_m_s
-        )
-        r_target, v_target = tle.state(t_s)
-        rtn = np.concatenate(rtn_from_eci(r_target, v_target, *chaser.state(t_s)), axis=-1)
-        return one_sequence(t_s, r_target, v_target, rtn)
+        r_chaser = start.r_target_eci_m + start.dr_eci_m
+        v_chaser = start.v_target_eci_m_s + start.dv_eci_m_s
+        chaser = tle.neighbour(r_chaser, v_chaser, start_s)
+        r, v = tle.state(start_s + after_s)
+        rtn = np.concatenate(rtn_from_eci(r, v, *chaser.state(start_s + after_s)), axis=-1)
+        return Flight(r, v, rtn)

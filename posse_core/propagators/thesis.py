@@ -6,8 +6,8 @@ from a series (eq. 3.3), and the ROE map of eq. 2.10 with nt where the mean argu
 belongs. Chosen where the thesis is silent:
 
 - eq. 3.2 is integrated by the classical Runge–Kutta method, one step from each time to the next.
-- δix and δiy carry over from one relative orbit to the next, so the orbits of the second half keep
-  the δix of the last one of the first half.
+- δix and δiy carry over from one relative orbit to the next
+  (:func:`posse_core.dynamics.design.algorithm_3_1`).
 - Frames run k = 0 … N for each of the H relative orbits: (N+1)·H frames, orbit by orbit.
 - Sizes are given in metres (``relative.roe_m``, a times the thesis' δα).
 """
@@ -18,8 +18,9 @@ import math
 
 import numpy as np
 
-from posse_core.dynamics.elements import keplerian_from_qns
-from posse_core.dynamics.orbit import Start, target_state
+from posse_core.dynamics.design import algorithm_3_1
+from posse_core.dynamics.elements import keplerian_from_state
+from posse_core.dynamics.orbit import target_state
 from posse_core.dynamics.tle import Tle
 from posse_core.errors import InputError
 from posse_core.interfaces.propagator import PropagationProblem, Propagator
@@ -42,7 +43,7 @@ class ThesisPropagator(Propagator):
         )
         r_target, v_target = perifocal_state(a, e, true_anomaly, mu)
         R = eci_from_perifocal(raan, i, argp)
-        orbits_m = relative_orbits_m(_initial_roe_m(problem), self.options.relative_orbits)
+        orbits_m = algorithm_3_1(_initial_roe_m(problem), self.options.relative_orbits)
         states = np.einsum("kij,hj->hki", roe_to_rtn(math.sqrt(mu / a**3), t_s), orbits_m)
         count, times = len(orbits_m), len(t_s)
         flat = states.reshape(-1, 6)
@@ -125,37 +126,22 @@ def roe_to_rtn(mean_motion_rad_s: float, t_s: FloatArray) -> FloatArray:
     return T
 
 
-def relative_orbits_m(roe_m: FloatArray, count: int) -> FloatArray:
-    """Lines 2–13 of Algorithm 3.1: (6,) initial a·δα → (H, 6), one row a relative orbit."""
-    _, _, dex, dey, dix, diy = (float(x) for x in roe_m)
-    dix_0, diy_0 = dix, diy
-    rows = []
-    for h in range(1, count + 1):
-        if h < 0.25 * count:
-            dix = dix_0 + 2 * diy_0 / count * h
-        elif h < 0.5 * count:
-            dix = dix_0 - 2 * diy_0 / count * h
-        elif h < 0.75 * count:
-            diy = diy_0 + diy_0 / count * h
-        else:
-            diy = diy_0 - diy_0 / count * h
-        rows.append([0.0, 0.0, dex, dey, dix, diy])
-    return np.array(rows)
-
-
 def _elements(problem: PropagationProblem) -> tuple[float, float, float, float, float, float]:
     """a, e, i, Ω, ω, M: a TLE's mean elements as they stand, else the osculating ones."""
+    mu = problem.constants.mu_earth_m3_s2
+    state = target_state(problem.orbit, problem.constants)
     if problem.orbit.tle is None:
-        a, e, i, raan, argp, M = keplerian_from_qns(Start(problem).chief_qns).tolist()
+        a, e, i, raan, argp, M = keplerian_from_state(*state, mu).tolist()
         return a, e, i, raan, argp, M
-    target_state(problem.orbit, problem.constants)
     m = Tle(problem.orbit.tle).mean
-    a = (problem.constants.mu_earth_m3_s2 / m.mean_motion_rad_s**2) ** (1 / 3)
+    a = (mu / m.mean_motion_rad_s**2) ** (1 / 3)
     return a, m.e, m.i_rad, m.raan_rad, m.argp_rad, m.mean_anomaly_rad
 
 
 def _initial_roe_m(problem: PropagationProblem) -> FloatArray:
     roe_m = problem.relative.roe_m
+    if problem.relative.plan is not None:
+        raise InputError("relative.plan: propagator thesis knows no manoeuvres; take propagator roe")
     if roe_m is None:
         raise InputError("propagator thesis starts from relative.roe_m; give it, or take propagator roe")
     if roe_m[0] != 0 or roe_m[1] != 0:

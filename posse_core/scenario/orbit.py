@@ -7,6 +7,7 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from posse_core.options import Options
+from posse_core.scenario.design import DesignConfig, PlanConfig
 
 Vector3 = Annotated[tuple[float, float, float], Field(description="three numbers")]
 
@@ -64,22 +65,30 @@ class RelativeStateEciConfig(Options):
 
 
 class RelativeConfig(Options):
-    """The chaser's motion relative to the target; exactly one key."""
+    """The chaser's motion relative to the target; exactly one key, and maybe a plan beside it."""
 
     roe_m: tuple[float, float, float, float, float, float] | None = Field(
         None,
         description="quasi-nonsingular relative orbital elements times the target's semi-major axis,"
         " a·(δa, δλ, δex, δey, δix, δiy), m",
     )
+    roe_equinoctial_m: tuple[float, float, float, float, float, float] | None = Field(
+        None,
+        description="equinoctial relative orbital elements times the target's semi-major axis,"
+        " a·(δa, δl, δex, δey, δp, δq), m: for inclinations near 0° and 180°",
+    )
     state_rtn: StateRtnConfig | None = Field(None, description="state in the target's RTN axes")
     state_eci: RelativeStateEciConfig | None = Field(None, description="the chaser's own state")
+    design: DesignConfig | None = Field(None, description="a relative orbit by its name")
+    plan: PlanConfig | None = Field(None, description="manoeuvres")
 
     @model_validator(mode="after")
     def _exactly_one(self) -> RelativeConfig:
-        given = [key for key in type(self).model_fields if getattr(self, key) is not None]
+        ways = [key for key in type(self).model_fields if key != "plan"]
+        given = [key for key in ways if getattr(self, key) is not None]
         if len(given) != 1:
             raise ValueError(
-                "give exactly one of roe_m, state_rtn, state_eci"
+                f"give exactly one of {', '.join(ways)}"
                 + (f"; here are {' and '.join(given)}" if given else "")
             )
         return self

@@ -14,10 +14,10 @@ from posse_core.constants import Constants
 from posse_core.dynamics import elements, j2, roe
 from posse_core.dynamics.domain import DomainWarning
 from posse_core.dynamics.linear import any_eccentricity_map
-from posse_core.dynamics.orbit import Start
 from posse_core.frames import rtn_from_eci
 from posse_core.interfaces.propagator import PropagationProblem
 from posse_core.plugins import load_plugins
+from posse_core.propagators.flight import starts_of
 from posse_core.scenario.orbit import OrbitConfig, RelativeConfig
 
 FIGURES = json.loads(Path(__file__).with_name("dynamics.json").read_text())
@@ -90,7 +90,7 @@ def test_each_model_errs_by_what_is_known_of_it(
 
 def test_the_linear_map_for_any_eccentricity_errs_by_what_is_known_of_it() -> None:
     case = FIGURES["aqua"]
-    start = Start(problem_of(case))
+    (start,) = starts_of(problem_of(case))
     linear = any_eccentricity_map(start.chief_qns, MU, np.array(case["t_s"])) @ start.roe
     assert worst_m(linear[:, :3], case["two-body"]) == pytest.approx(0.0023, rel=0.05)
 
@@ -103,7 +103,7 @@ def test_j2_roe_is_a_thousand_times_better_than_leaving_j2_out() -> None:
 
 def test_relative_elements_are_those_that_the_state_was_made_of() -> None:
     case = FIGURES["aqua"]
-    start = Start(problem_of(case))
+    (start,) = starts_of(problem_of(case))
     assert start.chief_qns[0] * start.roe == pytest.approx(np.array(case["roe_m"]), abs=1e-6)
 
 

@@ -89,8 +89,8 @@ class GeometryConformance(RendererStage):
             height, width = whole.coverage.shape
             for box in (
                 PixelBox(0, 0, width // 2, height // 2),
-                PixelBox(37, 20, 31, 45),
-                PixelBox(width - 41, height - 33, 41, 33),
+                PixelBox(21, 13, 23, 30),
+                PixelBox(width - 29, height - 23, 29, 23),
                 PixelBox(width // 2, height // 2, 1, 1),
             ):
                 part = stage.shot(frame, box=box)

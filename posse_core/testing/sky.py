@@ -36,25 +36,25 @@ class SkyConformance(RendererStage):
             return
         around = directions(16)
         with self.opened(ball()) as stage:
-            for R in attitudes()[:2]:
-                for side, axis in {**SIDES, "behind the camera": (0.0, 0.0, -1.0)}.items():
-                    bright = np.maximum(around @ axis, 0.0) ** 4
-                    sky = EnvironmentMap(np.stack([bright] * 3, axis=-1).astype(np.float32))
-                    frame = scenes.frame(
-                        t_body_cam_m=(0.0, 0.0, 4.0),
-                        sun_direction_body=(0, 0, 1),
-                        R_cam_from_body=R,
-                        sun_fraction=0.0,
-                    )
-                    image = stage.shot(frame, environment=sky)
-                    light = image.radiance_rgb.sum(axis=-1)
-                    offset = centroid(light) - centroid(image.coverage)
-                    if axis[2]:
-                        assert np.abs(offset).max() < 0.5
-                        assert light.max() > 0.8  # 3 bands of 1/3
-                    else:
-                        assert offset @ axis[:2] > 1.0, f"the sky is bright {side}, the ball is not"
-                        assert abs(offset @ [axis[1], axis[0]]) < 0.5
+            R = attitudes()[0]
+            for side, axis in {**SIDES, "behind the camera": (0.0, 0.0, -1.0)}.items():
+                bright = np.maximum(around @ axis, 0.0) ** 4
+                sky = EnvironmentMap(np.stack([bright] * 3, axis=-1).astype(np.float32))
+                frame = scenes.frame(
+                    t_body_cam_m=(0.0, 0.0, 4.0),
+                    sun_direction_body=(0, 0, 1),
+                    R_cam_from_body=R,
+                    sun_fraction=0.0,
+                )
+                image = stage.shot(frame, environment=sky)
+                light = image.radiance_rgb.sum(axis=-1)
+                offset = centroid(light) - centroid(image.coverage)
+                if axis[2]:
+                    assert np.abs(offset).max() < 0.5
+                    assert light.max() > 0.8  # 3 bands of 1/3
+                else:
+                    assert offset @ axis[:2] > 1.0, f"the sky is bright {side}, the ball is not"
+                    assert abs(offset @ [axis[1], axis[0]]) < 0.5
 
     def test_a_sky_comes_and_goes(self) -> None:
         """A frame with a sky leaves nothing behind in one without."""

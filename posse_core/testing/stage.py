@@ -114,7 +114,8 @@ def wall(material: Material) -> Scene:
 
 def ball(material: Material = WHITE) -> Scene:
     """A sphere of 1 m about the body's origin."""
-    return one_part(scenes.sphere("ball", material.name, rings=48), material=material)
+    part = scenes.sphere("ball", material.name, rings=48)
+    return one_part(part, material=material, camera=scenes.camera(64, 48))
 
 
 def craft() -> Scene:

@@ -23,7 +23,7 @@ from posse_core.model.camera import PixelBox
 from posse_core.model.scene import EnvironmentMap, FrameState, Radiance, RenderRequest, Scene
 from posse_core.randomness import generator
 from posse_render_mitsuba.options import MitsubaOptions
-from posse_render_mitsuba.variants import Choice, choose
+from posse_render_mitsuba.variants import Choice, choose, load_library
 
 SAMPLES_PER_PASS = 8
 FILM_SIZES_PX = (64, 128, 256, 448)
@@ -53,7 +53,7 @@ class MitsubaRenderer(Renderer):
             )
         self._choice = choose(self.options.variant)
         if self._choice.library:
-            os.environ["DRJIT_LIBLLVM_PATH"] = self._choice.library
+            load_library(self._choice.library)
         self._scene = scene
         self._activate()
 

@@ -78,6 +78,20 @@ def choose(wanted: str) -> Choice:
     return Choice("scalar_rgb", note=f"llvm does not work: {causes}")
 
 
+def load_library(library: str) -> None:
+    """Have Mitsuba load this libLLVM when it is imported, which is when it loads one.
+
+    Raises:
+        ComponentError: Mitsuba has been imported in this process, so has loaded another.
+    """
+    if "drjit" in sys.modules and os.environ.get("DRJIT_LIBLLVM_PATH") != library:
+        raise ComponentError(
+            "mitsuba is loaded in this process already, with another libLLVM than the one that works;"
+            f" set DRJIT_LIBLLVM_PATH={library} before the start"
+        )
+    os.environ["DRJIT_LIBLLVM_PATH"] = library
+
+
 def llvm_candidates() -> list[str]:
     """LLVM libraries to try, newest first; the one that DRJIT_LIBLLVM_PATH names, alone, if set."""
     named = os.environ.get("DRJIT_LIBLLVM_PATH")

@@ -80,6 +80,12 @@ def posse_scenes() -> list[ComponentSpec]:
             f"{place}.options:ClusterOptions",
         ),
         ComponentSpec(
+            "cubesat",
+            "a 3U CubeSat with two wings, 10 × 10 × 34 cm",
+            f"{place}.cubesat:Cubesat",
+            f"{place}.cubesat:CubesatOptions",
+        ),
+        ComponentSpec(
             "mesh",
             "a mesh file of your own: glTF, OBJ, PLY, STL",
             f"{place}.mesh:MeshFile",
@@ -157,7 +163,9 @@ def posse_executors() -> list[ComponentSpec]:
 @hookimpl
 def posse_subcommands() -> list[ComponentSpec]:
     return [
-        ComponentSpec("collect", "join datasets, drop frames by rules", "posse_core.cli.collect:command"),
+        ComponentSpec(
+            "collect", "join datasets, drop frames by rules", "posse_core.cli.collect:command"
+        ),
         ComponentSpec(
             "describe", "keys of a scenario, options of a component", "posse_core.cli.describe:command"
         ),
@@ -167,6 +175,14 @@ def posse_subcommands() -> list[ComponentSpec]:
         ComponentSpec("export", "the labels in another format", "posse_core.cli.export:command"),
         ComponentSpec(
             "import", "a spacecraft package from a mesh", "posse_core.cli.import_mesh:command"
+        ),
+        ComponentSpec(
+            "manoeuvres", "impulses of a scenario's plan", "posse_core.cli.manoeuvres:command"
+        ),
+        ComponentSpec(
+            "model-errors",
+            "how far each model of relative motion is off",
+            "posse_core.cli.model_errors:command",
         ),
         ComponentSpec("partition", "train, valid and test lists", "posse_core.cli.partition:command"),
         ComponentSpec(

@@ -1,0 +1,113 @@
+"""How far each model of relative motion is off, on the thesis' two orbits, against integration.
+
+The target's states are osculating at the epoch; a·δe = a·δi = 100 m, both vectors along y. Every
+model starts from the same two states.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from posse_core import frames
+from posse_core.constants import Constants
+from posse_core.dynamics import elements, j2, linear, roe
+from posse_core.dynamics.nonlinear import ForceModel, integrate
+from posse_core.dynamics.start import Start
+from posse_core.model.arrays import FloatArray
+from posse_core.propagators.thesis import roe_to_rtn
+
+SIZE_M = 100.0
+_PER_ORBIT = 100
+
+
+@dataclass(frozen=True)
+class Case:
+    """A target's orbit: (6,) a (m), e, i, Ω, ω, M (rad); gravity of the truth; orbits flown."""
+
+    name: str
+    keplerian: FloatArray
+    gravity: str
+    orbits: int
+
+
+@dataclass(frozen=True)
+class Errors:
+    """(F,) times in orbits, and by model the (F,) distance from the truth, m."""
+
+    orbits: FloatArray
+    by_model: dict[str, FloatArray]
+
+
+def cases(constants: Constants) -> list[Case]:
+    """Aqua and Cluster (tables 3.3 and 3.4 of the thesis), two-body and J2."""
+    mu = constants.mu_earth_m3_s2
+
+    def orbit(n_rad_s: float, e: float, *degrees: float) -> FloatArray:
+        return np.array([(mu / n_rad_s**2) ** (1 / 3), e, *np.radians(degrees)])
+
+    aqua = orbit(14.571168 * 2 * math.pi / 86400, 8.98e-5, 98.23, 334.40, 52.44, 318.10)
+    perigee = orbit(3.21e-5, 0.52, 133.35, 345.92, 195.45, 0.0)
+    apogee = orbit(3.21e-5, 0.52, 133.35, 345.92, 195.45, 180.0)
+    return [
+        case
+        for gravity in ("two-body", "j2")
+        for case in (
+            Case("Aqua", aqua, gravity, 10),
+            Case("Cluster from perigee", perigee, gravity, 1),
+            Case("Cluster from apogee", apogee, gravity, 1),
+        )
+    ]
+
+
+def errors(case: Case, constants: Constants) -> Errors:
+    """Each model's distance from the integrated motion of one case."""
+    mu = constants.mu_earth_m3_s2
+    orbits = np.linspace(0.0, case.orbits, case.orbits * _PER_ORBIT + 1)
+    period_s = 2 * math.pi * math.sqrt(case.keplerian[0] ** 3 / mu)
+    t_s = orbits * period_s
+    r, v = elements.state_from_keplerian(case.keplerian, mu)
+    roe_m = np.array([0.0, 0.0, 0.0, SIZE_M, 0.0, SIZE_M])
+    start = Start(r, v, constants, "model errors", roe_m=roe_m)
+    truth = _integrated(start, t_s, case.gravity)
+    return Errors(
+        orbits,
+        {
+            name: np.linalg.norm(states[:, :3] - truth, axis=-1)
+            for name, states in _models(start, t_s).items()
+        },
+    )
+
+
+def _models(start: Start, t_s: FloatArray) -> dict[str, FloatArray]:
+    """By name, the (F, 6) RTN states of each model."""
+    chief, mu, constants = start.chief_qns, start.mu_m3_s2, start.constants
+    mean_chief = j2.mean_from_osculating(chief, constants)
+    mean_deputy = j2.mean_from_osculating(roe.qns_from_roe(chief, start.roe), constants)
+    mean_roe = j2.j2_stm(mean_chief, constants, t_s) @ roe.roe_from_qns(mean_chief, mean_deputy)
+    mean_chief = j2.j2_secular(mean_chief, constants, t_s)
+    osculating = j2.osculating_from_mean(mean_chief, constants)
+    deputy = j2.osculating_from_mean(roe.qns_from_roe(mean_chief, mean_roe), constants)
+    n = math.sqrt(mu / chief[0] ** 3)
+    return {
+        "hcw": linear.hcw_stm(chief, mu, t_s) @ start.rtn,
+        "thesis, T(nt)": roe_to_rtn(n, t_s) @ (start.roe * chief[0]),
+        "roe-near-circular, T(u)": linear.near_circular_map(chief, mu, t_s) @ start.roe,
+        "yamanaka-ankersen": linear.yamanaka_ankersen_stm(chief, mu, t_s) @ start.rtn,
+        "linear ROE map, any e": linear.any_eccentricity_map(chief, mu, t_s) @ start.roe,
+        "roe (exact)": roe.rtn_from_roe(chief, start.roe, mu, t_s),
+        "j2-roe, mean elements only": roe.rtn_from_roe(mean_chief, mean_roe, mu, 0.0),
+        "j2-roe": roe.rtn_from_roe(osculating, roe.roe_from_qns(osculating, deputy), mu, 0.0),
+    }
+
+
+def _integrated(start: Start, t_s: FloatArray, gravity: str) -> FloatArray:
+    r, v, dr, _ = integrate(
+        (start.r_target_eci_m, start.v_target_eci_m_s, start.dr_eci_m, start.dv_eci_m_s),
+        t_s,
+        ForceModel("j2" if gravity == "j2" else "two-body"),
+        start.constants,
+    )
+    return np.asarray(np.einsum("fji,fj->fi", frames.R_eci_from_rtn(r, v), dr))

@@ -14,6 +14,7 @@ from posse_core.errors import InputError
 from posse_core.evaluation.case import Case
 from posse_core.evaluation.checks import CHECKS, SCHEMA
 from posse_core.evaluation.exports import check_exports
+from posse_core.evaluation.motion import check_motion
 from posse_core.evaluation.result import Fault, Result
 from posse_core.files import sha256
 
@@ -85,8 +86,8 @@ def validate(dataset: Dataset, progress: Progress) -> Report:
             if check.applies(case):
                 result.checked += 1
                 result.faults += [Fault(index, message) for message in check.run(case)]
-    exports = [] if schema.faults else check_exports(dataset)
-    return Report(dataset.folder, len(lines), (*whole, schema, *results, *exports))
+    compared = [] if schema.faults else [check_motion(dataset), *check_exports(dataset)]
+    return Report(dataset.folder, len(lines), (*whole, schema, *results, *compared))
 
 
 def _lines(dataset: Dataset) -> Result:

@@ -18,6 +18,7 @@ from posse_core.cli.validate import command
 from posse_core.dataset import Dataset
 from posse_core.errors import CheckFailed, InputError
 from posse_core.evaluation.validate import Report, validate
+from posse_core.trajectory import save_trajectory
 
 FRAME = 3
 
@@ -126,6 +127,58 @@ def test_pose_turned_by_a_tenth_of_a_degree(folder):
 def test_wrong_phase_angle(folder):
     change(folder, lambda labels: labels.update(phase_angle_rad=np.pi - labels["phase_angle_rad"]))
     assert_only(assert_found(folder, "sun", "phase_angle_rad"), "sun")
+
+
+# Motion
+
+
+def test_all_labels_of_another_frame(folder):
+    """One frame's labels and arrays under another's number: consistent, but for the trajectory."""
+    lines = cuboid.read_lines(folder)
+    own = ("index", "image", "truth", "t_s", "epoch_utc", "sequence", "sun_fraction_target")
+    lines[FRAME] = {**lines[1], **{key: lines[FRAME][key] for key in own}}
+    for name in ("images/{:06d}.png", "truth/{:06d}.npz"):
+        shutil.copy(folder / name.format(1), folder / name.format(FRAME))
+    cuboid.write_lines(folder, lines)
+    assert_only(assert_found(folder, "trajectory", "by the trajectory's attitudes"), "trajectory")
+
+
+def test_position_a_micrometre_off(folder):
+    change(
+        folder, lambda labels: labels["t_body_cam_m"].__setitem__(0, labels["t_body_cam_m"][0] + 1e-6)
+    )
+    assert_only(assert_found(folder, "trajectory", "m from the trajectory's"), "trajectory")
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("t_s", 31.0), ("sequence", 0), ("sun_fraction_target", 0.5), ("solar_flux_w_m2", 1367.0)],
+)
+def test_time_and_light_of_another_frame(folder, key, value):
+    change(folder, lambda labels: labels.update({key: value}))
+    assert_only(assert_found(folder, "trajectory", f"{key} is {value}"), "trajectory")
+
+
+def test_sun_turned_about_the_line_of_sight(folder):
+    """The phase angle stays, the direction does not."""
+
+    def alter(labels):
+        w, x, y, z = labels["q_cam_from_body"]
+        axis = Rotation.from_quat([x, y, z, w]).inv().apply(labels["t_body_cam_m"])
+        turn = Rotation.from_rotvec(0.01 * axis / np.linalg.norm(axis))
+        labels["sun_direction_body"] = turn.apply(labels["sun_direction_body"]).tolist()
+
+    change(folder, alter)
+    assert_only(assert_found(folder, "trajectory", "sun_direction_body"), "trajectory")
+
+
+def test_trajectory_missing_or_too_short(folder):
+    lines = cuboid.read_lines(folder)
+    save_trajectory(cuboid.trajectory(lines[:FRAME]), folder / "trajectory.npz")
+    cuboid.seal(folder, 6)
+    assert_only(assert_found(folder, "trajectory", "the trajectory has 3 frames"), "trajectory")
+    (folder / "trajectory.npz").unlink()
+    assert_found(folder, "trajectory", "trajectory.npz", frame=None)
 
 
 # Keypoints

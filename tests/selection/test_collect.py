@@ -22,10 +22,9 @@ def two(tmp_path):
     """A dataset of a brick and one of a plate that begins an hour and a leap second later."""
     brick = cuboid.write_dataset(tmp_path / "brick")
     plate = cuboid.write_dataset(tmp_path / "plate", (("plate", np.array([2.0, 1.0, 0.1])),))
-    first = dataclasses.replace(cuboid.trajectory(6), epoch_utc="2016-12-31T23:30:00")
-    later = dataclasses.replace(cuboid.trajectory(6), epoch_utc="2017-01-01T00:30:00")
-    save_trajectory(first, brick / "trajectory.npz")
-    save_trajectory(later, plate / "trajectory.npz")
+    for folder, epoch in ((brick, "2016-12-31T23:30:00"), (plate, "2017-01-01T00:30:00")):
+        trajectory = load_trajectory(folder / "trajectory.npz")
+        save_trajectory(dataclasses.replace(trajectory, epoch_utc=epoch), folder / "trajectory.npz")
     return brick, plate
 
 
@@ -79,6 +78,7 @@ def spoil(folder):
         image = cv2.imread(str(folder / lines[index]["image"]), cv2.IMREAD_UNCHANGED)
         cv2.imwrite(str(folder / lines[index]["image"]), image // 20)
     lines[3]["sun_fraction_target"] = 0.0
+    save_trajectory(cuboid.trajectory(lines), folder / "trajectory.npz")
     cuboid.write_lines(folder, lines)
 
 
@@ -94,8 +94,8 @@ def test_rules_drop_what_they_name_and_are_counted(two, tmp_path):
     selection = {each["rule"]: each["dropped"] for each in good.manifest["selection"]}
     assert selection == {"eclipse": 2, "few-keypoints": 2, "dark": 1}
     assert validate(good, lambda places, frames: places).passed
-    row = load_trajectory(tmp_path / "good/trajectory.npz")
-    assert np.array_equal(row.r_chaser_rtn_m[0], cuboid.trajectory(6).r_chaser_rtn_m[4])
+    row, rows = (load_trajectory(folder / "trajectory.npz") for folder in (tmp_path / "good", brick))
+    assert np.array_equal(row.r_chaser_rtn_m, rows.r_chaser_rtn_m[4:5])
 
 
 def test_dark_is_judged_by_the_craft_alone(two, tmp_path):

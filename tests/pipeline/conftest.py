@@ -36,9 +36,18 @@ seed: 7
 """
 
 
-@pytest.fixture
-def small_scenario(tmp_path: Path) -> Path:
-    (tmp_path / "box.obj").write_text(BOX_OBJ)
-    path = tmp_path / "small.yaml"
+@pytest.fixture(scope="session")
+def small_scenario(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("small")
+    (folder / "box.obj").write_text(BOX_OBJ)
+    path = folder / "small.yaml"
     path.write_text(SCENARIO)
     return path
+
+
+@pytest.fixture(scope="session")
+def undisturbed(posse_in, small_scenario) -> Path:
+    """The small scenario's dataset, made in one go. Tests must not change it."""
+    done = posse_in(small_scenario.parent, "run", small_scenario, "--out", "undisturbed")
+    assert done.returncode == 0, done.stderr
+    return small_scenario.parent / "undisturbed"

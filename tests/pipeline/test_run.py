@@ -22,13 +22,6 @@ def files_of(folder: Path) -> set[str]:
     return {str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()}
 
 
-@pytest.fixture
-def undisturbed(posse, small_scenario, tmp_path) -> Path:
-    done = posse("run", small_scenario, "--out", "undisturbed")
-    assert done.returncode == 0, done.stderr
-    return tmp_path / "undisturbed"
-
-
 def test_a_run_leaves_a_whole_dataset(undisturbed):
     manifest = json.loads((undisturbed / "manifest.json").read_text())
     assert manifest["state"] == "complete"

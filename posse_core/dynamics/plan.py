@@ -23,6 +23,7 @@ from posse_core.model.arrays import FloatArray
 NEAR_CIRCULAR_E = 0.01
 _INSTANTS = 181
 _NEGLIGIBLE_M_S = 1e-9
+_SAME_INSTANT_S = 1e-6
 
 
 @dataclass(frozen=True)
@@ -166,4 +167,9 @@ def _programme(
 
 
 def _ordered(burns: list[Burn]) -> tuple[Burn, ...]:
-    return tuple(sorted(burns, key=lambda burn: burn.t_s))
+    """By time; impulses of one instant are one."""
+    by_time: dict[float, FloatArray] = {}
+    for burn in burns:
+        t_s = next((t for t in by_time if abs(t - burn.t_s) < _SAME_INSTANT_S), burn.t_s)
+        by_time[t_s] = by_time.get(t_s, np.zeros(3)) + burn.dv_rtn_m_s
+    return tuple(Burn(t, by_time[t]) for t in sorted(by_time))

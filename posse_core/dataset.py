@@ -162,7 +162,7 @@ class Dataset:
             raise InputError(f"{self.folder}: has several spacecraft ({names}) where one is needed")
         return next(iter(self.spacecraft_by_name.values()))
 
-    @property
+    @cached_property
     def frames(self) -> Frames:
         """Labels of every frame, by ascending index.
 

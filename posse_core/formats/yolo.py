@@ -12,6 +12,7 @@ from typing import Any
 import yaml
 
 from posse_core.dataset import PARTS, Dataset
+from posse_core.errors import InputError
 from posse_core.files import write_bytes
 from posse_core.formats.images import place
 from posse_core.formats.stream import labels_with
@@ -38,11 +39,13 @@ class YoloWriter(Writer):
 
     def write(self, dataset: Dataset, folder: Path) -> Sequence[Path]:
         """Write the folder ``yolo``."""
+        crafts = [dataset.spacecraft_by_name[name] for name in sorted(dataset.spacecraft_by_name)]
+        count = max(len(craft.keypoints_body_m) for craft in crafts)
+        if count == 0:
+            raise InputError(f"{dataset.folder}: no spacecraft has keypoints, which YOLO-pose needs")
         out = folder / "yolo"
         for name in ("images", "labels"):
             (out / name).mkdir(parents=True, exist_ok=True)
-        crafts = [dataset.spacecraft_by_name[name] for name in sorted(dataset.spacecraft_by_name)]
-        count = max(len(craft.keypoints_body_m) for craft in crafts)
         classes = {craft.name: i for i, craft in enumerate(crafts)}
         for labels in labels_with(dataset, "YOLO-pose", NEEDS):
             image = dataset.folder / labels["image"]

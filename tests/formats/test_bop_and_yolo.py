@@ -190,6 +190,15 @@ def test_yolo_lists_are_those_of_the_partition(dataset_folder, tmp_path):
     assert "Not divided" not in (tmp_path / "yolo/data.yaml").read_text()
 
 
+def test_yolo_of_a_craft_without_keypoints_says_so(dataset_folder, tmp_path):
+    shutil.copytree(dataset_folder, tmp_path / "d")
+    path = tmp_path / "d/spacecraft/brick.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), "keypoints": {}}))
+    with pytest.raises(InputError, match="no spacecraft has keypoints"):
+        YoloWriter(NoOptions()).write(Dataset(tmp_path / "d"), tmp_path)
+    assert not (tmp_path / "yolo").exists()
+
+
 def test_exports_can_be_made_again_and_leave_the_dataset_alone(dataset_folder, tmp_path):
     shutil.copytree(dataset_folder, tmp_path / "d")
     dataset = Dataset(tmp_path / "d")

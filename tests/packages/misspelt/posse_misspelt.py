@@ -1,0 +1,8 @@
+"""A hook that there is not."""
+
+from posse_core.hookspecs import hookimpl
+
+
+@hookimpl
+def posse_renderer():
+    return []

@@ -1,0 +1,9 @@
+"""Written for interfaces that this core does not have."""
+
+from posse_core.hookspecs import hookimpl
+from posse_core.registry import ComponentSpec
+
+
+@hookimpl
+def posse_renderers():
+    return [ComponentSpec("future", "of another API", "posse_other_api:Nothing", api=99)]

@@ -1,0 +1,9 @@
+"""Its entry point has the name of posse-plain's."""
+
+from posse_core.hookspecs import hookimpl
+from posse_core.registry import ComponentSpec
+
+
+@hookimpl
+def posse_renderers():
+    return [ComponentSpec("second", "never listed", "posse_same_entry:Nothing")]

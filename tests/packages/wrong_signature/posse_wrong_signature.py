@@ -1,0 +1,8 @@
+"""Its hook wants an argument that the hook does not have."""
+
+from posse_core.hookspecs import hookimpl
+
+
+@hookimpl
+def posse_renderers(scene):
+    return []

@@ -17,6 +17,10 @@ class NoiseConfig(Options):
     shot: bool = Field(True, description="photons and dark electrons arrive at random (Poisson)")
     read_e: float = Field(25.0, ge=0, description="standard deviation of reading, electrons")
     dark_e_s: float = Field(100.0, ge=0, description="dark current, electrons per second and pixel")
+    hot_pixels: Share = Field(0.0, description="share of pixels that are hot, the same all run")
+    hot_e_s: float = Field(
+        1e5, ge=0, description="mean dark current of hot pixels (exponential), electrons per second"
+    )
     gaussian_dn: float = Field(
         0.0,
         ge=0,
@@ -28,8 +32,13 @@ class NoiseConfig(Options):
 class PsfConfig(Options):
     """How a point of light spreads."""
 
-    shape: Literal["gaussian"] = Field("gaussian", description="the form of the spot")
-    sigma_px: float = Field(0.7, gt=0, le=30, description="standard deviation, pixels")
+    shape: Literal["gaussian", "airy", "defocus"] = Field(
+        "gaussian",
+        description="gaussian; airy is the diffraction of f_number's aperture at 550 nm; defocus is an"
+        " even disc",
+    )
+    sigma_px: float = Field(0.7, gt=0, le=15, description="gaussian: standard deviation, pixels")
+    diameter_px: float = Field(3.0, gt=0, le=60, description="defocus: diameter of the disc, pixels")
 
 
 class SensorConfig(Options):
@@ -50,6 +59,12 @@ class SensorConfig(Options):
         (0.45, 0.50, 0.40), description="electrons per photon in the red, green and blue band"
     )
     full_well_e: float = Field(1e6, gt=0, description="electrons that a pixel holds")
+    blooming: bool = Field(
+        False, description="electrons over the full well run along the column, half up and half down"
+    )
+    vignetting: Literal["none", "cos4"] = Field(
+        "none", description="none is an evenly lit image plane; cos4 is a thin lens without baffles"
+    )
     bit_depth: Literal[8, 16] = Field(8, description="bits per value; values are DN")
     gain_e_dn: float | None = Field(
         None,

@@ -12,8 +12,10 @@ from posse_core.options import Options
 class StarsConfig(Options):
     """Stars as points of light."""
 
-    catalogue: Literal["hipparcos"] = Field(
-        "hipparcos", description="where stars come from: hipparcos is the sky as it is"
+    catalogue: Literal["hipparcos", "thesis"] = Field(
+        "hipparcos",
+        description="hipparcos is the sky as it is; thesis is a field drawn at random from the seed, in"
+        " three sizes and three colours",
     )
     max_magnitude: float = Field(6.5, ge=-2, le=13, description="faintest star, Johnson V")
     gain: float = Field(

@@ -7,7 +7,7 @@ import numpy as np
 from posse_core.constants import PLANCK_J_S, SPEED_OF_LIGHT_M_S
 from posse_core.model.arrays import AnyArray, Float32Array, FloatArray
 from posse_core.model.bands import BAND_CENTRES_M, SOLAR_BAND_FRACTIONS
-from posse_core.model.camera import Camera
+from posse_core.model.camera import Camera, PixelBox
 from posse_core.model.scene import Radiance
 from posse_core.randomness import generator
 from posse_core.scenario.sensor import SensorConfig
@@ -19,15 +19,16 @@ POISSON_BELOW_E = 64.0
 
 
 class Sensor:
-    """A lens without vignetting and a detector with linear response up to its full well.
+    """A lens and a detector with linear response up to its full well.
 
-    The pixel's irradiance is π L / (4 N²), everywhere in the image (Born & Wolf § 4.8, for distant
-    objects, on the axis); a point source gives its irradiance times the aperture's area.
+    The pixel's irradiance is π L / (4 N²) (Born & Wolf § 4.8, for distant objects, on the axis); a
+    point source gives its irradiance times the aperture's area. Without vignetting both hold
+    everywhere in the image, as after a flat-field correction.
     """
 
     def __init__(self, config: SensorConfig, camera: Camera) -> None:
         self._config = config
-        self._psf = make_psf(config.psf)
+        self._psf = make_psf(config.psf, config.f_number, camera.pixel_pitch_m)
         self._shape = (camera.height_px, camera.width_px)
         photons_j = np.array(BAND_CENTRES_M) / (PLANCK_J_S * SPEED_OF_LIGHT_M_S)
         electrons_j = photons_j * np.array(config.quantum_efficiency) * config.exposure_s
@@ -35,6 +36,12 @@ class Sensor:
         aperture_m2 = np.pi / 4 * (camera.focal_length_m / config.f_number) ** 2
         per_radiance = np.pi * pixel_m2 / (4 * config.f_number**2) * electrons_j
         per_irradiance = aperture_m2 * electrons_j
+        self._camera = camera
+        self._falloff: Float32Array | None = None
+        if config.vignetting == "cos4":
+            whole = PixelBox(0, 0, camera.width_px, camera.height_px)
+            cosine2 = 1 / np.sum(camera.rays(whole.pixel_centres_px()) ** 2, axis=-1)
+            self._falloff = (cosine2**2).astype(np.float32)[..., None]
         self._max_dn = 2**config.bit_depth - 1
         gain_e_dn = config.gain_e_dn or config.full_well_e / self._max_dn
         if config.color == "mono":
@@ -60,6 +67,8 @@ class Sensor:
             inside *= 1 - craft.coverage[..., None]
             inside += craft.radiance_rgb @ to_e
         if electrons.any():
+            if self._falloff is not None:
+                electrons *= self._falloff
             electrons = self._psf.blur(electrons)
         if len(sky.points_px):
             self._add_points(electrons, sky, craft)
@@ -74,8 +83,12 @@ class Sensor:
         random = generator(seed, index, "sensor")
         electrons = self.mean_electrons(sky, craft)
         electrons += np.float32(config.noise.dark_e_s * config.exposure_s)
+        if config.noise.hot_pixels:
+            self._heat(electrons, generator(seed, -1, "hot pixels"))
         if config.noise.shot:
             electrons = _shot(electrons, random)
+        if config.blooming:
+            _bloom(electrons, np.float32(config.full_well_e))
         np.minimum(electrons, np.float32(config.full_well_e), out=electrons)
         if config.noise.read_e:
             electrons += np.float32(config.noise.read_e) * random.standard_normal(
@@ -92,6 +105,12 @@ class Sensor:
         image = dn.astype(np.uint8 if config.bit_depth == 8 else np.uint16)
         return image[..., 0] if config.color == "mono" else image
 
+    def _heat(self, electrons: Float32Array, random: np.random.Generator) -> None:
+        """Add the dark electrons of hot pixels."""
+        noise, pixels = self._config.noise, electrons.reshape(-1)
+        hot = random.choice(pixels.size, round(noise.hot_pixels * pixels.size), replace=False)
+        pixels[hot] += random.exponential(noise.hot_e_s * self._config.exposure_s, hot.size)
+
     def _add_points(self, electrons: Float32Array, sky: SkyView, craft: Radiance | None) -> None:
         """Spread point sources over the pixels around them; the craft hides those behind it."""
         radius = self._psf.radius_px
@@ -102,6 +121,9 @@ class Sensor:
             x, y = pixels[:, 0] - box.x0, pixels[:, 1] - box.y0
             behind = (x >= 0) & (x < box.width) & (y >= 0) & (y < box.height)
             light_e[behind] *= 1 - craft.coverage[y[behind], x[behind], None]
+        if self._falloff is not None:
+            # A star's light meets the aperture aslant; the other cosines are those of a pixel.
+            light_e /= np.linalg.norm(self._camera.rays(sky.points_px), axis=-1, keepdims=True)
         height, width = self._shape
         reach = np.all((pixels >= -radius) & (pixels < [width + radius, height + radius]), axis=-1)
         pixels, light_e = pixels[reach], light_e[reach]
@@ -121,3 +143,20 @@ def _shot(mean_e: Float32Array, random: np.random.Generator) -> Float32Array:
     few = mean_e < POISSON_BELOW_E
     drawn[few] = random.poisson(mean_e[few])
     return np.asarray(drawn, dtype=np.float32)
+
+
+def _bloom(electrons: Float32Array, full_well_e: np.float32) -> None:
+    """Let overfull pixels run over along their columns, in place; what passes an edge is lost."""
+    full = np.flatnonzero((electrons > full_well_e).any(axis=(0, 2)))
+    if not len(full):
+        return
+    columns = electrons[:, full]
+    over = np.maximum(columns - full_well_e, 0)
+    columns -= over
+    for rows in (range(len(columns)), range(len(columns) - 1, -1, -1)):
+        carried = np.zeros_like(columns[0])
+        for row in rows:
+            carried += columns[row]
+            columns[row] = np.minimum(carried, full_well_e)
+            carried += over[row] / 2 - columns[row]
+    electrons[:, full] = columns

@@ -110,7 +110,8 @@ def blue_marble() -> Ground:
     shore = cv2.bitwise_and(cv2.inRange(near, np.array(8), np.array(255)), cv2.bitwise_not(dry))
     cv2.copyTo(spread, shore, land)
     # Ice shelves and sea ice are water by the mask and white in the picture: √0.3 is its darkest.
-    water[land.min(axis=-1) > 140] = 0
+    white = cv2.inRange(land, np.full(3, 141), np.full(3, 255))
+    water[white > 0] = 0
     return Ground(Pyramid(cv2.merge([land, water])), make_detail(0))
 
 

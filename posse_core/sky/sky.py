@@ -15,8 +15,8 @@ from posse_core.sky.earth import Earth, EarthView
 from posse_core.sky.ellipsoid import entry_distance_m
 from posse_core.sky.environment import environment_map
 from posse_core.sky.ground import blue_marble
-from posse_core.sky.stars import hipparcos
-from posse_core.sky.sun import SUBSAMPLES, box_of_disc, limb_darkened, subpixel_rays
+from posse_core.sky.stars import hipparcos, random_field
+from posse_core.sky.sun import MAX_SUBSAMPLES, box_of_disc, limb_darkened, subpixel_rays
 from posse_core.sky.view import SkyView
 
 __all__ = ["STAR_MARGIN_PX", "Sky", "SkyView"]
@@ -34,9 +34,10 @@ class Sky:
     """
 
     def __init__(self, config: SkyConfig, camera: Camera, seed: int) -> None:
-        """seed: of the run; it draws the clouds."""
+        """seed: of the run; it draws clouds and random stars."""
         self._config = config
         self._camera = camera
+        self._seed = seed
         self._earth = Earth(blue_marble(), make_clouds(seed)) if config.earth else None
 
     def look(self, frame: FrameState) -> SkyView:
@@ -100,7 +101,7 @@ class Sky:
         The Earth hides even where it is not shown: then without its air.
         """
         if earth is not None:
-            return earth.passed(rays_cam, 1 / (self._camera.fx_px * SUBSAMPLES))
+            return earth.passed(rays_cam, 1 / (self._camera.fx_px * MAX_SUBSAMPLES))
         origin_m = frame.R_ecef_from_eci @ frame.r_camera_eci_m
         rays_ecef = rays_cam @ (frame.R_ecef_from_eci @ frame.R_cam_from_eci.T).T
         open_sky = np.isnan(entry_distance_m(origin_m, rays_ecef))
@@ -111,7 +112,10 @@ class Sky:
         config = self._config.stars
         if config is None:
             return np.empty((0, 2)), np.empty((0, 3))
-        field = hipparcos(config.max_magnitude)
+        if config.catalogue == "hipparcos":
+            field = hipparcos(config.max_magnitude)
+        else:
+            field = random_field(self._seed, config.max_magnitude)
         directions_cam = field.directions_at(frame.epoch_jd_tt) @ frame.R_cam_from_eci.T
         uv = self._camera.project(directions_cam)
         low = -0.5 - STAR_MARGIN_PX

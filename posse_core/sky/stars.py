@@ -10,6 +10,7 @@ import numpy as np
 
 from posse_core.model.arrays import FloatArray
 from posse_core.model.bands import BAND_EDGES_M, band_radiance_w_m2_sr, planck_radiance_w_m2_sr_m
+from posse_core.randomness import generator
 
 HIPPARCOS_EPOCH_JD_TT = 2448349.0625
 """J1991.25, the epoch of the catalogue's places."""
@@ -62,6 +63,32 @@ def irradiance_rgb_w_m2(v_mag: FloatArray, temperatures_k: FloatArray) -> FloatA
     log_k = np.log(temperatures_k)
     width_m = [np.interp(log_k, np.log(grid_k), widths_m[:, band]) for band in range(len(BAND_EDGES_M))]
     return np.asarray(V_ZERO_W_M2_M * 10 ** (-0.4 * v_mag)[:, None] * np.stack(width_m, axis=-1))
+
+
+_THESIS_SIZES = ((20.0, 6.0), (15.0, 4.5), (10.0, 3.0))
+_THESIS_COLOURS_K = (4000.0, 5500.0, 9000.0)
+
+
+@functools.lru_cache(maxsize=2)
+def random_field(seed: int, max_magnitude: float) -> StarField:
+    """The thesis' stars: faint, small and medium; orange, yellow and white; strength even in 0 … 4.
+
+    Its Voronoi textures of scale s = 20, 15 and 10 have some 4 π s² cells on the sphere, one star
+    in each. A strength of 1 is V = 6.0, 4.5 and 3.0 here: the thesis gives no physical unit.
+    """
+    random = generator(seed, -1, "stars")
+    directions, v, colours = [], [], []
+    for scale, unit_v in _THESIS_SIZES:
+        count = round(4 * np.pi * scale**2)
+        away = random.standard_normal((count, 3))
+        directions.append(away / np.linalg.norm(away, axis=-1, keepdims=True))
+        v.append(unit_v - 2.5 * np.log10(4 * (1 - random.random(count))))
+        colours.append(random.choice(_THESIS_COLOURS_K, count))
+    v_mag = np.concatenate(v)
+    kept = v_mag <= max_magnitude
+    places = np.concatenate(directions)[kept]
+    light = irradiance_rgb_w_m2(v_mag[kept], np.concatenate(colours)[kept])
+    return StarField(HIPPARCOS_EPOCH_JD_TT, places, np.zeros_like(places), light)
 
 
 @functools.lru_cache(maxsize=4)

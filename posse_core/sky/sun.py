@@ -8,8 +8,8 @@ from posse_core.model.arrays import Float32Array, FloatArray
 from posse_core.model.bands import BAND_CENTRES_M
 from posse_core.model.camera import Camera, PixelBox
 
-SUBSAMPLES = 8
-"""Per pixel and axis, for the rim of the disc."""
+MAX_SUBSAMPLES = 8
+"""Per pixel and axis, for the rim of a small disc."""
 
 
 def box_of_disc(camera: Camera, direction_cam: FloatArray, angular_radius_rad: float) -> PixelBox:
@@ -18,11 +18,14 @@ def box_of_disc(camera: Camera, direction_cam: FloatArray, angular_radius_rad: f
     direction_cam: (3,) unit vector to its middle. The disc is small: under 5 degrees.
     """
     empty = PixelBox(0, 0, 0, 0)
-    if direction_cam[2] <= np.sin(2 * angular_radius_rad):
-        return empty  # behind, or beyond a field of view of 170 degrees
+    w, h = camera.width_px - 0.5, camera.height_px - 0.5
+    corners = camera.rays(np.array([[-0.5, -0.5], [w, -0.5], [-0.5, h], [w, h]]))
+    widest_rad = float(np.max(np.arctan(np.hypot(corners[:, 0], corners[:, 1]))))
+    if np.arccos(np.clip(direction_cam[2], -1, 1)) > widest_rad + angular_radius_rad:
+        return empty
     u, v = camera.project(direction_cam)
     # A pinhole stretches by 1/cos² along the radius, and the far rim a little more.
-    stretch = 1.0 / (direction_cam[2] - np.sin(angular_radius_rad)) ** 2
+    stretch = 1.0 / max(direction_cam[2] - np.sin(angular_radius_rad), 0.05) ** 2
     reach_u = camera.fx_px * angular_radius_rad * stretch + 1
     reach_v = camera.fy_px * angular_radius_rad * stretch + 1
     x0, x1 = max(0, int(np.floor(u - reach_u))), min(camera.width_px - 1, int(np.ceil(u + reach_u)))
@@ -31,8 +34,12 @@ def box_of_disc(camera: Camera, direction_cam: FloatArray, angular_radius_rad: f
 
 
 def subpixel_rays(camera: Camera, box: PixelBox) -> FloatArray:
-    """(h, w, n², 3) unit directions in camera axes through a regular grid in every pixel."""
-    steps = (np.arange(SUBSAMPLES) + 0.5) / SUBSAMPLES - 0.5
+    """(h, w, n², 3) unit directions in camera axes through a regular grid in every pixel.
+
+    The wider the box, the less of the disc is rim: n falls from MAX_SUBSAMPLES to 2.
+    """
+    n = int(np.clip(200 / max(box.width, box.height), 2, MAX_SUBSAMPLES))
+    steps = (np.arange(n) + 0.5) / n - 0.5
     offsets = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     rays = camera.rays(box.pixel_centres_px()[:, :, None, :] + offsets)
     return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))

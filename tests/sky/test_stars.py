@@ -8,7 +8,7 @@ from posse_core.constants import Constants
 from posse_core.model.bands import SOLAR_BAND_FRACTIONS
 from posse_core.scenario.sky import SkyConfig, StarsConfig
 from posse_core.sky.sky import Sky
-from posse_core.sky.stars import hipparcos, irradiance_rgb_w_m2, temperature_k, v_from_hp
+from posse_core.sky.stars import hipparcos, irradiance_rgb_w_m2, random_field, temperature_k, v_from_hp
 
 J2000 = 2451545.0
 # Place at J2000, ICRS, from SIMBAD; Johnson V from the first Hipparcos catalogue (I/239, field H5).
@@ -123,3 +123,20 @@ def test_gain_scales_stars_and_null_removes_them(make_camera, make_state) -> Non
     )
     assert none.points_px.shape == (0, 2)
     assert none.radiance_rgb is None
+
+
+def test_the_thesis_field_has_three_sizes_and_colours_and_a_seed(make_camera, make_state) -> None:
+    field = random_field(7, 40.0)
+    assert len(field.directions) == round(4 * np.pi * 400) + round(4 * np.pi * 225) + round(
+        4 * np.pi * 100
+    )
+    colours = np.round(field.irradiance_rgb_w_m2[:, 2] / field.irradiance_rgb_w_m2[:, 0], 6)
+    assert len(np.unique(colours)) == 3
+    assert np.linalg.norm(field.directions.mean(axis=0)) < 0.05  # all over the sky
+    # Strengths are even in 0 … 4, so the brightest of the medium ones is V = 3 − 2.5 lg 4.
+    assert len(random_field(7, 1.49).directions) == 0
+    assert len(random_field(7, 2.25).directions) == pytest.approx(0.5 * 4 * np.pi * 100, rel=0.1)
+    config = SkyConfig(earth=False, stars=StarsConfig(catalogue="thesis"))
+    views = [Sky(config, make_camera(), seed).look(make_state()).points_px for seed in (1, 1, 2)]
+    np.testing.assert_array_equal(views[0], views[1])
+    assert views[0].shape != views[2].shape or (views[0] != views[2]).any()

@@ -7,15 +7,16 @@ What the fact sheet leaves open is drawn by eye after NASA's photographs.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
-from posse_core.interfaces.scene import SceneSource
 from posse_core.model.arrays import FloatArray
-from posse_core.model.spacecraft import Spacecraft
 from posse_core.spacecraft import shapes, textures
 from posse_core.spacecraft.assembly import Assembly
-from posse_core.spacecraft.finishes import finishes
+from posse_core.spacecraft.finishes import Finish, common_finishes
 from posse_core.spacecraft.options import AquaOptions
+from posse_core.spacecraft.parametric import Parametric
 from posse_core.spacecraft.shapes import R_about, R_from_z, box
 
 SIZE_M = (8.04, 16.70, 4.81)
@@ -36,31 +37,45 @@ WING_ROOT, WING_TIP = -3.5, SHIELD_EDGE - SIZE_M[1]  # y
 DOWN = (0.0, 0.0, 1.0)
 
 
-class Aqua(SceneSource):
+class Aqua(Parametric):
     """The scene source ``aqua``."""
 
     options: AquaOptions
+    name = "aqua"
+    centre_of_mass_m = CENTRE_OF_MASS_M
+    skeleton = (
+        *(("T1", "T2"), ("T2", "T3"), ("T3", "T4"), ("T4", "T1"), ("T5", "T6")),
+        *(("B1", "B2"), ("B2", "B3"), ("B3", "B4"), ("B4", "B1"), ("B5", "B6")),
+        *(("T1", "B1"), ("T2", "B2"), ("T3", "B3"), ("T4", "B4"), ("T5", "B5"), ("T6", "B6")),
+        *(("S1", "S2"), ("S2", "S3"), ("S3", "S4"), ("S4", "S1"), ("A1", "A2")),
+    )
+    loose = (
+        ("antenna_boom", "antenna_dish"),
+        ("omni_top",),
+        ("omni_bottom",),
+        ("x_band_horn",),
+        ("modis_door",),
+        ("airs_shield",),
+        ("star_tracker_1", "star_tracker_2"),
+        ("electronics",),
+        ("radiator_top",),
+        ("amsr_calibrators",),
+        ("ceres_aft", "ceres_aft_head"),
+    )
 
-    def build(self) -> Spacecraft:
-        craft = Assembly("aqua")
+    def assemble(self, craft: Assembly, lean: float) -> None:
         _bus(craft)
         _fittings(craft)
         _amsr(craft)
         _instruments(craft)
         _antennas(craft)
-        _wing(craft, np.radians(self.options.panel_angle_deg))
-        materials = finishes(seed=0) | {
-            "solar_panel": textures.solar_panel("solar_panel", (48, 12), (1024, 512), seed=0)
-        }
-        return craft.finish(materials.values(), CENTRE_OF_MASS_M, _SKELETON)
+        angle_deg = self.options.panel_angle_deg + lean * self.options.variant_panel_angle_deg
+        _wing(craft, np.radians(angle_deg))
 
-
-_SKELETON = (
-    *(("T1", "T2"), ("T2", "T3"), ("T3", "T4"), ("T4", "T1"), ("T5", "T6")),
-    *(("B1", "B2"), ("B2", "B3"), ("B3", "B4"), ("B4", "B1"), ("B5", "B6")),
-    *(("T1", "B1"), ("T2", "B2"), ("T3", "B3"), ("T4", "B4"), ("T5", "B5"), ("T6", "B6")),
-    *(("S1", "S2"), ("S2", "S3"), ("S3", "S4"), ("S4", "S1"), ("A1", "A2")),
-)
+    def finishes(self, seed: int) -> dict[str, Finish]:
+        size_px = (1024, 512)
+        panel = partial(textures.solar_panel, "solar_panel", (48, 12), size_px, seed)
+        return {**common_finishes(seed), "solar_panel": panel}
 
 
 def _cuboid(x: tuple[float, float], y: tuple[float, float], z: tuple[float, float]) -> shapes.Mesh:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -33,28 +33,45 @@ class Assembly:
         points = np.concatenate([mesh.vertices_m for mesh, _ in self._parts.values()])
         return np.stack([points.min(axis=0), points.max(axis=0)])
 
+    @property
+    def part_names(self) -> list[str]:
+        """The names of the parts so far."""
+        return list(self._parts)
+
+    @property
+    def material_names(self) -> list[str]:
+        """The names of the materials of the parts so far, each once, in their order."""
+        return list(dict.fromkeys(material for _, material in self._parts.values()))
+
+    def remove(self, names: Collection[str]) -> None:
+        """Take parts away, and the keypoints on them."""
+        self._parts = {name: part for name, part in self._parts.items() if name not in names}
+        self._keypoints = {
+            name: place for name, place in self._keypoints.items() if place[0] in self._parts
+        }
+
     def mark(self, name: str, part: str, point_m: ArrayLike) -> None:
         """A keypoint (3,) on the surface of a part."""
         self._keypoints[name] = (part, np.asarray(point_m, dtype=np.float64))
 
     def finish(
         self,
-        materials: Iterable[Material],
+        materials: Mapping[str, Material],
         centre_of_mass_m: ArrayLike,
         skeleton: Sequence[tuple[str, str]],
-        symmetries: Sequence[FloatArray] = (),
     ) -> Spacecraft:
-        """The spacecraft, its origin moved to the centre of mass (3,) given in the layout frame."""
+        """The spacecraft, its origin moved to the centre of mass (3,) given in the layout frame.
+
+        Pairs of the skeleton that lack a keypoint are left out.
+        """
         origin = np.asarray(centre_of_mass_m, dtype=np.float64)
-        used = {material for _, material in self._parts.values()}
         return Spacecraft(
             name=self.name,
             parts=tuple(
                 Part(name, mesh.vertices_m - origin, mesh.faces, mesh.normals, mesh.uv, material)
                 for name, (mesh, material) in self._parts.items()
             ),
-            materials={material.name: material for material in materials if material.name in used},
+            materials=materials,
             keypoints_body_m={name: point - origin for name, (_, point) in self._keypoints.items()},
-            skeleton=tuple(skeleton),
-            symmetries=tuple(symmetries),
+            skeleton=tuple(pair for pair in skeleton if set(pair) <= set(self._keypoints)),
         )

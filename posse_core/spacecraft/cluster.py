@@ -8,15 +8,16 @@ there too, and so here. What these leave open is drawn by eye after ESA's photog
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
-from posse_core.interfaces.scene import SceneSource
 from posse_core.model.arrays import FloatArray
-from posse_core.model.spacecraft import Spacecraft
 from posse_core.spacecraft import shapes, textures
 from posse_core.spacecraft.assembly import Assembly
-from posse_core.spacecraft.finishes import finishes
+from posse_core.spacecraft.finishes import Finish, common_finishes
 from posse_core.spacecraft.options import ClusterOptions
+from posse_core.spacecraft.parametric import Parametric
 from posse_core.spacecraft.shapes import R_about, R_from_z, box
 
 RADIUS_M, HEIGHT_M = 1.45, 1.30
@@ -37,30 +38,43 @@ UP = R_from_z((0.0, 1.0, 0.0))
 DOWN = R_from_z((0.0, -1.0, 0.0))
 
 
-class Cluster(SceneSource):
+class Cluster(Parametric):
     """The scene source ``cluster``."""
 
     options: ClusterOptions
+    name = "cluster"
+    centre_of_mass_m = CENTRE_OF_MASS_M
+    skeleton = (
+        *((f"{end}{k}", f"{end}{k % SIDES + 1}") for end in "TB" for k in range(1, SIDES + 1)),
+        *((f"T{k}", f"B{k}") for k in range(1, SIDES + 1)),
+        *(("A1", "A2"), ("A3", "A4")),
+    )
+    loose = (
+        ("boom_1", "boom_1_hinges", "magnetometers"),
+        ("boom_2", "boom_2_hinges", "search_coils"),
+        ("antenna_top",),
+        ("antenna_bottom",),
+        ("solar_upper_2",),
+        ("solar_lower_5",),
+        ("aspoc",),
+        ("cis_1", "cis_2"),
+        ("edi_1", "edi_2"),
+        ("top_lid",),
+        ("engine",),
+    )
 
-    def build(self) -> Spacecraft:
-        craft = Assembly("cluster")
+    def assemble(self, craft: Assembly, lean: float) -> None:
         _drum(craft)
         _solar_array(craft)
         _ends(craft)
         _instruments(craft)
         _booms(craft)
         _antennas(craft)
-        materials = finishes(seed=1) | {
-            "solar_cells": textures.solar_cells("solar_cells", (36, 13), (1024, 384), seed=1)
-        }
-        return craft.finish(materials.values(), CENTRE_OF_MASS_M, _SKELETON)
 
-
-_SKELETON = (
-    *((f"{end}{k}", f"{end}{k % SIDES + 1}") for end in "TB" for k in range(1, SIDES + 1)),
-    *((f"T{k}", f"B{k}") for k in range(1, SIDES + 1)),
-    *(("A1", "A2"), ("A3", "A4")),
-)
+    def finishes(self, seed: int) -> dict[str, Finish]:
+        size_px = (1024, 384)
+        cells = partial(textures.solar_cells, "solar_cells", (36, 13), size_px, seed)
+        return {**common_finishes(seed), "solar_cells": cells}
 
 
 def _around(azimuth_rad: float) -> FloatArray:

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from posse_core.model.spacecraft import Material
 from posse_core.spacecraft import textures
 
+Finish = Callable[[], Material]
+"""Makes a material; called only for those that a spacecraft has."""
 
-def finishes(seed: int) -> dict[str, Material]:
+
+def common_finishes(seed: int) -> dict[str, Finish]:
     """All common finishes, drawn from a seed."""
-    made = [
-        textures.foil("foil_gold", (0.86, 0.56, 0.20), seed),
-        textures.foil("foil_silver", (0.80, 0.80, 0.80), seed, roughness=0.34),
-        textures.foil("foil_black", (0.06, 0.06, 0.07), seed, wrinkle=0.10, roughness=0.5),
-        textures.paint("white_paint", 0.80, seed),
-        textures.paint("grey_paint", 0.35, seed),
-        textures.paint("black_paint", 0.03, seed),
-        textures.metal("aluminium", (0.88, 0.88, 0.89), 0.35),
-        textures.metal("titanium", (0.50, 0.47, 0.43), 0.45),
-        textures.mirror_tiles("mirror_tiles", seed),
-    ]
-    return {material.name: material for material in made}
+    return {
+        "foil_gold": lambda: textures.foil("foil_gold", (0.86, 0.56, 0.20), seed),
+        "foil_silver": lambda: textures.foil("foil_silver", (0.80, 0.80, 0.80), seed, roughness=0.34),
+        "foil_black": lambda: textures.foil("foil_black", (0.06, 0.06, 0.07), seed, 0.10, 0.5),
+        "white_paint": lambda: textures.paint("white_paint", 0.80, seed),
+        "grey_paint": lambda: textures.paint("grey_paint", 0.35, seed),
+        "black_paint": lambda: textures.paint("black_paint", 0.03, seed),
+        "aluminium": lambda: textures.metal("aluminium", (0.88, 0.88, 0.89), 0.35),
+        "titanium": lambda: textures.metal("titanium", (0.50, 0.47, 0.43), 0.45),
+        "mirror_tiles": lambda: textures.mirror_tiles("mirror_tiles", seed),
+    }

@@ -11,15 +11,35 @@ from posse_core.model.arrays import FloatArray
 from posse_core.options import Options
 
 
-class AquaOptions(Options):
-    """Aqua-like: a bus with one long solar wing."""
+class VariantOptions(Options):
+    """What all spacecraft made by code take."""
 
-    panel_angle_deg: float = Field(
-        0.0, ge=-180.0, le=180.0, description="Turn of the solar wing about its axis, body Y."
+    missing_parts: tuple[str, ...] = Field(
+        (), description="names of parts to leave out, with their keypoints"
+    )
+    variant_seed: int | None = Field(
+        None,
+        ge=0,
+        description="for domain randomisation: draws colours, roughness, wrinkles, the panels' angle"
+        " and missing parts; none: the spacecraft as published",
+    )
+    variant_missing_parts: int = Field(
+        2, ge=0, description="how many parts (or groups of parts) a variant may lack at most"
     )
 
 
-class ClusterOptions(Options):
+class AquaOptions(VariantOptions):
+    """Aqua-like: a bus with one long solar wing."""
+
+    panel_angle_deg: float = Field(
+        0.0, ge=-180.0, le=180.0, description="turn of the solar wing about its axis, body Y"
+    )
+    variant_panel_angle_deg: float = Field(
+        45.0, ge=0.0, le=180.0, description="a variant turns the wing by up to so much more, either way"
+    )
+
+
+class ClusterOptions(VariantOptions):
     """Cluster-like: a spinning drum with booms."""
 
 

@@ -50,9 +50,11 @@ def facets(
     seeds = rng.uniform(0.0, size, (count, 2))
     tilt = rng.standard_normal((count, 2))
     shade = rng.uniform(0.0, 1.0, count)
-    grid = np.stack(np.meshgrid(np.arange(size), np.arange(size)), axis=-1).reshape(-1, 2) + 0.5
-    _, nearest = cKDTree(seeds, boxsize=size).query(grid % size)
-    patch = np.asarray(nearest).reshape(size, size)
+    # Every other texel is enough: the edges are softened below.
+    axis = np.arange(1.0, size, 2.0)
+    grid = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
+    _, nearest = cKDTree(seeds, boxsize=size).query(grid)
+    patch = np.kron(np.asarray(nearest).reshape(size // 2, size // 2), np.ones((2, 2), dtype=int))
     slope = gaussian_filter(tilt[patch], (soft_px, soft_px, 0), mode="wrap")
     return slope, gaussian_filter(shade[patch], soft_px, mode="wrap")
 
@@ -131,33 +133,39 @@ def _cells(
     cells: tuple[int, int], size_px: tuple[int, int], rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
     """Linear colour (H, W, 3) and roughness (H, W) of a sheet of cells, with a bare rim."""
-    (across, up), (width, height) = cells, (2 * size_px[0], 2 * size_px[1])
-    margin = 0.012
-    u = ((np.arange(width) + 0.5) / width - margin) / (1.0 - 2.0 * margin) * across
-    v = ((np.arange(height) + 0.5) / height - margin) / (1.0 - 2.0 * margin) * up
-    u, v = np.meshgrid(u, v)
-    column = np.clip(np.floor(u), 0, across - 1).astype(int)
-    row = np.clip(np.floor(v), 0, up - 1).astype(int)
-    x, y = u - column, v - row  # 0 … 1 in the cell
-    texel = np.array([across / width, up / height])  # cells a texel
-    gap = np.maximum(0.02, 0.6 * texel)
-    inside = (np.abs(x - 0.5) < 0.5 - gap[0]) & (np.abs(y - 0.5) < 0.5 - gap[1])
-    inside &= np.abs(x - 0.5) + np.abs(y - 0.5) < 0.88
-    busbar = inside & (np.abs(np.abs(y - 0.5) - 0.22) < np.maximum(0.015, 0.5 * texel[1]))
-    fingers = 0.5 + 0.5 * np.cos(2.0 * np.pi * 12.0 * x)
-    hue = rng.normal(0.0, 1.0, (up, across, 1)) + 1.5 * rng.normal(0.0, 1.0, (up, 1, 1))
-    silicon = np.array([0.010, 0.016, 0.060]) * np.exp(0.10 * hue)
-    color = silicon[row, column] * (1.0 + 0.25 * fingers[..., None])
-    color = np.where(busbar[..., None], (0.30, 0.31, 0.34), color)
-    color = np.where(inside[..., None], color, (0.33, 0.31, 0.27))  # the substrate between cells
+    (across, up), (width, height) = cells, size_px
+    one, one_rough = _cell((width - 12) // across, (height - 12) // up)
+    hue = rng.normal(0.0, 1.0, (up, across)) + 1.5 * rng.normal(0.0, 1.0, (up, 1))
+    shade = np.kron(np.exp(0.10 * hue), np.ones(one_rough.shape))
+    sheet = np.tile(one, (up, across, 1)) * shade[..., None]
+    rough = np.tile(one_rough, (up, across))
+    color = np.broadcast_to(np.array(_SUBSTRATE), (height, width, 3)).copy()
+    full_rough = np.full((height, width), 0.7)
+    top, left = (height - sheet.shape[0]) // 2, (width - sheet.shape[1]) // 2
+    inner = slice(top, top + sheet.shape[0]), slice(left, left + sheet.shape[1])
+    color[inner], full_rough[inner] = sheet, rough
+    return color, full_rough
+
+
+_SUBSTRATE = (0.33, 0.31, 0.27)
+"""What shows between the cells."""
+
+
+def _cell(width: int, height: int) -> tuple[FloatArray, FloatArray]:
+    """One cell (height, width, 3), (height, width), drawn eight times finer and averaged."""
+    fine = 8
+    x = (np.arange(width * fine) + 0.5) / (width * fine)
+    y = ((np.arange(height * fine) + 0.5) / (height * fine))[:, None]
+    inside = (np.abs(x - 0.5) < 0.475) & (np.abs(y - 0.5) < 0.475)
+    inside &= np.abs(x - 0.5) + np.abs(y - 0.5) < 0.86  # clipped corners
+    busbar = inside & (np.abs(np.abs(y - 0.5) - 0.22) < 0.012)
+    fingers = 1.0 + 0.25 * (0.5 + 0.5 * np.cos(2.0 * np.pi * 12.0 * x))
+    silicon = np.array([0.010, 0.016, 0.060]) * np.broadcast_to(fingers, inside.shape)[..., None]
+    color = np.where(busbar[..., None], (0.24, 0.25, 0.28), silicon)
+    color = np.where(inside[..., None], color, _SUBSTRATE)
     rough = np.where(inside, 0.12, 0.7)
-    return _halved(color), _halved(rough)
-
-
-def _halved(image: FloatArray) -> FloatArray:
-    """Means of 2×2 texels, so that thin lines keep an even width."""
-    height, width = image.shape[0] // 2, image.shape[1] // 2
-    return np.asarray(image.reshape(height, 2, width, 2, *image.shape[2:]).mean(axis=(1, 3)))
+    blocks = (height, fine, width, fine)
+    return color.reshape(*blocks, 3).mean(axis=(1, 3)), rough.reshape(blocks).mean(axis=(1, 3))
 
 
 def _panel_back(size_px: tuple[int, int], rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:

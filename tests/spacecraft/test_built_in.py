@@ -10,10 +10,11 @@ import sys
 import numpy as np
 import pytest
 
+from posse_core.errors import InputError
 from posse_core.model.spacecraft import KEYPOINT_CATEGORIES
 from posse_core.plugins import load_plugins
 
-NAMES = ("aqua", "cluster")
+NAMES = ("aqua", "cluster", "cubesat")
 
 
 def build(name, **options):
@@ -55,6 +56,12 @@ def test_clusters_drum_and_box_are_the_thesis(crafts):
     np.testing.assert_allclose(size / size[2], (0.616, 0.378, 1.0), atol=0.015)
 
 
+def test_the_cubesat_keeps_to_its_design_specification(crafts):
+    """CDS rev. 14.1: 100 × 100 × 340.5 mm over the rails, which are at least 8.5 mm wide."""
+    (rails,) = (part for part in crafts["cubesat"].parts if part.name == "rails")
+    np.testing.assert_allclose(np.ptp(rails.vertices_body_m, axis=0), (0.1, 0.1, 0.3405), atol=1e-9)
+
+
 def test_clusters_booms_are_five_metres_long(crafts):
     for keypoint in ("A3", "A4"):
         x, _, z = crafts["cluster"].keypoints_body_m[keypoint]
@@ -82,7 +89,7 @@ def test_the_reflectors_focus_lies_at_the_feeds(crafts):
 def test_it_is_well_formed(craft, solid):
     names = [part.name for part in craft.parts]
     assert len(set(names)) == len(names)
-    assert sum(len(part.faces) for part in craft.parts) > 5000
+    assert sum(len(part.faces) for part in craft.parts) > (1000 if craft.name == "cubesat" else 5000)
     for part in craft.parts:
         assert part.material in craft.materials
         assert part.vertices_body_m.dtype == np.float64
@@ -154,6 +161,53 @@ def test_another_process_builds_the_same_to_the_bit(crafts):
         [sys.executable, "-c", code, __file__], capture_output=True, text=True, check=True
     )
     assert out.stdout.strip() == digest(crafts["cluster"])
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("name", NAMES)
+def test_a_variant_keeps_what_the_labels_rest_on(name, seed, crafts, distance_to_surface):
+    variant = build(name, variant_seed=seed, variant_missing_parts=3)
+    vertices, faces = all_triangles(variant)
+    for keypoint, point in variant.keypoints_body_m.items():
+        assert distance_to_surface(vertices, faces, point) < 1e-9, keypoint
+    assert {part.name for part in variant.parts} <= {part.name for part in crafts[name].parts}
+    assert set(variant.keypoints_body_m) <= set(crafts[name].keypoints_body_m)
+    for pair in variant.skeleton:
+        assert set(pair) <= set(variant.keypoints_body_m)
+    for material in variant.materials.values():
+        assert all(0.0 <= c <= 1.0 for c in material.base_color)
+        assert 0.0 < material.roughness <= 1.0
+
+
+def test_variants_differ_by_seed_alone():
+    one, again, other = (build("cubesat", variant_seed=seed) for seed in (5, 5, 6))
+    assert digest(one) == digest(again)
+    assert digest(one) != digest(other)
+    for part, its_like in zip(one.parts, other.parts, strict=False):
+        if part.name == its_like.name == "rails":
+            np.testing.assert_array_equal(part.vertices_body_m, its_like.vertices_body_m)
+
+
+def test_variants_lack_parts_now_and_then_and_no_more_than_allowed():
+    whole = {part.name for part in build("cubesat").parts}
+    lost = [
+        whole
+        - {part.name for part in build("cubesat", variant_seed=seed, variant_missing_parts=1).parts}
+        for seed in range(8)
+    ]
+    assert {len(parts) for parts in lost} == {0, 1}
+    for seed in range(3):
+        variant = build("cubesat", variant_seed=seed, variant_missing_parts=0)
+        assert {part.name for part in variant.parts} == whole
+
+
+def test_missing_parts_take_their_keypoints_along():
+    craft = build("cubesat", missing_parts=["wing_left", "tape_1"])
+    assert not {"wing_left", "tape_1"} & {part.name for part in craft.parts}
+    assert not {"S3", "S4", "A1"} & set(craft.keypoints_body_m)
+    assert "S1" in craft.keypoints_body_m
+    with pytest.raises(InputError, match="did you mean 'wing_left'"):
+        build("cubesat", missing_parts=["wing_lef"])
 
 
 def test_the_panel_angle_turns_the_wing_and_its_keypoints(crafts, distance_to_surface):

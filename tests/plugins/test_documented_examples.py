@@ -1,0 +1,87 @@
+"""The examples of docs/plugins.md, each as the module of a plugin of its own."""
+
+from __future__ import annotations
+
+import importlib
+import re
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import click
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from posse_core.hookspecs import COLLECTING_HOOKS
+from posse_core.model.camera import PixelBox
+from posse_core.model.scene import RenderRequest, Scene
+from posse_core.plugins import Plugins
+from posse_core.testing import scenes
+
+TEXT = (Path(__file__).parents[2] / "docs" / "plugins.md").read_text(encoding="utf-8")
+EXAMPLES = {
+    re.search(r"def (posse_\w+)", code)[1]: code  # type: ignore[index]
+    for code in re.findall(r"```python\n(.*?)```", TEXT, flags=re.S)
+}
+
+
+@pytest.fixture
+def load(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Plugins with the core and the example of one hook."""
+
+    def load(hook: str) -> Plugins:
+        (tmp_path / f"example_{hook}.py").write_text(EXAMPLES[hook], encoding="utf-8")
+        monkeypatch.syspath_prepend(tmp_path)
+        plugins = Plugins([EntryPoint("example", f"example_{hook}", "posse")])
+        assert plugins.statuses[-1].name == "example"
+        assert plugins.statuses[-1].state == "ok", plugins.statuses[-1].error
+        return plugins
+
+    return load
+
+
+def test_every_hook_has_an_example() -> None:
+    assert set(EXAMPLES) == {*COLLECTING_HOOKS, "posse_run_started"}
+
+
+@pytest.mark.parametrize("hook", sorted(COLLECTING_HOOKS))
+def test_the_component_can_be_made(load, hook: str) -> None:
+    plugins, kind = load(hook), COLLECTING_HOOKS[hook]
+    (component,) = plugins.statuses[-1].components
+    name = component.removeprefix(f"{kind}:")
+    if kind == "subcommand":
+        command = plugins.registry.load(kind, name)
+        assert isinstance(command, click.Command)
+        assert CliRunner().invoke(command).output == "hello\n"
+    else:
+        plugins.registry.create(kind, name)
+
+
+def test_the_renderer_and_the_scene_render(load) -> None:
+    craft = load("posse_scenes").registry.create("scene", "kite").build()
+    renderer = load("posse_renderers").registry.create("renderer", "plain")
+    renderer.open(Scene(craft, scenes.camera()))
+    frame = scenes.frame(t_body_cam_m=(0, 0, 5), sun_direction_body=(0, 0, 1))
+    image = renderer.render(RenderRequest(frame, PixelBox(1, 2, 3, 4), None, 0))
+    np.testing.assert_array_equal(image.radiance_rgb, np.ones((4, 3, 3)))
+
+
+def test_the_executor_makes_all_frames(load) -> None:
+    class Worker:
+        def make(self, index: int) -> dict[str, int]:
+            return {"index": index}
+
+        def close(self) -> None:
+            pass
+
+    executor = load("posse_executors").registry.create("executor", "here")
+    assert [result.labels["index"] for result in executor.run(Worker, [0, 2, 1])] == [0, 2, 1]
+
+
+def test_the_observers_hear(load) -> None:
+    plugins = load("posse_run_started")
+    plugins.notify("posse_run_started", dataset=Path("d"), frames=2)
+    plugins.notify("posse_frame_completed", index=1, labels={"range_m": 20.0})
+    plugins.notify("posse_run_finished", dataset=Path("d"), manifest={"seed": 3})
+    heard = importlib.import_module("example_posse_run_started").heard
+    assert heard == ["2 frames to d", "frame 1: 20.0 m", "finished with seed 3"]

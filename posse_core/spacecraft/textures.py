@@ -152,8 +152,8 @@ _SUBSTRATE = (0.33, 0.31, 0.27)
 
 
 def _cell(width: int, height: int) -> tuple[FloatArray, FloatArray]:
-    """One cell (height, width, 3), (height, width), drawn eight times finer and averaged."""
-    fine = 8
+    """One cell (height, width, 3), (height, width), drawn four times finer and averaged."""
+    fine = 4
     x = (np.arange(width * fine) + 0.5) / (width * fine)
     y = ((np.arange(height * fine) + 0.5) / (height * fine))[:, None]
     inside = (np.abs(x - 0.5) < 0.475) & (np.abs(y - 0.5) < 0.475)

@@ -18,7 +18,7 @@ class BlenderOptions(Options):
     executable: str | None = Field(None, description="a blender executable, in place of python")
     spp: int = Field(64, ge=1, le=2**24, description="samples a pixel")
     max_bounces: int = Field(
-        3, ge=0, le=1024, description="bounces from surface to surface; 0 is direct light alone"
+        2, ge=0, le=1024, description="bounces from surface to surface; 0 is direct light alone"
     )
     threads: int = Field(0, ge=0, le=1024, description="of the CPU; 0 takes every core")
     device: Literal["cpu", "cuda", "optix", "hip", "oneapi", "metal"] = Field(

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from pydantic import BaseModel
 
 from posse_core.errors import ComponentError
 from posse_core.interfaces.renderer import Renderer
@@ -91,8 +92,9 @@ class BlenderRenderer(Renderer):
         return self._child.pid if self._child is not None else None
 
     @classmethod
-    def doctor(cls, options: BlenderOptions) -> Sequence[tuple[str, bool, str]]:
+    def doctor(cls, options: BaseModel) -> Sequence[tuple[str, bool, str]]:
         """What works on this machine: (what, whether it does, detail with the way out)."""
+        assert isinstance(options, BlenderOptions)
         out: list[tuple[str, bool, str]] = []
         what = "interpreter"
         try:

@@ -16,7 +16,7 @@ def create_context() -> moderngl.Context:
         ComponentError: there is no EGL, or no driver behind it that has OpenGL 3.3.
     """
     try:
-        return moderngl.create_context(require=330, standalone=True, backend="egl")
+        return moderngl.create_context(require=330, standalone=True, backend="egl")  # type: ignore[arg-type]
     except Exception as error:  # the loader raises bare Exception for whatever is missing
         reason = " ".join(str(error).split()) or type(error).__name__
         raise ComponentError(f"raster: no OpenGL 3.3 through EGL: {reason}; {WAY_OUT}") from None

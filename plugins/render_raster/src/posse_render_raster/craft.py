@@ -18,12 +18,12 @@ TEXTURES = ("base_color_texture", "metallic_roughness_texture", "normal_texture"
 FREE_UNIT = len(TEXTURES)
 
 
-def program(context: moderngl.Context, name: str, vertex: str | None = None) -> moderngl.Program:
-    """Compile ``shaders/name.vert`` (or ``vertex.vert``) with ``shaders/name.frag``."""
+def program(context: moderngl.Context, vertex: str, fragment: str) -> moderngl.Program:
+    """Compile ``shaders/VERTEX.vert`` with ``shaders/FRAGMENT.frag``."""
     folder = Path(__file__).parent / "shaders"
     return context.program(
-        vertex_shader=(folder / f"{vertex or name}.vert").read_text(),
-        fragment_shader=(folder / f"{name}.frag").read_text(),
+        vertex_shader=(folder / f"{vertex}.vert").read_text(),
+        fragment_shader=(folder / f"{fragment}.frag").read_text(),
     )
 
 
@@ -33,16 +33,18 @@ class _Piece:
 
     material: Material
     textures: Sequence[moderngl.Texture]
-    shaded: moderngl.VertexArray
-    shape: moderngl.VertexArray
+    light: moderngl.VertexArray
+    depth: moderngl.VertexArray
+    shadow: moderngl.VertexArray
 
 
 class Craft:
     """All parts of a spacecraft, with the programs that draw their light and their shadow."""
 
     def __init__(self, context: moderngl.Context, spacecraft: Spacecraft) -> None:
-        self.light = program(context, "craft")
-        self.shadow = program(context, "shadow")
+        self.light = program(context, "craft", "craft")
+        self.depth = program(context, "craft", "nothing")
+        self.shadow = program(context, "shadow", "nothing")
         for unit, key in enumerate(TEXTURES):
             self.light[key] = unit
         white = context.texture((1, 1), 3, np.full(3, 255, dtype=np.uint8).tobytes())
@@ -60,19 +62,27 @@ class Craft:
                 _Piece(
                     material=spacecraft.materials[part.material],
                     textures=textures[part.material],
-                    shaded=context.vertex_array(
+                    light=context.vertex_array(
                         self.light, [(vertices, "3f 3f 2f", *attributes)], index_buffer=faces
                     ),
-                    shape=context.vertex_array(
+                    depth=context.vertex_array(
+                        self.depth, [(vertices, "3f 5x4", attributes[0])], index_buffer=faces
+                    ),
+                    shadow=context.vertex_array(
                         self.shadow, [(vertices, "3f 5x4", attributes[0])], index_buffer=faces
                     ),
                 )
             )
 
-    def draw_shape(self) -> None:
-        """Draw all parts with the program :attr:`shadow`."""
+    def draw_depth(self) -> None:
+        """Draw the depth of all parts with the program :attr:`depth`."""
         for piece in self._pieces:
-            piece.shape.render()
+            piece.depth.render()
+
+    def draw_shadow(self) -> None:
+        """Draw the depth of all parts with the program :attr:`shadow`."""
+        for piece in self._pieces:
+            piece.shadow.render()
 
     def draw_light(self) -> None:
         """Draw all parts with the program :attr:`light`, each with its own material."""
@@ -85,7 +95,7 @@ class Craft:
             self.light["has_normal_map"] = material.normal_texture is not None
             for unit, texture in enumerate(piece.textures):
                 texture.use(unit)
-            piece.shaded.render()
+            piece.light.render()
 
 
 def _texture(context: moderngl.Context, material: Material, key: str) -> moderngl.Texture | None:

@@ -8,6 +8,7 @@ from importlib import metadata
 
 import moderngl
 import numpy as np
+from pydantic import BaseModel
 
 from posse_core.errors import ComponentError
 from posse_core.interfaces.renderer import Renderer
@@ -79,7 +80,7 @@ class RasterRenderer(Renderer):
         shadow_map = context.depth_texture((self.options.shadow_map_px, self.options.shadow_map_px))
         shadow_map.compare_func = "<="
         shadow_map.filter = (moderngl.LINEAR, moderngl.LINEAR)
-        average = program(context, "pixel")
+        average = program(context, "pixel", "pixel")
         average["samples"] = 0
         average["samples_per_axis"] = n
         albedo = lobe_albedo()
@@ -140,7 +141,7 @@ class RasterRenderer(Renderer):
         return self._described
 
     @classmethod
-    def doctor(cls, options: RasterOptions) -> Sequence[tuple[str, bool, str]]:
+    def doctor(cls, options: BaseModel) -> Sequence[tuple[str, bool, str]]:
         """What works on this machine: (what, whether it does, detail with the way out)."""
         try:
             context = create_context()
@@ -162,16 +163,17 @@ class RasterRenderer(Renderer):
         stage.shadow.use()
         stage.shadow.clear(depth=1.0)
         stage.context.enable_only(moderngl.DEPTH_TEST)
-        craft.draw_shape()
+        craft.draw_shadow()
 
     def _set_frame(self, stage: _Stage, request: RenderRequest) -> list[Map]:
         """Hand over what all tiles share; the textures that live for this frame."""
         frame, light = request.frame, stage.craft.light
-        _set_matrix(light, "R_cam_from_body", frame.R_cam_from_body)
-        light["t_body_cam_m"] = tuple(frame.t_body_cam_m)
         radius_m = MARGIN * stage.spacecraft.radius_m
         nearest_m = max(frame.range_m - radius_m, NEAREST * radius_m)
-        light["clip_m"] = (nearest_m, frame.range_m + radius_m)
+        for target in (stage.craft.depth, light):
+            _set_matrix(target, "R_cam_from_body", frame.R_cam_from_body)
+            target["t_body_cam_m"] = tuple(frame.t_body_cam_m)
+            target["clip_m"] = (nearest_m, frame.range_m + radius_m)
         light["sun_direction"] = tuple(frame.sun_direction_cam)
         light["sun_irradiance_rgb_w_m2"] = tuple(frame.sun_irradiance_rgb_w_m2)
         light["sun_angular_radius_rad"] = frame.sun_angular_radius_rad
@@ -194,18 +196,25 @@ class RasterRenderer(Renderer):
         """Draw a part of the tile at (x0, y0): (h, w, 4) radiance and coverage, (h, w) depth or 0."""
         n, camera = self.options.samples_per_axis, stage.camera
         size_px = TILE_SAMPLES // n
-        stage.craft.light["focal_and_centre"] = (
-            2 * camera.fx_px / size_px,
-            2 * camera.fy_px / size_px,
-            2 * (camera.cx_px + 0.5 - x0) / size_px - 1,
-            2 * (camera.cy_px + 0.5 - y0) / size_px - 1,
-        )
+        for target in (stage.craft.depth, stage.craft.light):
+            target["focal_and_centre"] = (
+                2 * camera.fx_px / size_px,
+                2 * camera.fy_px / size_px,
+                2 * (camera.cx_px + 0.5 - x0) / size_px - 1,
+                2 * (camera.cy_px + 0.5 - y0) / size_px - 1,
+            )
         within = (part.x0 - x0, part.y0 - y0, part.width, part.height)
         stage.samples.scissor = (n * within[0], n * within[1], n * within[2], n * within[3])
         stage.samples.use()
         stage.samples.clear()
         stage.context.enable_only(moderngl.DEPTH_TEST)
+        # Depth first, so that only what is seen is shaded: that is most of a frame's time.
+        stage.samples.color_mask = (False, False, False, False)
+        stage.craft.draw_depth()
+        stage.samples.color_mask = (True, True, True, True)
+        stage.context.depth_func = "<="
         stage.craft.draw_light()
+        stage.context.depth_func = "<"
         stage.pixels.scissor = within
         stage.pixels.use()
         stage.context.enable_only(moderngl.NOTHING)

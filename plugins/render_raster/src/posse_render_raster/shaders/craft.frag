@@ -3,6 +3,7 @@
 const float PI = 3.14159265358979;
 const float PREFILTERED_STEP = 0.25;  // roughness between the layers of prefiltered
 const float DIFFUSE_LAYER = 4.0;
+const float STEEPEST = 20.0;  // slope of a face, seen from the Sun, up to which it is lifted
 
 uniform vec3 sun_direction;
 uniform vec3 sun_irradiance_rgb_w_m2;
@@ -47,9 +48,11 @@ vec3 mapped_normal(vec3 n) {
 float sun_visible(vec3 face_normal) {
     float n_l = dot(face_normal, sun_direction);
     if (n_l <= 0.0) return 0.0;
-    // Off the face by more than a texel's slope, or it would shade itself.
-    float lift = shadow_texel_m * (0.2 + 1.8 * sqrt(max(0.0, 1.0 - n_l * n_l)));
-    vec4 place = shadow_from_cam * vec4(position_m + lift * face_normal, 1.0);
+    // The map's depth is of its texels' centres: a face shades itself by its slope over a texel, unless
+    // it is moved towards the Sun by as much. Moved so, and not off the face, shadows stay in place.
+    float slope = min(sqrt(1.0 - n_l * n_l) / n_l, STEEPEST);
+    float lift = shadow_texel_m * (0.2 + 1.5 * slope);
+    vec4 place = shadow_from_cam * vec4(position_m + lift * sun_direction, 1.0);
     return texture(shadow_map, place.xyz * 0.5 + 0.5);
 }
 

@@ -9,6 +9,7 @@ in vec3 position_body_m;
 in vec3 normal_body;
 in vec2 uv;
 
+invariant gl_Position;  // the same to the bit in the program that draws depth first
 out vec3 position_m;
 out vec3 normal;
 out vec2 texture_uv;

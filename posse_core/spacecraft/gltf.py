@@ -48,17 +48,9 @@ def read_gltf(path: Path) -> RawMesh:
     """All triangles of a .gltf or .glb file's scene, in its own units, its nodes' places applied.
 
     Raises:
-        InputError: the file is broken, or needs what cannot be read here.
+        InputError: it needs what cannot be read here.
+        ValueError, KeyError, IndexError, TypeError: the file is broken.
     """
-    try:
-        return _read(path)
-    except (KeyError, IndexError, TypeError, ValueError) as error:
-        raise InputError(
-            f"{path}: not valid glTF ({type(error).__name__}: {error}); export it again"
-        ) from None
-
-
-def _read(path: Path) -> RawMesh:
     file = _open(path)
     geometries = _geometries(file)
     parts: list[RawPart] = []

@@ -72,10 +72,26 @@ def raw_part(
     uv: AnyArray | None,
     material: str,
 ) -> RawPart:
-    """A part, with normals made for it where the file has none (by crease angle)."""
-    if normals is None:
-        corners = np.asarray(vertices)[np.asarray(faces)]
-        uv = None if uv is None else np.asarray(uv)[np.asarray(faces)].reshape(-1, 2)
+    """A part, with normals made for it where the file has none (by crease angle).
+
+    Raises:
+        ValueError: arrays that do not fit together, or numbers that are not finite.
+    """
+    vertices, faces = np.asarray(vertices, dtype=np.float64), np.asarray(faces)
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
+        raise ValueError(f"{name!r} is not made of triangles in space")
+    bad = int((~np.isfinite(vertices)).any(axis=1).sum())
+    if bad:
+        raise ValueError(f"{bad} of {len(vertices)} vertices of {name!r} are NaN or infinite")
+    if len(faces) and not (faces.min() >= 0 and faces.max() < len(vertices)):
+        raise ValueError(f"triangles of {name!r} name vertices that are not there")
+    if uv is not None and (np.shape(uv) != (len(vertices), 2) or not np.isfinite(uv).all()):
+        raise ValueError(f"the texture coordinates of {name!r} are not finite pairs, one a vertex")
+    if normals is not None and np.shape(normals) != vertices.shape:
+        raise ValueError(f"the normals of {name!r} are not one a vertex")
+    if normals is None or not np.isfinite(normals).all():
+        corners = vertices[faces]
+        uv = None if uv is None else np.asarray(uv)[faces].reshape(-1, 2)
         normals = creased_normals(corners)
         vertices, faces = corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3)
     else:

@@ -45,8 +45,16 @@ def read_mesh(path: Path) -> RawMesh:
         raise InputError(f"{path}: a folder, not a mesh file; a package is given by 'package'")
     if path.stat().st_size == 0:
         raise InputError(f"{path}: the file is empty; export it again")
-    raw = read_gltf(path) if suffix in (".glb", ".gltf") else _read_other(path, suffix[1:])
-    parts = tuple(_without_waste(part, path) for part in raw.parts)
+    try:
+        raw = read_gltf(path) if suffix in (".glb", ".gltf") else _read_other(path, suffix[1:])
+    except ValueError as error:
+        reason = " ".join(str(error).split())
+        raise InputError(f"{path}: {reason}; mend the mesh and export it again") from None
+    except (KeyError, IndexError, TypeError, AttributeError) as error:
+        raise InputError(
+            f"{path}: not a valid {suffix} file ({type(error).__name__}: {error}); export it again"
+        ) from None
+    parts = tuple(_without_waste(part) for part in raw.parts)
     parts = tuple(part for part in parts if len(part.faces))
     if not parts:
         raise InputError(f"{path}: no triangles in it; export it with its faces")
@@ -54,14 +62,8 @@ def read_mesh(path: Path) -> RawMesh:
     return RawMesh(parts, {name: m for name, m in raw.materials.items() if name in used})
 
 
-def _without_waste(part: RawPart, path: Path) -> RawPart:
-    """The part, its numbers proven finite, without triangles that have no area."""
-    if not np.isfinite(part.vertices).all():
-        bad = int((~np.isfinite(part.vertices)).any(axis=1).sum())
-        raise InputError(
-            f"{path}: {bad} of {len(part.vertices)} vertices of {part.name!r} are NaN or infinite;"
-            " mend the mesh and export it again"
-        )
+def _without_waste(part: RawPart) -> RawPart:
+    """The part without triangles that have no area."""
     a, b, c = np.moveaxis(part.vertices[part.faces], 1, 0)
     solid = np.linalg.norm(np.cross(b - a, c - a), axis=1) > 0.0
     if solid.all():

@@ -103,7 +103,7 @@ def _checksums(dataset: Dataset, manifest: Mapping[str, Any]) -> Result:
         for name in (labels.get("image"), labels.get("truth"))
         if isinstance(name, str)
     }
-    expected = {**manifest.get("sha256", {}), **_frame_digests(dataset)}
+    expected = {**manifest.get("sha256", {}), **dataset.digests}
     for name, digest in expected.items():
         path = dataset.folder / name
         result.checked += 1
@@ -116,17 +116,9 @@ def _checksums(dataset: Dataset, manifest: Mapping[str, Any]) -> Result:
     return result
 
 
-def _frame_digests(dataset: Dataset) -> dict[str, str]:
-    """File → SHA-256, from the list that ``sha256sum`` can read too."""
-    path = dataset.folder / str(dataset.manifest.get("frame_checksums", "checksums.sha256"))
-    rows = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
-    return {name: digest for digest, _, name in (row.partition("  ") for row in rows)}
-
-
 def _twins(dataset: Dataset) -> Result:
     """Two frames of one moment and pose, or with one picture though the craft is elsewhere in it."""
     result = Result("twins", "no two frames are one and the same", len(dataset.label_lines))
-    digests = _frame_digests(dataset)
     moments: dict[int, int] = {}
     pictures: dict[str, tuple[int, int]] = {}
     for labels in dataset.label_lines:
@@ -136,7 +128,7 @@ def _twins(dataset: Dataset) -> Result:
         other = moments.setdefault(moment, index)
         if other != index:
             result.faults.append(Fault(index, f"is of the same moment and pose as frame {other}"))
-        digest = digests.get(str(labels.get("image")))
+        digest = dataset.digests.get(str(labels.get("image")))
         if digest is None:
             continue
         same, its_pose = pictures.setdefault(digest, (index, hash(repr(pose))))

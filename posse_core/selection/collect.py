@@ -41,8 +41,8 @@ def collect(
         Frames by rule that dropped them, and ``kept``.
 
     Raises:
-        InputError: the folder exists, the sources' cameras or spacecraft differ, or no frame is left;
-            nothing is written then.
+        InputError: the folder exists, the sources' cameras or spacecraft differ, a file is not as it
+            was written, or no frame is left; nothing is written then.
     """
     if out.exists():
         raise InputError(f"{out}: exists already; name a new folder")
@@ -131,6 +131,8 @@ def _take(
     for key in ("image", "truth"):
         if labels[key] is not None:
             source = dataset.folder / labels[key]
+            if not source.is_file() or dataset.digests.get(labels[key]) != sha256(source):
+                raise InputError(f"{source}: missing, or not as it was written; see 'posse validate'")
             taken[key] = f"{Path(labels[key]).parent}/{index:06d}{source.suffix}"
             place(source, folder / taken[key])
     log.append(taken)

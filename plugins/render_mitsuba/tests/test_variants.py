@@ -1,0 +1,125 @@
+"""Choosing a variant: a library that aborts the process, one that is none, none at all."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from posse_core.errors import ComponentError
+from posse_render_mitsuba import variants
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+
+
+@pytest.fixture
+def not_a_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    path = tmp_path / "libLLVM.so.99"
+    path.write_text("this is no library")
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", str(path))
+    return path
+
+
+@pytest.fixture
+def child(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Have the probe's child be a shell script; it notes each time that it is started."""
+
+    def child(body: str) -> Path:
+        notes, script = tmp_path / "notes", tmp_path / "python"
+        script.write_text(f"#!/bin/sh\necho $DRJIT_LIBLLVM_PATH >> {notes}\n{body}\n")
+        script.chmod(0o755)
+        monkeypatch.setattr(sys, "executable", str(script))
+        return notes
+
+    return child
+
+
+def test_llvm_named_but_unusable_is_an_error_with_cause_and_way_out(not_a_library: Path) -> None:
+    with pytest.raises(ComponentError) as raised:
+        variants.choose("llvm")
+    message = str(raised.value)
+    assert str(not_a_library) in message
+    assert "renderer.variant=scalar" in message
+    assert "\n" not in message
+
+
+def test_auto_falls_to_scalar_and_says_why(not_a_library: Path) -> None:
+    choice = variants.choose("auto")
+    assert choice.variant == "scalar_rgb"
+    assert str(not_a_library) in choice.note
+
+
+def test_a_missing_library_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", str(tmp_path / "gone.so"))
+    assert "No such file" in variants.choose("auto").note
+
+
+def test_a_library_that_aborts_costs_its_child_alone(not_a_library: Path, child) -> None:
+    child("echo 'LLVM ERROR: Cannot select: fminimum' >&2\nkill -ABRT $$")
+    choice = variants.choose("auto")
+    assert choice.variant == "scalar_rgb"
+    assert "signal 6" in choice.note
+    assert "Cannot select" in choice.note
+
+
+def test_a_child_that_hangs_is_given_up_and_not_remembered(
+    not_a_library: Path, child, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    notes = child("sleep 5")
+    monkeypatch.setattr(variants, "PROBE_TIMEOUT_S", 0.2)
+    for _ in range(2):
+        assert "no answer" in variants.choose("auto").note
+    assert len(notes.read_text().splitlines()) == 2
+
+
+def test_the_answer_is_remembered_until_the_library_changes(not_a_library: Path, child) -> None:
+    notes = child("echo usable")
+    for _ in range(3):
+        assert variants.choose("llvm") == variants.Choice("llvm_ad_rgb", str(not_a_library))
+    assert len(notes.read_text().splitlines()) == 1
+    os.utime(not_a_library, ns=(1, 1))
+    variants.choose("llvm")
+    assert len(notes.read_text().splitlines()) == 2
+
+
+def test_the_newest_library_that_works_is_taken(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, child
+) -> None:
+    monkeypatch.delenv("DRJIT_LIBLLVM_PATH", raising=False)
+    for name in ("libLLVM-9.so.1", "libLLVM.so.19.1", "libLLVM-20.so", "libLLVMFoo.so"):
+        (tmp_path / name).write_text(name)
+    monkeypatch.setattr(variants, "_LLVM_PATTERNS", (f"{tmp_path}/libLLVM*.so*",))
+    notes = child("case $DRJIT_LIBLLVM_PATH in *-20.so) exit 1;; *) echo usable;; esac")
+    assert variants.choose("auto").library == str(tmp_path / "libLLVM.so.19.1")
+    tried = [Path(line).name for line in notes.read_text().splitlines()]
+    assert tried == ["libLLVM-20.so", "libLLVM.so.19.1"]
+
+
+def test_cuda_without_a_gpu_is_an_error() -> None:
+    if Path("/dev/nvidiactl").exists():
+        pytest.skip("there is a GPU")
+    with pytest.raises(ComponentError, match="cuda does not work on this machine"):
+        variants.choose("cuda")
+
+
+def test_another_library_after_mitsubas_import_is_refused() -> None:
+    code = """
+import mitsuba
+from posse_core.errors import ComponentError
+from posse_render_mitsuba.variants import load_library
+try:
+    load_library("/another/libLLVM.so")
+except ComponentError as error:
+    print(error)
+"""
+    environment = {k: v for k, v in os.environ.items() if k != "DRJIT_LIBLLVM_PATH"}
+    told = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
+    ).stdout
+    assert "set DRJIT_LIBLLVM_PATH=/another/libLLVM.so before the start" in told

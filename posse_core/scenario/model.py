@@ -93,6 +93,18 @@ class Scenario(Options):
     constants: Constants = Field(Constants(), description="physical constants")
     seed: int = Field(0, ge=0, lt=2**63, description="of every random draw")
 
+    @model_validator(mode="before")
+    @classmethod
+    def _default_names(cls, raw: Any) -> Any:
+        """Options without a name are the default component's."""
+        if not isinstance(raw, dict):
+            return raw
+        named = dict(raw)
+        for key in ("propagator", "renderer"):
+            if isinstance(raw.get(key), dict) and "name" not in raw[key]:
+                named[key] = {"name": cls.model_fields[key].default.name, **raw[key]}
+        return named
+
     @field_validator("annotators", "writers")
     @classmethod
     def _no_twins(cls, choices: tuple[ComponentChoice, ...]) -> tuple[ComponentChoice, ...]:

@@ -87,6 +87,12 @@ def test_naming_another_component_leaves_the_formers_options(tmp_path):
     assert "spp" not in scenario.renderer.options
 
 
+def test_options_without_a_name_are_the_defaults(tmp_path):
+    assert load(tmp_path, MINIMAL + "propagator: {}\n").propagator.name == "roe"
+    with pytest.raises(InputError, match=r"propagator\.no_such_option: unknown key"):
+        load(tmp_path, MINIMAL, **{"propagator.no_such_option": 1})
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

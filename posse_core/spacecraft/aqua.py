@@ -83,6 +83,30 @@ def _cuboid(x: tuple[float, float], y: tuple[float, float], z: tuple[float, floa
     return box(high - low).at((low + high) / 2.0)
 
 
+def _edges(
+    x: tuple[float, float], y: tuple[float, float], z: tuple[float, float], width: float
+) -> list[shapes.Mesh]:
+    """Strips of angle section over the twelve edges of a box; they end short of the corners.
+
+    The corners stay bare, since keypoints lie there.
+    """
+    sides = (x, y, z)
+    strips = []
+    for axis in range(3):
+        a, b = (axis + 1) % 3, (axis + 2) % 3
+        for at_a in sides[a]:
+            for at_b in sides[b]:
+                spans = [(0.0, 0.0)] * 3
+                low, high = sides[axis]
+                spans[axis] = (low + 1.1 * width, high - 1.1 * width)
+                for k, at in ((a, at_a), (b, at_b)):
+                    outward = 0.004 if at == sides[k][1] else -0.004
+                    inward = width if at == sides[k][0] else -width
+                    spans[k] = (min(at + outward, at + inward), max(at + outward, at + inward))
+                strips.append(_cuboid(*spans))
+    return strips
+
+
 def _bus(craft: Assembly) -> None:
     """The body in three lengths, their radiators, and the keypoints at their corners."""
     w = HALF_WIDTH
@@ -104,6 +128,17 @@ def _bus(craft: Assembly) -> None:
         "white_paint",
         *(_cuboid(x, (-0.85, 0.85), (TOP - proud, TOP)) for x in top_plates),
     )
+    strips = [
+        *_edges((AFT, WAIST), (-w, w), (AFT_TOP, AFT_BOTTOM), 0.035),
+        *_edges((WAIST, NOSE), (-w, w), (TOP, BOTTOM), 0.03),
+    ]
+    craft.add("bus_frame", "aluminium", *strips)
+    seam = 0.012
+    tapes = [
+        _cuboid((x - 0.02, x + 0.02), (-w - seam, w + seam), (TOP - seam, BOTTOM + seam))
+        for x in (-0.42, 0.52, 1.48)
+    ]
+    craft.add("bus_tapes", "foil_gold", *tapes)
     corners = {1: (AFT, -w), 2: (WAIST, -w), 3: (WAIST, w), 4: (AFT, w)}
     for number, (x, y) in corners.items():
         craft.mark(f"T{number}", "bus_aft", (x, y, AFT_TOP))
@@ -156,6 +191,7 @@ def _amsr(craft: Assembly) -> None:
     R = R_from_z(boresight, (0.0, 0.0, -1.0))
     reflector = shapes.dish(1.6, focal, offset, thickness_m=0.035, rings=10, segments=64)
     craft.add("amsr_dish", "white_paint", reflector.at(centre, R))
+    craft.add("amsr_backing", "black_paint", *_backing(focal, offset, centre, R))
     rim = reflector.at(centre, R).vertices_m[1 + 9 * 64 : 1 + 10 * 64]
     craft.mark("A1", "amsr_dish", rim[0])
     craft.mark("A2", "amsr_dish", rim[32])
@@ -186,6 +222,24 @@ def _amsr(craft: Assembly) -> None:
         shapes.tube([(3.0, -0.55, DECK_TOP), (3.05, -0.62, -0.66)], 0.02),
         shapes.cylinder(0.17, 0.2, 28).at((3.0, 0.68, DECK_TOP), up),
     )
+
+
+def _backing(focal_m: float, offset_m: float, centre_m: FloatArray, R: FloatArray) -> list[shapes.Mesh]:
+    """The ring and the ribs that stiffen the reflector's back."""
+
+    def behind(radius: float, angle: float) -> FloatArray:
+        x, y = radius * np.cos(angle), radius * np.sin(angle)
+        z = ((x + offset_m) ** 2 + y**2 - offset_m**2) / (4.0 * focal_m)
+        return np.asarray(R @ (x, y, z - 0.045) + centre_m)
+
+    rods = []
+    for k in range(24):
+        a, b = (2.0 * np.pi * (k + step) / 24 for step in (0, 1))
+        rods.append(shapes.tube([behind(0.45, a), behind(0.45, b)], 0.018, 8))
+    for k in range(8):
+        angle = 2.0 * np.pi * (k + 0.5) / 8
+        rods.append(shapes.tube([behind(r, angle) for r in (0.05, 0.25, 0.45, 0.74)], 0.014, 8))
+    return rods
 
 
 def _instruments(craft: Assembly) -> None:

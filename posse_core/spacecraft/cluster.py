@@ -139,6 +139,19 @@ def _ends(craft: Assembly) -> None:
     craft.add("engine", "titanium", engine.at((0.0, BOTTOM + 0.02, 0.0), DOWN))
     skirt = shapes.frustum(0.22, 0.12, 0.08, 40)
     craft.add("engine_shield", "foil_silver", skirt.at((0.0, BOTTOM + 0.02, 0.0), DOWN))
+    springs = []
+    for k in range(4):
+        azimuth = np.radians(45.0 + 90.0 * k)
+        pad = shapes.cylinder(0.035, 0.06, 24).at(_ray(azimuth, 0.53, BOTTOM + 0.015), DOWN)
+        springs += [pad, box((0.10, 0.05, 0.07)).at(_ray(azimuth + 0.5, 0.56, BOTTOM))]
+    craft.add("separation_springs", "aluminium", *springs)
+    plugs = [box((0.12, 0.04, 0.09)).at(_ray(a, 0.95, BOTTOM + 0.01)) for a in (2.6, 5.74)]
+    craft.add("umbilicals", "grey_paint", *plugs)
+    seams = [
+        box((0.62, 0.008, 0.03)).at((0.775, 0.0, 0.0)).at((0.0, TOP - 0.012, 0.0), _around(azimuth))
+        for azimuth in np.arange(6) * np.pi / 3.0 + 0.3
+    ]
+    craft.add("top_seams", "foil_silver", *seams)
     jets = []
     for k in range(4):
         azimuth = np.radians(20.0 + 90.0 * k)
@@ -200,6 +213,12 @@ def _booms(craft: Assembly) -> None:
         craft.add(f"boom_{k + 1}", "grey_paint", out(rod))
         knuckles = [box((0.16, 0.09, 0.09)).at((x, y, 0.0)) for x in (RADIUS_M + 0.05, half)]
         craft.add(f"boom_{k + 1}_hinges", "aluminium", *(out(mesh) for mesh in knuckles))
+        # Where the folded boom lay: two cradles on the top rim, a quarter turn on.
+        cradles = [
+            box((0.05, 0.07, 0.12)).at(_ray(BOOM_AZIMUTH + np.pi * k + turned, 1.36, TOP + 0.03))
+            for turned in (0.6, 1.2)
+        ]
+        craft.add(f"boom_{k + 1}_cradles", "black_paint", *cradles)
         tip = np.array([BOOM_TIP - 0.06, y, 0.0])
         end = box((0.12, 0.12, 0.12)).at(tip)
         if k == 0:

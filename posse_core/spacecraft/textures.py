@@ -32,6 +32,11 @@ def byte(values: FloatArray) -> AnyArray:
     return np.asarray(np.rint(255.0 * np.clip(values, 0.0, 1.0)), dtype=np.uint8)
 
 
+def grey(linear: FloatArray) -> AnyArray:
+    """Linear reflectance (H, W) → sRGB-coded (H, W, 3) uint8."""
+    return np.repeat(srgb(linear)[..., None], 3, axis=2)
+
+
 def normal_map(slope: FloatArray) -> AnyArray:
     """Slopes (H, W, 2) of a surface, along u and v → tangent-space normals (H, W, 3) uint8."""
     normal = unit(np.concatenate([-slope, np.ones_like(slope[..., :1])], axis=-1))
@@ -87,7 +92,7 @@ def foil(
         base_color=color,
         metallic=1.0,
         roughness=min(1.0, roughness * 1.3),
-        base_color_texture=srgb(np.repeat(value[..., None], 3, axis=2)),
+        base_color_texture=grey(value),
         metallic_roughness_texture=byte(np.stack([np.ones_like(rough), rough / 1.3], axis=-1)),
         normal_texture=normal_map(slope),
     )
@@ -193,7 +198,7 @@ def paint(name: str, reflectance: float, seed: int) -> Material:
         name,
         base_color=(reflectance, reflectance, 0.97 * reflectance),
         roughness=0.75,
-        base_color_texture=srgb(np.repeat(value[..., None], 3, axis=2)),
+        base_color_texture=grey(value),
     )
 
 
@@ -218,7 +223,7 @@ def mirror_tiles(name: str, seed: int) -> Material:
         base_color=(0.9, 0.92, 0.95),
         metallic=1.0,
         roughness=1.0,
-        base_color_texture=srgb(np.repeat(value[..., None], 3, axis=2)),
+        base_color_texture=grey(value),
         metallic_roughness_texture=byte(
             np.stack([np.where(gap, 0.0, 1.0), np.where(gap, 0.7, 0.08)], axis=-1)
         ),

@@ -163,7 +163,7 @@ def test_another_process_builds_the_same_to_the_bit(crafts):
     assert out.stdout.strip() == digest(crafts["cluster"])
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("name", NAMES)
 def test_a_variant_keeps_what_the_labels_rest_on(name, seed, crafts, distance_to_surface):
     variant = build(name, variant_seed=seed, variant_missing_parts=3)
@@ -193,10 +193,10 @@ def test_variants_lack_parts_now_and_then_and_no_more_than_allowed():
     lost = [
         whole
         - {part.name for part in build("cubesat", variant_seed=seed, variant_missing_parts=1).parts}
-        for seed in range(8)
+        for seed in range(5)
     ]
     assert {len(parts) for parts in lost} == {0, 1}
-    for seed in range(3):
+    for seed in range(2):
         variant = build("cubesat", variant_seed=seed, variant_missing_parts=0)
         assert {part.name for part in variant.parts} == whole
 

@@ -57,6 +57,21 @@ def test_a_box_larger_than_a_film_has_no_seam() -> None:
     np.testing.assert_allclose(image.radiance_rgb, np.broadcast_to(expected, (12, 590, 3)), rtol=5e-3)
 
 
+@pytest.mark.parametrize("variant", ["scalar", "auto"])
+def test_the_number_of_threads_changes_no_bit(variant: str) -> None:
+    ball = scenes.sphere("ball", "clay", rings=24)
+    frame = scenes.frame(t_body_cam_m=(0, 0, 4), sun_direction_body=(1, 0, 1))
+    images = []
+    for threads in (1, 2, 3):
+        options = MitsubaOptions(variant=variant, threads=threads, spp=8)  # type: ignore[arg-type]
+        renderer = MitsubaRenderer(options)
+        renderer.open(scenes.scene(ball, materials=(CLAY,), camera=scenes.camera()))
+        images.append(renderer.render(RenderRequest(frame, PixelBox(0, 0, 96, 72), None, 0)))
+        renderer.close()
+    for image in images[1:]:
+        np.testing.assert_array_equal(image.radiance_rgb, images[0].radiance_rgb)
+
+
 def test_pixels_that_are_not_square_are_refused() -> None:
     plate = scenes.rectangle("plate", "clay")
     camera = replace(scenes.camera(), fy_px=100.0)

@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
+from posse_core.environment.earthlight import earthlight_on_plate
 from posse_core.model.bands import SOLAR_BAND_FRACTIONS
 from posse_core.scenario.sky import SkyConfig
 from posse_core.sky import moon
 from posse_core.sky.clouds import make_clouds
 from posse_core.sky.earth import Earth
+from posse_core.sky.environment import environment_map
 from posse_core.sky.ground import WIND_M_S, blue_marble, glint_radiance
 from posse_core.sky.sky import Sky
 
@@ -111,6 +113,50 @@ def test_the_planet_reflects_three_tenths(make_state) -> None:
     reflected = total / count * 4 * np.pi * r**2
     received = np.pi * 6.371e6**2 * 1361.0 * SOLAR_BAND_FRACTIONS
     assert reflected.sum() / received.sum() == pytest.approx(0.29, abs=0.04)
+
+
+def test_earthshine_agrees_with_the_albedo_model_of_the_dynamics(make_state) -> None:
+    """Around a polar orbit, on a plate that faces the Earth; zonal means know no weather of a day."""
+    earth, angles = Earth(blue_marble(), make_clouds(0)), np.linspace(0, 2 * np.pi, 16, endpoint=False)
+    places = 7.08e6 * np.stack([np.cos(angles), 0.2 * np.cos(angles), np.sin(angles)], axis=-1)
+    sun_m = np.array([1.4e11, 0.5e11, -0.3e11])
+    shine = []
+    for place in places:
+        frame = make_state(r_camera_m=place, forward=-place, up=(0.1, 1.0, 0.1), r_sun_eci_m=sun_m)
+        light = environment_map(earth.seen(frame)).radiance_rgb.astype(float).sum(axis=2)
+        h, w = light.shape
+        edges = np.cos(np.pi * np.arange(h + 1) / h)
+        theta, phi = np.pi * (np.arange(h) + 0.5) / h, 2 * np.pi * (np.arange(w) + 0.5) / w - np.pi
+        forward = np.maximum(0, np.sin(theta)[:, None] * np.cos(phi))
+        shine.append(np.sum(light * forward * (edges[:-1] - edges[1:])[:, None] * 2 * np.pi / w))
+    model = earthlight_on_plate(
+        r_eci_m=places,
+        normal_eci=-places,
+        r_sun_eci_m=np.broadcast_to(sun_m, (16, 3)),
+        earth_pole_eci=np.broadcast_to([0.0, 0.0, 1.0], (16, 3)),
+        jd_tt=np.full(16, frame.epoch_jd_tt),
+        solar_flux_w_m2=np.full(16, 1361.0),
+        earth_radius_m=6378137.0,
+    )
+    share = SOLAR_BAND_FRACTIONS.sum()
+    expected = share * model.albedo_w_m2
+    assert np.corrcoef(shine, expected)[0, 1] > 0.8
+    assert np.mean(shine) == pytest.approx(expected.mean(), rel=0.2)
+
+
+def test_the_low_sun_is_red_and_its_light_lost_in_the_air(make_camera, make_state) -> None:
+    """Seen 15 km over the limb the Sun has lost its blue; 60 km over it nearly nothing."""
+    sky = Sky(SkyConfig(stars=None), make_camera(320, 240, hfov_deg=4), seed=0)
+    r = 7.08e6
+    blue = []
+    for height_m in (15e3, 60e3):
+        angle = np.pi - np.arcsin((6.378137e6 + height_m) / r)
+        sun = (np.cos(angle), np.sin(angle), 0.0)
+        frame = make_state(r_camera_m=(r, 0.0, 0.0), forward=sun, sun=sun, sun_angular_radius_rad=3e-4)
+        rgb = sky.look(frame).radiance_rgb[115:125, 155:165].max(axis=(0, 1)) / SOLAR_BAND_FRACTIONS
+        blue.append(rgb[2] / rgb[0])
+    assert blue[0] < 0.6
+    assert blue[1] > 0.9 * blue[0] + 0.3
 
 
 def test_the_sky_over_the_day_side(make_camera, make_state) -> None:

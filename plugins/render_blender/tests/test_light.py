@@ -1,4 +1,4 @@
-"""Cycles through the plugin against closed forms."""
+"""What the conformance kit leaves open: mirrors, odd cameras, and the bits of a box and a seed."""
 
 from __future__ import annotations
 
@@ -93,73 +93,6 @@ def test_the_seed_is_used_and_nothing_else_is_random(opened: Open) -> None:
     assert not np.array_equal(first, other)
 
 
-@pytest.mark.parametrize("side", [1.0, -1.0])
-def test_lambertian_plate_on_both_sides(opened: Open, side: float) -> None:
-    """E ρ cos/π in each band, whichever side of the face is lit and seen."""
-    camera = scenes.camera(16, 12)
-    craft = scenes.rectangle("plate", "white", u_m=(9, 0, 0), v_m=(0, 9 * side, 0))
-    frame = scenes.frame(t_body_cam_m=(0, 0, 4), sun_direction_body=(0.5, -0.3, 0.7))
-    image = shot(opened(scenes.scene(craft, materials=(WHITE,), camera=camera), spp=64), camera, frame)
-    expected = frame.sun_irradiance_rgb_w_m2 * WHITE.base_color / np.pi * frame.sun_direction_body[2]
-    np.testing.assert_allclose(image.radiance_rgb.mean(axis=(0, 1)), expected, rtol=2e-3)
-
-
-def test_lambertian_sphere(opened: Open) -> None:
-    """Against E ρ cos/π on a true sphere, met by 4 × 4 rays a pixel."""
-    camera = scenes.camera(48, 48, hfov_rad=0.6)
-    craft = scenes.sphere("ball", "white", rings=96)
-    renderer = opened(scenes.scene(craft, materials=(WHITE,), camera=camera), spp=64)
-    place = (np.arange(4 * 48) + 0.5) / 4 - 0.5
-    rays = camera.rays(np.stack(np.meshgrid(place, place), axis=-1))
-    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
-    centre_m = np.array([0.1, -0.2, 4.0])
-    along = rays @ centre_m
-    inside = along**2 - centre_m @ centre_m + 1.0
-    normals = rays * (along - np.sqrt(np.maximum(inside, 0)))[..., None] - centre_m
-    for phase in (0.0, 1.0, 2.0):
-        sun = (np.sin(phase), 0.0, np.cos(phase))
-        frame = scenes.frame(t_body_cam_m=tuple(centre_m), sun_direction_body=sun)
-        cosine = np.where(inside > 0, np.maximum(normals @ frame.sun_direction_cam, 0), 0)
-        cosine = cosine.reshape(48, 4, 48, 4).mean(axis=(1, 3))[..., None]
-        expected = frame.sun_irradiance_rgb_w_m2 * WHITE.base_color / np.pi * cosine
-        image = shot(renderer, camera, frame)
-        total = image.radiance_rgb.sum(axis=(0, 1))
-        np.testing.assert_allclose(total, expected.sum(axis=(0, 1)), rtol=1e-2)
-        whole = image.coverage == 1.0
-        error = np.abs(image.radiance_rgb - expected)[whole]
-        assert error.max() < 0.02 * expected.max()
-
-
-def test_eclipse_is_black(opened: Open) -> None:
-    camera = scenes.camera(16, 12)
-    craft = scenes.rectangle("plate", "white", u_m=(9, 0, 0), v_m=(0, 9, 0))
-    renderer = opened(scenes.scene(craft, materials=(WHITE,), camera=camera))
-    frame = scenes.frame(t_body_cam_m=(0, 0, 4), sun_direction_body=(0, 0, 1), sun_fraction=0.0)
-    image = shot(renderer, camera, frame)
-    assert image.radiance_rgb.max() == 0
-    assert image.coverage.min() == 1
-
-
-def test_a_shadow_has_the_suns_penumbra(opened: Open) -> None:
-    """An edge 2 m above a plate: light rises over 2 m · 2 tan α as the disc comes out behind it."""
-    camera = scenes.camera(64, 8, hfov_rad=0.4)
-    alpha = 0.05
-    ground = scenes.rectangle("ground", "white", u_m=(9, 0, 0), v_m=(0, 9, 0))
-    # The roof is seen by the Sun alone: it hangs behind the camera.
-    roof = scenes.rectangle("roof", "white", centre_m=(-5, 0, 2), u_m=(5, 0, 0), v_m=(0, 9, 0))
-    scene = scenes.scene(ground, roof, materials=(WHITE,), camera=camera)
-    frame = scenes.frame(
-        t_body_cam_m=(0, 0, 1.5), sun_direction_body=(0, 0, 1), sun_angular_radius_rad=alpha
-    )
-    image = shot(opened(scene, spp=256, max_bounces=0), camera, frame)
-    x = (np.arange(64) - camera.cx_px) / camera.fx_px * 1.5 / (2 * np.tan(alpha))
-    x = np.clip(x, -1, 1)
-    free = 0.5 + (x * np.sqrt(1 - x**2) + np.arcsin(x)) / np.pi
-    expected = free * frame.sun_irradiance_rgb_w_m2[1] * WHITE.base_color[1] / np.pi
-    got = image.radiance_rgb[..., 1].mean(axis=0)
-    np.testing.assert_allclose(got, expected, atol=0.02 * expected.max())
-
-
 def test_the_sun_is_mirrored_but_not_seen(opened: Open) -> None:
     """A mirror shows the Sun's disc with its radiance E/(π sin²α); looking at it shows nothing."""
     camera = scenes.camera(33, 33, hfov_rad=0.2)
@@ -201,57 +134,6 @@ def test_a_mirror_shows_the_sky_where_it_is(opened: Open) -> None:
         np.testing.assert_allclose(image.radiance_rgb, scale * (2.0 + mirrored), rtol=3e-3)
 
 
-def test_a_sphere_under_an_even_sky_and_then_none(opened: Open) -> None:
-    camera = scenes.camera(24, 24, hfov_rad=0.3)
-    renderer = opened(
-        scenes.scene(scenes.sphere("ball", "white", rings=24), materials=(WHITE,), camera=camera), spp=64
-    )
-    frame = scenes.frame(t_body_cam_m=(0, 0, 4), sun_direction_body=(0, 0, 1), sun_fraction=0.0)
-    image = shot(renderer, camera, frame, sky(lambda d: np.full_like(d, 3.0)))
-    np.testing.assert_allclose(
-        image.radiance_rgb.mean(axis=(0, 1)), 3.0 * np.array(WHITE.base_color), rtol=1e-2
-    )
-    assert shot(renderer, camera, frame).radiance_rgb.max() == 0
-
-
-def test_textures_lie_the_right_way_round_and_are_decoded(opened: Open) -> None:
-    """Row 0 is at v = 1, column 0 at u = 0; sRGB 188 is 0.5029 linear; the factor multiplies."""
-    texture = np.zeros((16, 16, 3), dtype=np.uint8)
-    texture[:8, :8] = [188, 0, 0]  # u < ½, v > ½
-    texture[:8, 8:] = [0, 188, 0]
-    texture[8:, :8] = [0, 0, 188]
-    texture[8:, 8:] = [255, 255, 255]
-    paint = Material("paint", base_color=(0.5, 0.6, 0.7), specular=0.0, base_color_texture=texture)
-    camera = scenes.camera(16, 12)
-    craft = scenes.rectangle("plate", "paint", u_m=(3, 0, 0), v_m=(0, 3, 0))
-    frame = scenes.frame(t_body_cam_m=(0, 0, 4), sun_direction_body=(0, 0, 1))
-    image = shot(opened(scenes.scene(craft, materials=(paint,), camera=camera)), camera, frame)
-    level = ((188 / 255 + 0.055) / 1.055) ** 2.4
-    reflectance = image.radiance_rgb * np.pi / frame.sun_irradiance_rgb_w_m2 / paint.base_color
-    for (row, column), expected in {
-        (2, 3): (level, 0, 0),
-        (2, 12): (0, level, 0),
-        (9, 3): (0, 0, level),
-        (9, 12): (1, 1, 1),
-    }.items():
-        np.testing.assert_allclose(reflectance[row, column], expected, atol=3e-3)
-
-
-def test_a_normal_map_turns_the_normal(opened: Open) -> None:
-    texel = np.array([180, 90, 230], dtype=np.uint8)
-    paint = Material("paint", specular=0.0, normal_texture=np.tile(texel, (4, 4, 1)))
-    camera = scenes.camera(16, 12)
-    craft = scenes.rectangle("plate", "paint", u_m=(9, 0, 0), v_m=(0, 9, 0))
-    renderer = opened(scenes.scene(craft, materials=(paint,), camera=camera))
-    normal = 2 * (texel / 255) - 1
-    normal /= np.linalg.norm(normal)
-    for sun in ((0.5, 0.0, 0.8), (0.0, 0.5, 0.8)):
-        frame = scenes.frame(t_body_cam_m=(0, 0, 4), sun_direction_body=sun)
-        image = shot(renderer, camera, frame)
-        expected = frame.sun_irradiance_rgb_w_m2 / np.pi * (normal @ frame.sun_direction_body)
-        np.testing.assert_allclose(image.radiance_rgb.mean(axis=(0, 1)), expected, rtol=1e-2)
-
-
 def test_metallic_and_roughness_are_read_from_their_own_channels(opened: Open) -> None:
     """The left half is a mirror (metallic 1, roughness 0), the right half Lambertian."""
     texture = np.zeros((16, 16, 2), dtype=np.uint8)
@@ -268,7 +150,7 @@ def test_metallic_and_roughness_are_read_from_their_own_channels(opened: Open) -
     )
 
 
-def test_the_two_descriptions_of_versions(opened: Open) -> None:
+def test_it_tells_versions_and_device(opened: Open) -> None:
     camera = scenes.camera(16, 12)
     renderer = opened(
         scenes.scene(scenes.rectangle("plate", "white"), materials=(WHITE,), camera=camera)

@@ -184,6 +184,9 @@ class CyclesScene:
         if old is not None:
             bpy.data.images.remove(old)
         turn = Matrix((ENVIRONMENT_FROM_CAM @ R_cam_from_body).tolist())
+        # The table by which Cycles aims at bright places. Its automatic size costs 3 CPU-s a frame.
+        self._sky.cycles.sampling_method = "MANUAL"
+        self._sky.cycles.sample_map_resolution = radiance_rgb.shape[1]
         nodes["Mapping"].inputs["Rotation"].default_value = turn.to_euler("XYZ")
         self._scene.world = self._sky
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from posse_core.constants import PLANCK_J_S, SPEED_OF_LIGHT_M_S
+from posse_core.errors import ComponentError
 from posse_core.model.arrays import AnyArray, Float32Array, FloatArray
 from posse_core.model.bands import BAND_CENTRES_M, SOLAR_BAND_FRACTIONS
 from posse_core.model.camera import Camera, PixelBox
@@ -55,7 +56,11 @@ class Sensor:
             self._gain_e_dn = gain_e_dn * white_e / white_e.sum()
 
     def mean_electrons(self, sky: SkyView, craft: Radiance | None) -> Float32Array:
-        """Expected photo-electrons of a scene: (H, W, C), C = 1 or 3."""
+        """Expected photo-electrons of a scene: (H, W, C), C = 1 or 3.
+
+        Raises:
+            ComponentError: the craft's radiance is negative or not finite.
+        """
         channels = self._e_per_radiance.shape[1]
         to_e = self._e_per_radiance.astype(np.float32)
         if sky.radiance_rgb is None:
@@ -63,9 +68,12 @@ class Sensor:
         else:
             electrons = sky.radiance_rgb @ to_e
         if craft is not None:
+            light = craft.radiance_rgb
+            if not np.all((light >= 0) & np.isfinite(light)):
+                raise ComponentError("the renderer's radiance is negative or not finite in some pixel")
             inside = electrons[craft.box.slices]
             inside *= 1 - craft.coverage[..., None]
-            inside += craft.radiance_rgb @ to_e
+            inside += light @ to_e
         if electrons.any():
             if self._falloff is not None:
                 electrons *= self._falloff
@@ -78,6 +86,9 @@ class Sensor:
         """Take a frame's image: (H, W) or (H, W, 3) of uint8 or uint16.
 
         craft: None where the spacecraft is out of view. Noise depends on ``seed`` and ``index`` alone.
+
+        Raises:
+            ComponentError: the craft's radiance is negative or not finite.
         """
         config = self._config
         random = generator(seed, index, "sensor")

@@ -155,6 +155,7 @@ def ground_row(mu: FloatArray) -> Float32Array:
     return (mu * (GROUND_ROWS - 1)).astype(np.float32)
 
 
+@functools.lru_cache(maxsize=1)  # a frame's background and its environment map are one place
 def air_tables(distance_m: float, sun_zenith_cosine: float) -> AirTables:
     """Trace all rays from a place at ``distance_m`` from the Earth's centre."""
     distance_m = max(distance_m, RADIUS_M + TOP_M)

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from posse_core.errors import ComponentError
 from posse_core.model.bands import SOLAR_BAND_FRACTIONS
 from posse_core.model.camera import Camera, PixelBox
 from posse_core.model.scene import Radiance
@@ -170,3 +171,13 @@ def test_noise_depends_on_seed_and_index_alone(seed: int, index: int) -> None:
     np.testing.assert_array_equal(first, Sensor(config, CAMERA).expose(sky, None, seed, index))
     assert (first != Sensor(config, CAMERA).expose(sky, None, seed, index + 1)).any()
     assert (first != Sensor(config, CAMERA).expose(sky, None, seed + 1, index)).any()
+
+
+@pytest.mark.parametrize("value", [-0.1, np.nan, np.inf])
+def test_a_renderer_that_makes_no_light_is_told_so(value: float) -> None:
+    box = PixelBox(0, 0, 4, 4)
+    light = np.ones((4, 4, 3), dtype=np.float32)
+    light[2, 1, 0] = value
+    craft = Radiance(box, light, np.ones((4, 4), dtype=np.float32))
+    with pytest.raises(ComponentError, match="negative or not finite"):
+        Sensor(SensorConfig(), CAMERA).expose(SkyView(None, *NO_POINTS), craft, 0, 0)

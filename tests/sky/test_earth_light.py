@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from posse_core.environment.earthlight import earthlight_on_plate
 from posse_core.model.bands import SOLAR_BAND_FRACTIONS
@@ -182,6 +184,34 @@ def test_the_night_side_is_dark_and_the_map_of_the_sky_holds_the_earth(make_came
     environment = sky.environment(make_state(forward=(0.0, 1.0, 0.0), up=(1.0, 0.0, 0.0))).radiance_rgb
     assert environment[:28].max() < 0.5 < environment[40:].mean()  # rows: the top is up
     assert Sky(SkyConfig(earth=False), make_camera(160, 120), 0).environment(night) is None
+
+
+@given(
+    zenith=st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: np.linalg.norm(v) > 0.1),
+    sun=st.one_of(
+        st.none(), st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: np.linalg.norm(v) > 0.1)
+    ),
+    altitude_m=st.sampled_from([2e5, 7e5, 3.6e7, 3e8]),
+    t_s=st.floats(0, 1e6),
+)
+def test_light_is_finite_and_never_negative(make_state, zenith, sun, altitude_m, t_s) -> None:
+    """From any place and with any Sun, the Sun in the zenith too (``None``)."""
+    zenith = np.array(zenith) / np.linalg.norm(zenith)
+    sun = zenith if sun is None else np.array(sun) / np.linalg.norm(sun)
+    place = (6.378137e6 + altitude_m) * zenith
+    earth = Earth(blue_marble(), make_clouds(0)).seen(
+        make_state(r_camera_m=place, forward=-zenith, up=(0.11, 0.23, 0.97), sun=sun, t_s=t_s)
+    )
+    half = 1.5 * np.arcsin(6.378e6 / (6.378e6 + altitude_m))
+    u = np.tan(min(half, 1.4)) * np.linspace(-1, 1, 24)
+    rays = np.stack([*np.meshgrid(u, u), np.ones((24, 24))], axis=-1)
+    light, passed = earth.light(rays, 0.01), earth.passed(rays, 0.01)
+    assert np.isfinite(light).all()
+    assert light.min() >= 0
+    assert light.max() < 3000  # the Sun's image in flat water at grazing incidence is far below
+    assert passed.min() >= 0
+    assert passed.max() <= 1
+    assert (passed[12, 12] == 0).all()
 
 
 @pytest.mark.parametrize(("phase_deg", "magnitudes"), [(0.0, 0.0), (45.0, 1.1864), (90.0, 2.6024)])

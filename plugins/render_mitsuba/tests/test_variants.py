@@ -11,6 +11,8 @@ import pytest
 
 from posse_core.errors import ComponentError
 from posse_render_mitsuba import variants
+from posse_render_mitsuba.options import MitsubaOptions
+from posse_render_mitsuba.renderer import MitsubaRenderer
 
 
 @pytest.fixture(autouse=True)
@@ -53,6 +55,17 @@ def test_auto_falls_to_scalar_and_says_why(not_a_library: Path) -> None:
     choice = variants.choose("auto")
     assert choice.variant == "scalar_rgb"
     assert str(not_a_library) in choice.note
+
+
+def test_doctor_names_the_variant_and_the_way_to_a_faster_one(not_a_library: Path) -> None:
+    findings = {what: (ok, text) for what, ok, text in MitsubaRenderer.doctor(MitsubaOptions())}
+    works, detail = findings["variant"]
+    assert works
+    assert "scalar_rgb" in detail
+    assert "libllvm19" in detail
+    _, works, detail = MitsubaRenderer.doctor(MitsubaOptions(variant="llvm"))[1]
+    assert not works
+    assert "libllvm19" in detail
 
 
 def test_a_missing_library_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,8 @@ disc that emits costs 1.7 times as much.)
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from importlib import metadata
 from typing import Any
 
 import numpy as np
@@ -109,6 +110,17 @@ class MitsubaRenderer(Renderer):
         if self._choice.note:
             facts["note"] = self._choice.note
         return facts
+
+    @classmethod
+    def doctor(cls, options: BaseModel) -> Sequence[tuple[str, bool, str]]:
+        """What works here, with the way out; see :meth:`Renderer.doctor`."""
+        version = ("mitsuba", True, metadata.version("mitsuba"))
+        try:
+            choice = choose(cls(options).options.variant)
+        except ComponentError as error:
+            return [version, ("variant", False, str(error))]
+        detail = ", ".join(filter(None, (choice.variant, choice.library, choice.note)))
+        return [version, ("variant", True, detail)]
 
     def _activate(self) -> None:
         """Set variant and threads, which belong to the whole process."""

@@ -33,9 +33,8 @@ _LLVM_PATTERNS = (
     os.path.join(sys.prefix, "lib", "libLLVM*.so*"),
     os.path.expanduser("~/.rustup/toolchains/*/lib/libLLVM*.so*"),
 )
-_WAY_OUT = (
-    "install a newer LLVM (Debian and Ubuntu: apt install libllvm19), name one by"
-    " DRJIT_LIBLLVM_PATH, or take -o renderer.variant=scalar"
+_NEWER = (
+    "install a newer LLVM (Debian and Ubuntu: apt install libllvm19) or name one by DRJIT_LIBLLVM_PATH"
 )
 
 
@@ -73,9 +72,10 @@ def choose(wanted: str) -> Choice:
     causes = "; ".join(failures) or "there is no libLLVM"
     if wanted == "llvm":
         raise ComponentError(
-            f"renderer.variant: llvm does not work on this machine: {causes}; {_WAY_OUT}"
+            f"renderer.variant: llvm does not work on this machine: {causes}; {_NEWER},"
+            " or take -o renderer.variant=scalar"
         )
-    return Choice("scalar_rgb", note=f"llvm does not work: {causes}")
+    return Choice("scalar_rgb", note=f"llvm would be faster but does not work: {causes}; {_NEWER}")
 
 
 def load_library(library: str) -> None:

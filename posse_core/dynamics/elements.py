@@ -19,14 +19,16 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from posse_core.dynamics.kepler import eccentric_longitude
+from posse_core.dynamics.kepler import CORRECTIONS, eccentric_longitude
 from posse_core.dynamics.rows import Rows, dense
 from posse_core.model.arrays import FloatArray
 
 
-def in_plane(a: Any, longitude: Any, ex: Any, ey: Any, mu: Any) -> tuple[Any, ...]:
+def in_plane(
+    a: Any, longitude: Any, ex: Any, ey: Any, mu: Any, corrections: int = CORRECTIONS
+) -> tuple[Any, ...]:
     """Casadi expressions x, y, vx, vy, r, h in the plane that longitudes are counted in."""
-    F = eccentric_longitude(longitude, ex, ey)
+    F = eccentric_longitude(longitude, ex, ey, corrections)
     s, c = ca.sin(F), ca.cos(F)
     eta = ca.sqrt(1 - ex**2 - ey**2)
     b = 1 / (1 + eta)

@@ -15,7 +15,7 @@ from posse_core import frames
 from posse_core.constants import Constants
 from posse_core.dynamics import elements, j2, linear, roe
 from posse_core.dynamics.nonlinear import ForceModel, integrate
-from posse_core.dynamics.start import Start
+from posse_core.dynamics.start import Start, Target
 from posse_core.model.arrays import FloatArray
 from posse_core.propagators.thesis import roe_to_rtn
 
@@ -70,7 +70,7 @@ def errors(case: Case, constants: Constants) -> Errors:
     t_s = orbits * period_s
     r, v = elements.state_from_keplerian(case.keplerian, mu)
     roe_m = np.array([0.0, 0.0, 0.0, SIZE_M, 0.0, SIZE_M])
-    start = Start(r, v, constants, "model errors", roe_m=roe_m)
+    start = Start(Target(r, v, constants), "model errors", roe_m=roe_m)
     truth = _integrated(start, t_s, case.gravity)
     return Errors(
         orbits,
@@ -83,7 +83,7 @@ def errors(case: Case, constants: Constants) -> Errors:
 
 def _models(start: Start, t_s: FloatArray) -> dict[str, FloatArray]:
     """By name, the (F, 6) RTN states of each model."""
-    chief, mu, constants = start.chief_qns, start.mu_m3_s2, start.constants
+    chief, mu, constants = start.target.qns, start.target.mu_m3_s2, start.target.constants
     mean_chief = j2.mean_from_osculating(chief, constants)
     mean_deputy = j2.mean_from_osculating(roe.qns_from_roe(chief, start.roe), constants)
     mean_roe = j2.j2_stm(mean_chief, constants, t_s) @ roe.roe_from_qns(mean_chief, mean_deputy)
@@ -105,9 +105,9 @@ def _models(start: Start, t_s: FloatArray) -> dict[str, FloatArray]:
 
 def _integrated(start: Start, t_s: FloatArray, gravity: str) -> FloatArray:
     r, v, dr, _ = integrate(
-        (start.r_target_eci_m, start.v_target_eci_m_s, start.dr_eci_m, start.dv_eci_m_s),
+        (start.target.r_eci_m, start.target.v_eci_m_s, start.dr_eci_m, start.dv_eci_m_s),
         t_s,
         ForceModel("j2" if gravity == "j2" else "two-body"),
-        start.constants,
+        start.target.constants,
     )
     return np.asarray(np.einsum("fji,fj->fi", frames.R_eci_from_rtn(r, v), dr))

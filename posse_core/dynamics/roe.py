@@ -11,6 +11,8 @@ equation, and the difference is taken in the chief's RTN axes: no integration, n
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from functools import cache
 from typing import Any
 
 import casadi as ca
@@ -22,6 +24,7 @@ from posse_core.dynamics.elements import (
     equinoctial_from_state,
     in_plane,
 )
+from posse_core.dynamics.kepler import CORRECTIONS, corrections_for
 from posse_core.dynamics.rows import Rows, dense
 from posse_core.model.arrays import FloatArray
 
@@ -59,7 +62,7 @@ def _phases(a: Any, longitude: Any, da: Any, dl: Any, mu: Any, t: Any) -> tuple[
     return chief, chief + dl + n * t * ca.expm1(-1.5 * ca.log1p(da))
 
 
-def _qns_rtn() -> Any:
+def _qns_rtn(corrections: int) -> Any:
     chief, roe = ca.SX.sym("chief_qns", 6), ca.SX.sym("roe", 6)
     mu, t = ca.SX.sym("mu_m3_s2"), ca.SX.sym("t_s")
     a, u, ex, ey, i, _ = ca.vertsplit(chief)
@@ -74,15 +77,15 @@ def _qns_rtn() -> Any:
         ca.horzcat(-si * sn, ci * si2 - si * ci2 * cn),
     )
     rtn = relative_rtn(
-        in_plane(a, u_chief, ex, ey, mu),
-        in_plane(a * (1 + da), u_deputy, ex + dex, ey + dey, mu),
+        in_plane(a, u_chief, ex, ey, mu, corrections),
+        in_plane(a * (1 + da), u_deputy, ex + dex, ey + dey, mu, corrections),
         axes,
     )
     arguments = {"chief_qns": chief, "roe": roe, "mu_m3_s2": mu, "t_s": t}
     return dense("rtn_from_roe", arguments, {"rtn": rtn})
 
 
-def _equinoctial_rtn() -> Any:
+def _equinoctial_rtn(corrections: int) -> Any:
     chief, roe = ca.SX.sym("chief_equinoctial", 6), ca.SX.sym("roe_equinoctial", 6)
     sign, mu, t = ca.SX.sym("sign"), ca.SX.sym("mu_m3_s2"), ca.SX.sym("t_s")
     a, l, ex, ey, p, q = ca.vertsplit(chief)
@@ -92,20 +95,29 @@ def _equinoctial_rtn() -> Any:
     f2, g2, _ = equinoctial_axes(p + dp, q + dq, sign)
     axes = ca.horzcat(f, g, w).T @ ca.horzcat(f2, g2)
     rtn = relative_rtn(
-        in_plane(a, l_chief, ex, ey, mu),
-        in_plane(a * (1 + da), l_deputy, ex + dex, ey + dey, mu),
+        in_plane(a, l_chief, ex, ey, mu, corrections),
+        in_plane(a * (1 + da), l_deputy, ex + dex, ey + dey, mu, corrections),
         axes,
     )
     arguments = {"chief_equinoctial": chief, "sign": sign, "roe_equinoctial": roe}
     return dense("rtn_from_equinoctial_roe", {**arguments, "mu_m3_s2": mu, "t_s": t}, {"rtn": rtn})
 
 
-RTN_FROM_ROE = _qns_rtn()
+RTN_FROM_ROE = _qns_rtn(CORRECTIONS)
 """casadi Function (chief qns (6) at t = 0, qns ROE (6), μ, t) → RTN state (6). Not at i = 0, 180°."""
-RTN_FROM_EQUINOCTIAL_ROE = _equinoctial_rtn()
+RTN_FROM_EQUINOCTIAL_ROE = _equinoctial_rtn(CORRECTIONS)
 """casadi Function (chief equinoctial (6) at t = 0, I, equinoctial ROE (6), μ, t) → RTN state (6)."""
-_rtn_from_roe = Rows(RTN_FROM_ROE)
-_rtn_from_equinoctial_roe = Rows(RTN_FROM_EQUINOCTIAL_ROE)
+
+
+@cache
+def _rows(build: Callable[[int], Any], corrections: int) -> Rows:
+    """The same Function with as few corrections of Kepler's equation as the orbits need."""
+    return Rows(build(corrections))
+
+
+def _needed(chief: FloatArray, roe: FloatArray) -> int:
+    e = np.hypot(chief[..., 2], chief[..., 3]), np.hypot(*np.moveaxis(chief + roe, -1, 0)[2:4])
+    return corrections_for(max(float(np.max(x, initial=0.0)) for x in e))
 
 
 def rtn_from_roe(
@@ -121,8 +133,8 @@ def rtn_from_roe(
     Returns:
         (..., 6), leading axes broadcast.
     """
-    result: FloatArray = _rtn_from_roe(chief_qns, roe, mu_m3_s2, t_s)
-    return result
+    rows = _rows(_qns_rtn, _needed(chief_qns, roe))
+    return np.asarray(rows(chief_qns, roe, mu_m3_s2, t_s))
 
 
 def rtn_from_equinoctial_roe(
@@ -133,8 +145,24 @@ def rtn_from_equinoctial_roe(
     t_s: FloatArray | float,
 ) -> FloatArray:
     """As :func:`rtn_from_roe` with equinoctial elements and ROE, for any inclination."""
-    result: FloatArray = _rtn_from_equinoctial_roe(chief, sign, roe, mu_m3_s2, t_s)
-    return result
+    rows = _rows(_equinoctial_rtn, _needed(chief, roe))
+    return np.asarray(rows(chief, sign, roe, mu_m3_s2, t_s))
+
+
+def stream_rtn(
+    chief: FloatArray,
+    sign: FloatArray | float,
+    roe: FloatArray,
+    mu_m3_s2: float,
+    t_s: FloatArray | float,
+) -> Iterator[FloatArray]:
+    """:func:`rtn_from_equinoctial_roe` in blocks of (rows, 6), in order: memory for one block only.
+
+    A block's array is overwritten by the next one.
+    """
+    rows = _rows(_equinoctial_rtn, _needed(chief, roe))
+    for (block,) in rows.stream(chief, sign, roe, mu_m3_s2, t_s):
+        yield block
 
 
 def qns_from_roe(chief_qns: FloatArray, roe: FloatArray) -> FloatArray:

@@ -18,11 +18,48 @@ SINGULAR_SIN_I = 1e-6
 """Below this sine of the inclination (0.2″) the node is lost to rounding, and with it δλ and δi."""
 
 
+class Target:
+    """A target at one instant; several chasers may share it.
+
+    Attributes:
+        r_eci_m, v_eci_m_s: (3,) GCRF axes.
+    """
+
+    def __init__(self, r_eci_m: FloatArray, v_eci_m_s: FloatArray, constants: Constants) -> None:
+        self.r_eci_m, self.v_eci_m_s = r_eci_m, v_eci_m_s
+        self.constants = constants
+        self.mu_m3_s2 = constants.mu_earth_m3_s2
+
+    @cached_property
+    def sign(self) -> float:
+        """I of the equinoctial set, +1 or −1."""
+        return float(elements.equinoctial_sign(self.r_eci_m, self.v_eci_m_s))
+
+    @cached_property
+    def equinoctial(self) -> FloatArray:
+        """(6,) osculating equinoctial elements."""
+        return elements.equinoctial_from_state(self.r_eci_m, self.v_eci_m_s, self.sign, self.mu_m3_s2)
+
+    @cached_property
+    def qns(self) -> FloatArray:
+        """(6,) osculating quasi-nonsingular elements."""
+        return elements.qns_from_equinoctial(self.equinoctial, self.sign)
+
+    @cached_property
+    def R_eci_from_rtn(self) -> FloatArray:
+        """(3, 3)."""
+        return frames.R_eci_from_rtn(self.r_eci_m, self.v_eci_m_s)
+
+    @cached_property
+    def spin_rtn_rad_s(self) -> FloatArray:
+        """(3,) angular velocity of the RTN frame."""
+        return np.array([0.0, 0.0, frames.rtn_rate_rad_s(self.r_eci_m, self.v_eci_m_s)])
+
+
 class Start:
     """A target, and a chaser given by one of the keyword arguments.
 
     Args:
-        r_target_eci_m, v_target_eci_m_s: (3,) GCRF axes.
         where: key of the scenario that messages name.
         elliptic: refuse hyperbolic orbits.
         rtn: (6,) RTN position (m) and velocity (m/s, rotating frame).
@@ -39,9 +76,7 @@ class Start:
 
     def __init__(
         self,
-        r_target_eci_m: FloatArray,
-        v_target_eci_m_s: FloatArray,
-        constants: Constants,
+        target: Target,
         where: str,
         *,
         elliptic: bool = True,
@@ -50,23 +85,18 @@ class Start:
         roe_m: FloatArray | None = None,
         roe_equinoctial_m: FloatArray | None = None,
     ) -> None:
-        self.constants = constants
-        self.mu_m3_s2 = constants.mu_earth_m3_s2
-        self.r_target_eci_m, self.v_target_eci_m_s = r_target_eci_m, v_target_eci_m_s
+        self.target = target
         self._given_roe_m, self._given_equinoctial_m = roe_m, roe_equinoctial_m
         if rtn is not None:
             self.rtn = rtn
         if apart_eci is None:
-            R = frames.R_eci_from_rtn(r_target_eci_m, v_target_eci_m_s)
-            spin = np.array([0.0, 0.0, frames.rtn_rate_rad_s(r_target_eci_m, v_target_eci_m_s)])
-            apart_eci = np.concatenate(
-                [R @ self.rtn[:3], R @ (self.rtn[3:] + np.cross(spin, self.rtn[:3]))]
-            )
+            R, r_rtn, v_rtn = target.R_eci_from_rtn, self.rtn[:3], self.rtn[3:]
+            apart_eci = np.concatenate([R @ r_rtn, R @ (v_rtn + np.cross(target.spin_rtn_rad_s, r_rtn))])
         self.dr_eci_m, self.dv_eci_m_s = apart_eci[:3], apart_eci[3:]
         check_orbit(
-            r_target_eci_m + self.dr_eci_m,
-            v_target_eci_m_s + self.dv_eci_m_s,
-            constants,
+            target.r_eci_m + self.dr_eci_m,
+            target.v_eci_m_s + self.dv_eci_m_s,
+            target.constants,
             where,
             elliptic=elliptic,
         )
@@ -74,47 +104,30 @@ class Start:
     @cached_property
     def rtn(self) -> FloatArray:
         """(6,) chaser's RTN position (m) and velocity (m/s, rotating frame)."""
-        mu = self.mu_m3_s2
+        t = self.target
         if self._given_roe_m is not None:
-            return roe.rtn_from_roe(self.chief_qns, self.roe, mu, 0.0)
+            return roe.rtn_from_roe(t.qns, self.roe, t.mu_m3_s2, 0.0)
         if self._given_equinoctial_m is not None:
             return roe.rtn_from_equinoctial_roe(
-                self.chief_equinoctial, self.sign, self.roe_equinoctial, mu, 0.0
+                t.equinoctial, t.sign, self.roe_equinoctial, t.mu_m3_s2, 0.0
             )
-        r, v = self.r_target_eci_m, self.v_target_eci_m_s
+        r, v = t.r_eci_m, t.v_eci_m_s
         return np.concatenate(frames.rtn_from_eci(r, v, r + self.dr_eci_m, v + self.dv_eci_m_s))
-
-    @cached_property
-    def sign(self) -> float:
-        """I of the equinoctial set, +1 or −1, by the target."""
-        return float(elements.equinoctial_sign(self.r_target_eci_m, self.v_target_eci_m_s))
-
-    @cached_property
-    def chief_equinoctial(self) -> FloatArray:
-        """(6,) the target's osculating equinoctial elements."""
-        return elements.equinoctial_from_state(
-            self.r_target_eci_m, self.v_target_eci_m_s, self.sign, self.mu_m3_s2
-        )
-
-    @cached_property
-    def chief_qns(self) -> FloatArray:
-        """(6,) the target's osculating quasi-nonsingular elements."""
-        return elements.qns_from_equinoctial(self.chief_equinoctial, self.sign)
 
     @cached_property
     def roe_equinoctial(self) -> FloatArray:
         """(6,) dimensionless equinoctial ROE."""
         if self._given_equinoctial_m is not None:
-            return np.asarray(self._given_equinoctial_m / self.chief_equinoctial[0])
+            return np.asarray(self._given_equinoctial_m / self.target.equinoctial[0])
         if self._given_roe_m is not None:
-            return roe.equinoctial_roe_from_roe(self.chief_qns, self.roe, self.sign)
+            return roe.equinoctial_roe_from_roe(self.target.qns, self.roe, self.target.sign)
         return roe.equinoctial_roe_from_states(
-            self.r_target_eci_m,
-            self.v_target_eci_m_s,
+            self.target.r_eci_m,
+            self.target.v_eci_m_s,
             self.dr_eci_m,
             self.dv_eci_m_s,
-            self.sign,
-            self.mu_m3_s2,
+            self.target.sign,
+            self.target.mu_m3_s2,
         )
 
     @cached_property
@@ -124,7 +137,7 @@ class Start:
         Raises:
             InputError: the target's inclination is 0° or 180°.
         """
-        i_rad = float(self.chief_qns[4])
+        i_rad = float(self.target.qns[4])
         if math.sin(i_rad) < SINGULAR_SIN_I:
             raise InputError(
                 f"quasi-nonsingular relative elements mean nothing at an inclination of"
@@ -132,9 +145,11 @@ class Start:
                 " state_eci, with propagator roe or nonlinear"
             )
         if self._given_roe_m is not None:
-            return np.asarray(self._given_roe_m / self.chief_qns[0])
-        deputy = self.chief_equinoctial + self.roe_equinoctial
-        deputy[0] = self.chief_equinoctial[0] * (1 + self.roe_equinoctial[0])
-        result = roe.roe_from_qns(self.chief_qns, elements.qns_from_equinoctial(deputy, self.sign))
+            return np.asarray(self._given_roe_m / self.target.qns[0])
+        deputy = self.target.equinoctial + self.roe_equinoctial
+        deputy[0] = self.target.equinoctial[0] * (1 + self.roe_equinoctial[0])
+        result = roe.roe_from_qns(
+            self.target.qns, elements.qns_from_equinoctial(deputy, self.target.sign)
+        )
         result[0] = self.roe_equinoctial[0]
         return result

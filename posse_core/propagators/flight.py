@@ -16,7 +16,7 @@ from posse_core.dynamics.design import forced_rtn, hop_rtn, natural_roe_m
 from posse_core.dynamics.elements import keplerian_from_state
 from posse_core.dynamics.orbit import target_state
 from posse_core.dynamics.plan import Burn, Transfer, transfer
-from posse_core.dynamics.start import Start
+from posse_core.dynamics.start import Start, Target
 from posse_core.errors import InputError
 from posse_core.interfaces.propagator import PropagationProblem, Propagator
 from posse_core.model.arrays import FloatArray, IntArray
@@ -76,10 +76,9 @@ class FlightPropagator(Propagator):
             start_s = begun_s = burn.t_s
             rtn = flight.rtn[-1].copy()
             rtn[3:] += burn.dv_rtn_m_s
+            target = Target(flight.r_target_eci_m[-1], flight.v_target_eci_m_s[-1], problem.constants)
             start = Start(
-                flight.r_target_eci_m[-1],
-                flight.v_target_eci_m_s[-1],
-                problem.constants,
+                target,
                 f"relative.plan, after the impulse at {burn.t_s:g} s",
                 elliptic=self.elliptic,
                 rtn=rtn,
@@ -101,8 +100,10 @@ def starts_of(problem: PropagationProblem, *, elliptic: bool = True) -> list[Sta
     by_state = given.state_rtn is not None or given.state_eci is not None
     r, v = target_state(problem.orbit, constants, elliptic=elliptic or not by_state)
 
+    target = Target(r, v, constants)
+
     def start(**chaser: FloatArray) -> Start:
-        return Start(r, v, constants, where, elliptic=elliptic, **chaser)
+        return Start(target, where, elliptic=elliptic, **chaser)
 
     if given.state_rtn is not None:
         return [start(rtn=np.array([*given.state_rtn.r_m, *given.state_rtn.v_m_s]))]
@@ -143,9 +144,9 @@ def planned(problem: PropagationProblem, start: Start) -> Transfer:
     assert wanted is not None  # the model has exactly one of the two
     if wanted.end_s <= wanted.start_s:
         raise InputError("relative.plan.transfer: end_s is not after start_s")
-    to_roe = np.array(wanted.to_roe_m) / start.chief_qns[0]
+    to_roe = np.array(wanted.to_roe_m) / start.target.qns[0]
     window_s = (wanted.start_s, wanted.end_s)
-    return transfer(start.chief_qns, start.roe, to_roe, window_s, start.mu_m3_s2)
+    return transfer(start.target.qns, start.roe, to_roe, window_s, start.target.mu_m3_s2)
 
 
 def _motion(t_s: FloatArray, flights: list[Flight], sequence: IntArray) -> Motion:

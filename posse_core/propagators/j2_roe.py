@@ -21,9 +21,9 @@ class J2RoePropagator(FlightPropagator):
     def fly(
         self, problem: PropagationProblem, start: Start, start_s: float, after_s: FloatArray
     ) -> Flight:
-        constants, mu = problem.constants, start.mu_m3_s2
-        deputy_qns = qns_from_roe(start.chief_qns, start.roe)
-        chief_0 = mean_from_osculating(start.chief_qns, constants)
+        constants, mu = problem.constants, start.target.mu_m3_s2
+        deputy_qns = qns_from_roe(start.target.qns, start.roe)
+        chief_0 = mean_from_osculating(start.target.qns, constants)
         deputy_0 = mean_from_osculating(deputy_qns, constants)
         roe_0 = roe_from_qns(chief_0, deputy_0)
         chief = j2_secular(chief_0, constants, after_s)

@@ -34,7 +34,7 @@ class LinearPropagator(FlightPropagator):
         self, problem: PropagationProblem, start: Start, start_s: float, after_s: FloatArray
     ) -> Flight:
         rtn = self.rtn(start, after_s)
-        e = float(np.hypot(*start.chief_equinoctial[2:4]))
+        e = float(np.hypot(*start.target.equinoctial[2:4]))
         exact = exact_rtn(start, after_s)
         warn_if_far_off(self.name, rtn[:, :3], exact[:, :3], f"e = {e:.3g}", self.instead)
         return two_body_flight(start, after_s, rtn)
@@ -47,7 +47,7 @@ class HcwPropagator(LinearPropagator):
     instead = "yamanaka-ankersen or roe"
 
     def rtn(self, start: Start, t_s: FloatArray) -> FloatArray:
-        return np.asarray(hcw_stm(start.chief_qns, start.mu_m3_s2, t_s) @ start.rtn)
+        return np.asarray(hcw_stm(start.target.qns, start.target.mu_m3_s2, t_s) @ start.rtn)
 
 
 class NearCircularPropagator(LinearPropagator):
@@ -57,7 +57,7 @@ class NearCircularPropagator(LinearPropagator):
     instead = "roe"
 
     def rtn(self, start: Start, t_s: FloatArray) -> FloatArray:
-        return np.asarray(near_circular_map(start.chief_qns, start.mu_m3_s2, t_s) @ start.roe)
+        return np.asarray(near_circular_map(start.target.qns, start.target.mu_m3_s2, t_s) @ start.roe)
 
 
 class YamanakaAnkersenPropagator(LinearPropagator):
@@ -67,4 +67,6 @@ class YamanakaAnkersenPropagator(LinearPropagator):
     instead = "roe"
 
     def rtn(self, start: Start, t_s: FloatArray) -> FloatArray:
-        return np.asarray(yamanaka_ankersen_stm(start.chief_qns, start.mu_m3_s2, t_s) @ start.rtn)
+        return np.asarray(
+            yamanaka_ankersen_stm(start.target.qns, start.target.mu_m3_s2, t_s) @ start.rtn
+        )

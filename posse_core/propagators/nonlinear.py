@@ -29,7 +29,7 @@ class NonlinearPropagator(FlightPropagator):
     ) -> Flight:
         epoch = orbit_epoch(problem.orbit).shifted(start_s)
         r, v, dr, dv = integrate(
-            (start.r_target_eci_m, start.v_target_eci_m_s, start.dr_eci_m, start.dv_eci_m_s),
+            (start.target.r_eci_m, start.target.v_eci_m_s, start.dr_eci_m, start.dv_eci_m_s),
             after_s,
             self._forces(epoch, after_s),
             problem.constants,

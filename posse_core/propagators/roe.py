@@ -22,12 +22,12 @@ class RoePropagator(FlightPropagator):
 def exact_rtn(start: Start, t_s: FloatArray) -> FloatArray:
     """(F,) → (F, 6) the chaser's RTN state, two-body motion without approximation."""
     return rtn_from_equinoctial_roe(
-        start.chief_equinoctial, start.sign, start.roe_equinoctial, start.mu_m3_s2, t_s
+        start.target.equinoctial, start.target.sign, start.roe_equinoctial, start.target.mu_m3_s2, t_s
     )
 
 
 def two_body_flight(start: Start, t_s: FloatArray, rtn: FloatArray) -> Flight:
     """A relative motion (F, 6) beside a target that moves by Kepler's laws."""
-    mu = start.mu_m3_s2
-    elements = later(start.chief_equinoctial, mu, t_s)
-    return Flight(*state_from_equinoctial(elements, start.sign, mu), rtn)
+    mu = start.target.mu_m3_s2
+    elements = later(start.target.equinoctial, mu, t_s)
+    return Flight(*state_from_equinoctial(elements, start.target.sign, mu), rtn)

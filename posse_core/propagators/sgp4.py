@@ -25,8 +25,8 @@ class Sgp4Propagator(FlightPropagator):
         if problem.orbit.tle is None:
             raise InputError("propagator sgp4 starts from orbit.tle; give it, or take propagator roe")
         tle = Tle(problem.orbit.tle)
-        r_chaser = start.r_target_eci_m + start.dr_eci_m
-        v_chaser = start.v_target_eci_m_s + start.dv_eci_m_s
+        r_chaser = start.target.r_eci_m + start.dr_eci_m
+        v_chaser = start.target.v_eci_m_s + start.dv_eci_m_s
         chaser = tle.neighbour(r_chaser, v_chaser, start_s)
         r, v = tle.state(start_s + after_s)
         rtn = np.concatenate(rtn_from_eci(r, v, *chaser.state(start_s + after_s)), axis=-1)

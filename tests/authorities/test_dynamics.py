@@ -91,7 +91,7 @@ def test_each_model_errs_by_what_is_known_of_it(
 def test_the_linear_map_for_any_eccentricity_errs_by_what_is_known_of_it() -> None:
     case = FIGURES["aqua"]
     (start,) = starts_of(problem_of(case))
-    linear = any_eccentricity_map(start.chief_qns, MU, np.array(case["t_s"])) @ start.roe
+    linear = any_eccentricity_map(start.target.qns, MU, np.array(case["t_s"])) @ start.roe
     assert worst_m(linear[:, :3], case["two-body"]) == pytest.approx(0.0023, rel=0.05)
 
 
@@ -104,7 +104,7 @@ def test_j2_roe_is_a_thousand_times_better_than_leaving_j2_out() -> None:
 def test_relative_elements_are_those_that_the_state_was_made_of() -> None:
     case = FIGURES["aqua"]
     (start,) = starts_of(problem_of(case))
-    assert start.chief_qns[0] * start.roe == pytest.approx(np.array(case["roe_m"]), abs=1e-6)
+    assert start.target.qns[0] * start.roe == pytest.approx(np.array(case["roe_m"]), abs=1e-6)
 
 
 @pytest.mark.parametrize("case", FIGURES["conversions"])

@@ -131,6 +131,6 @@ def test_equinoctial_relative_elements_work_on_the_equator() -> None:
         problem({"elements": {**ELEMENTS, "i_deg": 0}}, {"roe_equinoctial_m": [0, 0, 0, 0, 50, 0]})
     )
     # δp tilts the plane by 2 δp about the x axis of the elements' frame: N = −2 a δp cos L.
-    r = start.r_target_eci_m / np.linalg.norm(start.r_target_eci_m)
+    r = start.target.r_eci_m / np.linalg.norm(start.target.r_eci_m)
     assert start.rtn[2] == pytest.approx(-100 * r[0], abs=0.1)
     assert np.linalg.norm(start.dr_eci_m) == pytest.approx(np.linalg.norm(start.rtn[:3]))

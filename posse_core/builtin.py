@@ -167,12 +167,22 @@ def posse_subcommands() -> list[ComponentSpec]:
             "collect", "join datasets, drop frames by rules", "posse_core.cli.collect:command"
         ),
         ComponentSpec(
+            "crosscheck",
+            "renderers held against geometry and each other",
+            "posse_core.cli.crosscheck:command",
+        ),
+        ComponentSpec(
             "describe", "keys of a scenario, options of a component", "posse_core.cli.describe:command"
         ),
+        ComponentSpec("detect", "find spacecraft in images", "posse_core.cli.detect:command"),
         ComponentSpec(
             "doctor", "what works on this machine, and how to mend it", "posse_core.cli.doctor:command"
         ),
+        ComponentSpec("eval", "how right a detector is", "posse_core.cli.eval:command"),
         ComponentSpec("export", "the labels in another format", "posse_core.cli.export:command"),
+        ComponentSpec(
+            "export-onnx", "a trained net as ONNX, checked", "posse_core.cli.export_onnx:command"
+        ),
         ComponentSpec(
             "import", "a spacecraft package from a mesh", "posse_core.cli.import_mesh:command"
         ),
@@ -192,5 +202,6 @@ def posse_subcommands() -> list[ComponentSpec]:
             "propagate", "the trajectory of a scenario, alone", "posse_core.cli.propagate:command"
         ),
         ComponentSpec("run", "scenario to labelled dataset", "posse_core.cli.run:command"),
+        ComponentSpec("train", "a detector learns from a dataset", "posse_core.cli.train:command"),
         ComponentSpec("validate", "prove the labels", "posse_core.cli.validate:command"),
     ]

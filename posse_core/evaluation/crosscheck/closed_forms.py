@@ -8,18 +8,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from posse_core.evaluation.crosscheck.settings import Setting
 from posse_core.model.arrays import AnyArray, FloatArray
 from posse_core.model.camera import Camera, PixelBox
 from posse_core.model.scene import EnvironmentMap, FrameState
 from posse_core.model.spacecraft import Material
 from posse_core.testing import scenes
 from posse_core.testing.closed_forms import directions, lambertian_sphere, polygon_area_and_centroid
-from posse_core.evaluation.crosscheck.settings import Setting
 
 WHITE = Material("white", base_color=(1.0, 1.0, 1.0), specular=0.0)
 CLAY = Material("clay", base_color=(0.8, 0.5, 0.2), specular=0.0)
 SMOOTH = Material("smooth", base_color=(1.0, 1.0, 1.0), metallic=1.0, roughness=0.1)
 GLOSSY = Material("glossy", base_color=(1.0, 1.0, 1.0), metallic=1.0, roughness=0.5)
+PAINT = Material("paint", base_color=(0.5, 0.5, 0.5), roughness=0.75)
 CHECKER_CODES = (255, 64)
 CHECKER_CELLS = 8
 CELL_TEXELS = 64
@@ -65,7 +66,7 @@ def lambert_sphere() -> Setting:
 
 
 def lambert_plate() -> Setting:
-    """A Lambertian plate that fills the image, the Sun at 0, 30° and 60° from its normal: E ρ/π cos θ."""
+    """A Lambertian plate that fills the image, the Sun 0, 30° and 60° from its normal: E ρ/π cos θ."""
     plate = scenes.rectangle("plate", "clay", u_m=(9.0, 0, 0), v_m=(0, 9.0, 0))
     scene = scenes.scene(plate, materials=(CLAY,), camera=scenes.camera(64, 48))
 
@@ -108,15 +109,22 @@ def mirror() -> Setting:
 
 
 def glossy_sphere() -> Setting:
-    """A white metal sphere of roughness 0.5 at phase angles 30°, 60°, 90°: the single-scattering
-    microfacet lobe of glTF 2.0, Appendix B (GGX, height-correlated Smith). Renderers differ in the
-    shadowing term, and some add the light that scatters between facets: no threshold is put on it."""
+    """A white metal sphere of roughness 0.5 at phase angles 30°, 60°, 90°: see :func:`_gltf`."""
+    return _sphere_of(GLOSSY)
+
+
+def paint_sphere() -> Setting:
+    """A grey painted sphere of roughness 0.75, likewise: diffuse under a dielectric surface."""
+    return _sphere_of(PAINT)
+
+
+def _sphere_of(material: Material) -> Setting:
     scene = scenes.scene(
-        scenes.sphere("ball", "glossy"), materials=(GLOSSY,), camera=scenes.camera(128, 96, 0.6)
+        scenes.sphere("ball", material.name), materials=(material,), camera=scenes.camera(128, 96, 0.6)
     )
 
     def expected(frame: FrameState) -> FloatArray:
-        return _over_sphere(scene.camera, frame, GLOSSY.roughness**2)
+        return _gltf(scene.camera, frame, material)
 
     return Setting("", scene, _phases(np.pi / 6, np.pi / 3, np.pi / 2), 0, _black, expected)
 
@@ -199,6 +207,7 @@ CLOSED_FORMS: dict[str, Callable[[], Setting]] = {
     "lambert-plate": lambert_plate,
     "mirror": mirror,
     "glossy-sphere": glossy_sphere,
+    "paint-sphere": paint_sphere,
     "fiducials": fiducials,
     "checker": checker,
 }
@@ -217,23 +226,36 @@ def _phases(*phases_rad: float) -> tuple[FrameState, ...]:
     )
 
 
-def _over_sphere(camera: Camera, frame: FrameState, alpha: float) -> FloatArray:
-    """(H, W, 3) radiance of a perfectly reflecting sphere of 1 m and GGX width ``alpha``."""
+def _gltf(camera: Camera, frame: FrameState, material: Material) -> FloatArray:
+    """(H, W, 3) radiance of a sphere of 1 m by glTF 2.0, Appendix B: one reflection at GGX facets with
+    height-correlated shadowing, a Lambertian base below a dielectric.
+
+    Renderers differ in the shadowing, in the light that scatters between facets, and in what becomes
+    of light between surface and base; so no threshold is put on it.
+    """
     u = (np.arange(FINE * camera.width_px) + 0.5) / FINE - 0.5
     v = (np.arange(FINE * camera.height_px) + 0.5) / FINE - 0.5
     rays = _unit(camera.rays(np.stack(np.meshgrid(u, v), axis=-1)))
     along = rays @ frame.t_body_cam_m
     inside = along**2 - frame.range_m**2 + 1
     normals = rays * (along - np.sqrt(np.maximum(inside, 0.0)))[..., None] - frame.t_body_cam_m
+    halfway = _unit(frame.sun_direction_cam - rays)
     n_v = np.clip(-(normals * rays).sum(axis=-1), 1e-9, None)
     n_l = np.clip(normals @ frame.sun_direction_cam, 0.0, None)
-    n_h = (normals * _unit(frame.sun_direction_cam - rays)).sum(axis=-1)
-    a2 = alpha**2
+    n_h = (normals * halfway).sum(axis=-1)
+    fresnel = (1 - np.clip(-(halfway * rays).sum(axis=-1), 0, 1)) ** 5
+    a2 = material.roughness**4
     D = a2 / (np.pi * (n_h**2 * (a2 - 1) + 1) ** 2)
     smith = n_l * np.sqrt(n_v**2 * (1 - a2) + a2) + n_v * np.sqrt(n_l**2 * (1 - a2) + a2)
-    value = np.where((inside > 0) & (n_l > 0), D * 0.5 / np.maximum(smith, 1e-12) * n_l, 0.0)
-    mean = value.reshape(camera.height_px, FINE, camera.width_px, FINE).mean(axis=(1, 3))
-    return np.asarray(mean[..., None] * frame.sun_irradiance_rgb_w_m2)
+    facets = (D * 0.5 / np.maximum(smith, 1e-12))[..., None]
+    base = np.array(material.base_color)
+    f0 = base if material.metallic else np.full(3, 0.04 * material.specular)
+    F = f0 + (1 - f0) * fresnel[..., None]
+    diffuse = 0.0 if material.metallic else (1 - F) * base / np.pi
+    lit = ((inside > 0) & (n_l > 0))[..., None]
+    value = np.where(lit, (diffuse + F * facets) * n_l[..., None], 0.0)
+    mean = value.reshape(camera.height_px, FINE, camera.width_px, FINE, 3).mean(axis=(1, 3))
+    return np.asarray(mean * frame.sun_irradiance_rgb_w_m2)
 
 
 def _unit(vectors: AnyArray) -> FloatArray:

@@ -14,7 +14,7 @@ def part_light(radiance_rgb: AnyArray, part_id: IntArray, parts: int) -> FloatAr
     """(parts,) sum of radiance over bands and over the pixels whose centre is on each part."""
     light = np.asarray(radiance_rgb, np.float64).sum(axis=-1)
     on = part_id >= 0
-    return np.bincount(part_id[on], weights=light[on], minlength=parts)
+    return np.asarray(np.bincount(part_id[on], weights=light[on], minlength=parts), np.float64)
 
 
 def agreement(radiance_rgb: AnyArray, expected_rgb: FloatArray, whole: BoolArray) -> tuple[float, float]:
@@ -40,10 +40,9 @@ def noise(one_rgb: AnyArray, other_rgb: AnyArray, covered: BoolArray) -> float:
     return float(np.sqrt(((one - other) ** 2).mean() / 2) / max(one.mean(), 1e-30))
 
 
-def full_scale(radiances_rgb: list[AnyArray], covered: BoolArray) -> float:
-    """Radiance, mean over bands, that pictures of a frame show as white: the brightest per cent is
-    over it in the first of them."""
-    light = np.asarray(radiances_rgb[0], np.float64).mean(axis=-1)[covered]
+def full_scale(radiance_rgb: AnyArray, covered: BoolArray) -> float:
+    """Radiance, mean over bands, that pictures of a frame show as white: a per cent is brighter."""
+    light = np.asarray(radiance_rgb, np.float64).mean(axis=-1)[covered]
     return max(float(np.quantile(light, 0.99)), 1e-12) if light.size else 1.0
 
 

@@ -106,9 +106,7 @@ class ScenarioCase:
         return Setting(self.name, scene, frames, scenario.seed, sky.environment)
 
 
-def _random_frames(
-    case: ScenarioCase, scene: Scene, trajectory: Trajectory
-) -> tuple[FrameState, ...]:
+def _random_frames(case: ScenarioCase, scene: Scene, trajectory: Trajectory) -> tuple[FrameState, ...]:
     """Frames of the trajectory's times and ranges alone.
 
     Attitudes of craft and camera are drawn evenly from all rotations, the latter so that Sun and
@@ -116,9 +114,7 @@ def _random_frames(
     """
     lit = np.flatnonzero(trajectory.sun_fraction_target >= LIT)
     if not len(lit):
-        raise InputError(
-            f"{case.name}: its target is never in full sunlight; take --poses trajectory"
-        )
+        raise InputError(f"{case.name}: its target is never in full sunlight; take --poses trajectory")
     ranges_m = np.linalg.norm(trajectory.r_chaser_rtn_m, axis=-1)
     low_m = max(float(ranges_m.min()), CLEARANCE * scene.spacecraft.radius_m)
     high_m = max(float(ranges_m.max()), low_m)

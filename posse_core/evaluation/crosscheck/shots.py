@@ -65,7 +65,7 @@ class Shooter:
         start = time.perf_counter()
         image = self._renderer.render(request)
         seconds = time.perf_counter() - start
-        arrays = {"radiance_rgb": image.radiance_rgb, "coverage": image.coverage}
+        arrays: dict[str, Any] = {"radiance_rgb": image.radiance_rgb, "coverage": image.coverage}
         if image.depth_m is not None:
             arrays["depth_m"] = image.depth_m
         np.savez(self._folder / f"{index}.npz", **arrays)
@@ -95,7 +95,7 @@ def load_shot(folder: Path, index: int, said: Mapping[str, Any]) -> Shot:
         return Shot(
             arrays["radiance_rgb"],
             arrays["coverage"],
-            arrays["depth_m"] if "depth_m" in arrays else None,
+            arrays.get("depth_m"),
             said["seconds"],
             said["opening_s"],
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 
 from posse_core.geometry.raycast import RayCaster
@@ -103,7 +104,8 @@ def edge_shift_px(coverage: AnyArray, exact: AnyArray) -> FloatArray:
     d changes it by −∇c·d, a growth g by g |∇c|. Sampling noise averages out.
     """
     c = np.pad(np.asarray(exact, np.float64), 1)
-    down, right = (g[1:-1, 1:-1].ravel() for g in np.gradient(c))
+    right = np.gradient(c, axis=1)[1:-1, 1:-1].ravel()
+    down = np.gradient(c, axis=0)[1:-1, 1:-1].ravel()
     columns = np.stack([-right, -down, np.hypot(right, down)], axis=-1)
     change = (np.asarray(coverage, np.float64) - exact).ravel()
     return np.asarray(np.linalg.lstsq(columns, change, rcond=None)[0])
@@ -121,21 +123,19 @@ def contour_length(mask: BoolArray) -> float:
     return float(np.pi / 8 * (straight + diagonal / np.sqrt(2)))
 
 
-def landmark_errors_px(coverage: AnyArray, box: PixelBox, exact: Exact, places_px: FloatArray) -> FloatArray:
-    """(K,) distance of each part's centroid from where it should be, px.
+def landmark_errors_px(coverage: AnyArray, exact: Exact, places_px: FloatArray) -> FloatArray:
+    """(K,) distance of the centroid of each part's coverage from where it should be, px.
 
     Args:
-        coverage: (h, w) in ``box``; a pixel belongs to the part whose exact pixels are nearest.
+        coverage: (h, w) in the exact view's box.
         places_px: (K, 2) in the parts' order.
     """
-    import cv2
-
-    centres = box.pixel_centres_px()
+    u, v = np.moveaxis(exact.box.pixel_centres_px(), -1, 0)
     errors = []
     for part, place in enumerate(places_px):
         near = cv2.dilate((exact.part_id == part).astype(np.uint8), np.ones((5, 5), np.uint8))
         weight = np.where(near > 0, coverage, 0.0).astype(np.float64)
-        found = (centres * weight[..., None]).sum(axis=(0, 1)) / max(weight.sum(), 1e-12)
+        found = np.array([(u * weight).sum(), (v * weight).sum()]) / max(float(weight.sum()), 1e-12)
         errors.append(np.linalg.norm(found - place))
     return np.array(errors)
 

@@ -74,7 +74,7 @@ class Aqua(Parametric):
 
     def finishes(self, seed: int) -> dict[str, Finish]:
         size_px = (1024, 512)
-        panel = partial(textures.solar_panel, "solar_panel", (48, 12), size_px, seed)
+        panel = partial(textures.solar_panel, "solar_panel", (48, 12), size_px, seed, back=0.5)
         return {**common_finishes(seed), "solar_panel": panel}
 
 
@@ -110,9 +110,9 @@ def _edges(
 def _bus(craft: Assembly) -> None:
     """The body in three lengths, their radiators, and the keypoints at their corners."""
     w = HALF_WIDTH
-    craft.add("bus_aft", "foil_silver", _cuboid((AFT, WAIST), (-w, w), (AFT_TOP, AFT_BOTTOM)))
-    craft.add("bus", "foil_silver", _cuboid((WAIST, NOSE), (-w, w), (TOP, BOTTOM)))
-    craft.add("front_deck", "foil_gold", _cuboid((NOSE, FRONT), (-w, w), (DECK_TOP, DECK_BOTTOM)))
+    craft.add("bus_aft", "foil_amber", _cuboid((AFT, WAIST), (-w, w), (AFT_TOP, AFT_BOTTOM)))
+    craft.add("bus", "foil_amber", _cuboid((WAIST, NOSE), (-w, w), (TOP, BOTTOM)))
+    craft.add("front_deck", "foil_amber", _cuboid((NOSE, FRONT), (-w, w), (DECK_TOP, DECK_BOTTOM)))
     proud = 0.02
     plates = [(-3.05, -2.45, -0.95, 0.05), (-2.35, -1.75, -0.95, 0.05), (0.3, 0.95, -0.7, 0.2)]
     plates += [(1.1, 1.85, -0.7, 0.2)]
@@ -138,7 +138,7 @@ def _bus(craft: Assembly) -> None:
         _cuboid((x - 0.02, x + 0.02), (-w - seam, w + seam), (TOP - seam, BOTTOM + seam))
         for x in (-0.42, 0.52, 1.48)
     ]
-    craft.add("bus_tapes", "foil_gold", *tapes)
+    craft.add("bus_tapes", "foil_silver", *tapes)
     corners = {1: (AFT, -w), 2: (WAIST, -w), 3: (WAIST, w), 4: (AFT, w)}
     for number, (x, y) in corners.items():
         craft.mark(f"T{number}", "bus_aft", (x, y, AFT_TOP))
@@ -177,7 +177,7 @@ def _fittings(craft: Assembly) -> None:
         _cuboid((-2.9, -2.5), (-1.30, -1.2), (0.2, 0.8)),
         _cuboid((-2.9, -2.2), (1.2, 1.28), (0.25, 0.85)),
     ]
-    craft.add("electronics", "foil_gold", *boxes)
+    craft.add("electronics", "foil_silver", *boxes)
 
 
 def _amsr(craft: Assembly) -> None:
@@ -252,7 +252,7 @@ def _instruments(craft: Assembly) -> None:
     craft.add("modis", "foil_silver", _cuboid((2.05, 3.15), (-0.75, 0.85), (DECK_BOTTOM, 1.1)))
     craft.add("modis_aperture", "black_paint", aperture(2.65, -0.1, 1.1, (0.7, 0.9, 0.10)))
     craft.add("modis_door", "white_paint", _flap((2.6, 0.85, 1.08), 1.0))
-    craft.add("airs", "foil_gold", _cuboid((-0.95, 0.25), (-0.15, 0.95), (BOTTOM, 1.15)))
+    craft.add("airs", "foil_silver", _cuboid((-0.95, 0.25), (-0.15, 0.95), (BOTTOM, 1.15)))
     craft.add("airs_aperture", "black_paint", aperture(-0.35, 0.3, 1.15, (0.55, 0.5, 0.16)))
     craft.add("airs_shield", "white_paint", _flap((-0.35, 0.95, 1.05), 1.1))
     for name, x, y, size in (
@@ -334,7 +334,7 @@ def _wing(craft: Assembly, angle_rad: float) -> None:
     face = np.column_stack([(0.0, 0.0, -1.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)])  # x, y, z → −z, y, x
     yoke = shapes.prism(np.array(outline)[::-1], t).at((0.0, 0.0, 0.0), face)
     shaft = shapes.tube([(0.0, -HALF_WIDTH - 0.3, 0.0), (0.0, neck, 0.0)], 0.07, 20)
-    craft.add("yoke", "grey_paint", place(yoke), place(shaft))
+    craft.add("yoke", "foil_amber", place(yoke), place(shaft))
     pitch = (WING_ROOT - WING_TIP) / PANELS
     sheet = shapes.panel(2.0 * half, pitch - PANEL_GAP, t)
     for number in range(PANELS):

@@ -15,6 +15,7 @@ def common_finishes(seed: int) -> dict[str, Finish]:
     """All common finishes, drawn from a seed."""
     return {
         "foil_gold": lambda: textures.foil("foil_gold", (0.86, 0.56, 0.20), seed),
+        "foil_amber": lambda: textures.foil("foil_amber", (0.78, 0.60, 0.35), seed, 0.14, 0.42),
         "foil_silver": lambda: textures.foil("foil_silver", (0.80, 0.80, 0.80), seed, roughness=0.34),
         "foil_black": lambda: textures.foil("foil_black", (0.06, 0.06, 0.07), seed, 0.10, 0.5),
         "white_paint": lambda: textures.paint("white_paint", 0.80, seed),

@@ -98,23 +98,26 @@ def foil(
     )
 
 
-def solar_panel(name: str, cells: tuple[int, int], size_px: tuple[int, int], seed: int) -> Material:
+def solar_panel(
+    name: str, cells: tuple[int, int], size_px: tuple[int, int], seed: int, back: float = 0.045
+) -> Material:
     """Both faces of a flat solar panel: the lower half of the texture is cells, the upper the back.
 
     A cell is dark blue silicon under cover glass, with clipped corners, fine grid fingers, two
-    busbars and the gaps to its neighbours. Strings of cells differ a little in hue. The back is
-    carbon-fibre sheet with the cell strings' wiring runs and doublers.
+    busbars and the gaps to its neighbours. Strings of cells differ a little in hue. The back is a
+    sheet with the cell strings' wiring runs and a harness.
 
     Args:
         cells: cells along u and v on the front.
         size_px: (width, height) of one face, texels.
+        back: reflectance of the back: 0.045 is bare carbon fibre, 0.5 is painted white.
     """
     rng = generator(seed, -1, f"solar panel {name}")
     front, rough_front = _cells(cells, size_px, rng)
-    back, rough_back = _panel_back(size_px, rng)
+    rear, rough_rear = _panel_back(size_px, back, rng)
     # Row 0 of a texture is its top, v = 1.
-    color = np.concatenate([back, front], axis=0)
-    rough = np.concatenate([rough_back, rough_front], axis=0)
+    color = np.concatenate([rear, front], axis=0)
+    rough = np.concatenate([rough_rear, rough_front], axis=0)
     return Material(
         name,
         roughness=1.0,
@@ -173,10 +176,12 @@ def _cell(width: int, height: int) -> tuple[FloatArray, FloatArray]:
     return color.reshape(*blocks, 3).mean(axis=(1, 3)), rough.reshape(blocks).mean(axis=(1, 3))
 
 
-def _panel_back(size_px: tuple[int, int], rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+def _panel_back(
+    size_px: tuple[int, int], reflectance: float, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
     width, height = size_px
-    weave = 0.004 * rng.standard_normal((height, width))
-    color = np.full((height, width, 3), 0.045) + weave[..., None]
+    weave = 1.0 + 0.09 * rng.standard_normal((height, width))
+    color = np.repeat((reflectance * weave)[..., None], 3, axis=2)
     x = (np.arange(width) + 0.5) / width
     y = (np.arange(height) + 0.5) / height
     runs = np.abs((x * 12.0) % 1.0 - 0.5) < 0.02  # wires of each string

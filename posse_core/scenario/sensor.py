@@ -71,6 +71,11 @@ class SensorConfig(Options):
         gt=0,
         description="electrons per DN; null is full_well_e / (2^bits - 1), so a full well is white",
     )
+    response: Literal["linear", "srgb"] = Field(
+        "linear",
+        description="linear: DN follow the light; srgb: by the curve of IEC 61966-2-1, as in pictures"
+        " made to be looked at, which shows shadow and cloud at once",
+    )
     offset_dn: float = Field(0.0, ge=0, description="DN of no light")
     noise: NoiseConfig = Field(NoiseConfig(), description="what makes exposures differ")
     psf: PsfConfig | None = Field(PsfConfig(), description="how a point spreads; null for not at all")

@@ -181,3 +181,12 @@ def test_a_renderer_that_makes_no_light_is_told_so(value: float) -> None:
     craft = Radiance(box, light, np.ones((4, 4), dtype=np.float32))
     with pytest.raises(ComponentError, match="negative or not finite"):
         Sensor(SensorConfig(), CAMERA).expose(SkyView(None, *NO_POINTS), craft, 0, 0)
+
+
+def test_the_srgb_response_is_the_standards_curve() -> None:
+    """IEC 61966-2-1: a share of 0.2140 is half way, 0.0025 lies on the straight part."""
+    for share, coded in ((0.21404, 0.5), (0.0025, 0.0323), (2.0, 1.0)):
+        light = share / 0.961123 * SUN_RGB / np.pi
+        config = SensorConfig(noise=QUIET, response="srgb", bit_depth=16)
+        image = Sensor(config, CAMERA).expose(_flat(light), None, 0, 0)
+        np.testing.assert_allclose(image / 65535, coded, atol=1e-4)

@@ -222,16 +222,18 @@ def _nodes(header: dict[str, Any], path: Path) -> list[_Node]:
     scenes = header.get("scenes")
     roots = scenes[header.get("scene", 0)].get("nodes", []) if scenes else range(len(nodes))
     result = []
-    stack = [(index, np.eye(4), 0) for index in reversed(list(roots))]
+    seen: set[int] = set()
+    stack = [(index, np.eye(4)) for index in reversed(list(roots))]
     while stack:
-        index, above, depth = stack.pop()
-        if depth > len(nodes):
-            raise InputError(f"{path}: its nodes form a loop; export it again")
+        index, above = stack.pop()
+        if index in seen:
+            raise InputError(f"{path}: its nodes form a loop or share children; export it again")
+        seen.add(index)
         node = nodes[index]
         matrix = above @ _local(node)
         if "mesh" in node:
             result.append(_Node(node.get("name", ""), node["mesh"], matrix))
-        stack.extend((child, matrix, depth + 1) for child in reversed(node.get("children", [])))
+        stack.extend((child, matrix) for child in reversed(node.get("children", [])))
     return result
 
 

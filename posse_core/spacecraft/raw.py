@@ -187,7 +187,10 @@ def decoded(data: bytes, path: Path, what: str) -> AnyArray:
     Raises:
         InputError: the image cannot be decoded.
     """
-    image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_COLOR) if data else None
+    try:
+        image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_COLOR)
+    except cv2.error:  # no bytes, or a size beyond reason
+        image = None
     if image is None:
         raise InputError(f"{path}: {what} cannot be decoded; re-export it as PNG or JPEG")
     return np.ascontiguousarray(image[..., ::-1])

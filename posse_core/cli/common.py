@@ -34,6 +34,22 @@ def scenario_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
+def net_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """``-o``: options of the nets that a command runs."""
+    return click.option(
+        "-o",
+        "overrides",
+        multiple=True,
+        metavar="KEY=VALUE",
+        help="Set an option of the net, as in -o threads=1; may be repeated.",
+    )(command)
+
+
+def options_from(overrides: Sequence[str]) -> dict[str, Any]:
+    """Key → value of what ``-o`` gave."""
+    return dict(parse_override(text) for text in overrides)
+
+
 def read_scenario(source: str, overrides: Sequence[str], **named: str | int | None) -> Scenario:
     """The scenario with ``-o`` and the named options (None: not given) put in."""
     given = dict(parse_override(text) for text in overrides)

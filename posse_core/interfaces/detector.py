@@ -20,8 +20,8 @@ class Detection:
     Attributes:
         label: the class, such as ``aqua``.
         score: 0 … 1.
-        box_px: (4,) x, y, width, height.
-        keypoints_px: (K, 2), or None where the detector has none.
+        box_px: (4,) x, y, width, height; x and y are of the first pixel column and row.
+        keypoints_px: (K, 2) in the order of the class's keypoints, or None where none were sought.
         keypoints_sigma_px: (K,) standard deviation of each, or None.
     """
 
@@ -32,29 +32,55 @@ class Detection:
     keypoints_sigma_px: FloatArray | None = None
 
 
-class Detector(ABC):
-    """Capabilities: ``train``, ``onnx`` (can be exported), ``keypoints``."""
+class Model(ABC):
+    """A net that is trained, or read from a file. What it can do stands in its record's capabilities:
+
+    ``boxes`` (it is a :class:`Detector`), ``keypoints`` (a :class:`KeypointFinder`), ``train``, ``onnx``
+    (can be exported), ``.onnx`` (reads ONNX files).
+    """
 
     def __init__(self, options: BaseModel) -> None:
         self.options = options
 
     @abstractmethod
+    def load(self, path: Path) -> None:
+        """Take the weights from a model file.
+
+        Raises:
+            posse_core.errors.InputError: not a file of this net.
+        """
+
     def train(self, dataset: Dataset, folder: Path) -> Path:
         """Train on the dataset's train part; checkpoints and curves go to ``folder``, and a training
-        cut short goes on from the last one. Returns the final checkpoint (safetensors)."""
+        cut short goes on from the last one. Returns the trained model's file."""
+        raise NotImplementedError
 
-    @abstractmethod
-    def load(self, checkpoint: Path) -> None:
-        """Take the weights from a checkpoint of :meth:`train`."""
+    def export_onnx(self, path: Path, images: Sequence[AnyArray]) -> Mapping[str, float]:
+        """Write the net as ONNX and hold it against the net itself on ``images``.
+
+        Returns:
+            Name → greatest difference found.
+
+        Raises:
+            posse_core.errors.ComponentError: they differ by more than they may; no file is left.
+        """
+        raise NotImplementedError
+
+
+class Detector(Model):
+    """Finds spacecraft in images."""
 
     @abstractmethod
     def predict(self, images: Sequence[AnyArray]) -> Sequence[Sequence[Detection]]:
         """Detections by image, best first. Images: (H, W) or (H, W, 3), uint8 or uint16."""
 
-    @abstractmethod
-    def evaluate(self, dataset: Dataset, split: str) -> Mapping[str, float]:
-        """Metrics on one part of the dataset, by name."""
+
+class KeypointFinder(Model):
+    """Finds the keypoints of a spacecraft in the box around it."""
+
+    keypoints_body_m: Mapping[str, FloatArray]
+    """Class → (K, 3) metres, body frame, in the order of what it finds; known once it is loaded."""
 
     @abstractmethod
-    def export_onnx(self, path: Path) -> None:
-        """Write the net as ONNX with the metadata that running it needs."""
+    def find(self, image: AnyArray, detections: Sequence[Detection]) -> Sequence[Detection]:
+        """The detections, with their keypoints."""

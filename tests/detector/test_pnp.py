@@ -1,0 +1,97 @@
+"""Pose from keypoints: exact without noise; with it, as far off as its covariance says."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
+
+from posse_core.detection.pnp import solve_pose
+from posse_core.model.camera import Camera
+
+CAMERA = Camera(1280, 960, 2000.0, 2010.0, 640.0, 470.0, 0.01)
+
+
+def scene(seed: int, points: int = 10, flat: bool = False):
+    random = np.random.default_rng(seed)
+    X = random.uniform(-2, 2, (points, 3))
+    if flat:
+        X[:, 2] = 0.3
+    R = Rotation.random(random_state=random).as_matrix()
+    t = np.array([*random.uniform(-2, 2, 2), random.uniform(12, 60)])
+    return random, X, R, t, CAMERA.project(X @ R.T + t)
+
+
+def turn_between(R, found) -> np.ndarray:
+    return Rotation.from_matrix(found @ R.T).as_rotvec()
+
+
+@given(st.integers(0, 2**32 - 1), st.booleans())
+def test_exact_points_give_the_exact_pose(seed, flat):
+    _, X, R, t, uv = scene(seed, flat=flat)
+    pose = solve_pose(X, uv, np.ones(len(X)), CAMERA)
+    assert pose is not None
+    reprojected = CAMERA.project(X @ pose.R_cam_from_body.T + pose.t_body_cam_m)
+    np.testing.assert_allclose(reprojected, uv, atol=1e-3)
+    if not flat:  # a plane seen from afar has a twin pose within rounding
+        np.testing.assert_allclose(turn_between(R, pose.R_cam_from_body), 0, atol=1e-4)
+        np.testing.assert_allclose(pose.t_body_cam_m, t, rtol=1e-4, atol=1e-3)
+
+
+def test_errors_follow_the_covariance():
+    squared, trials = [], 150
+    for seed in range(trials):
+        random, X, R, t, uv = scene(seed, points=14)
+        sigma = random.uniform(0.3, 2.0, len(X))
+        pose = solve_pose(X, uv + sigma[:, None] * random.normal(size=uv.shape), sigma, CAMERA)
+        assert pose is not None
+        error = np.concatenate([turn_between(R, pose.R_cam_from_body), pose.t_body_cam_m - t])
+        squared.append(error @ np.linalg.solve(pose.covariance, error))
+    # A sum of squares of independent normal variables; Huber's weights cost some 5 % of efficiency.
+    low, high = chi2.ppf([1e-4, 1 - 1e-4], 6 * trials)
+    assert low < sum(squared) < 1.2 * high
+
+
+def test_outliers_are_left_out():
+    for seed in range(20):
+        random, X, R, t, uv = scene(seed, points=12)
+        noisy = uv + 0.3 * random.normal(size=uv.shape)
+        noisy[:3] += random.uniform(100, 300, (3, 2))
+        pose = solve_pose(X, noisy, np.full(len(X), 0.3), CAMERA)
+        assert pose is not None
+        assert not pose.inliers[:3].any()
+        assert np.linalg.norm(pose.t_body_cam_m - t) < 0.05 * np.linalg.norm(t)
+        assert np.linalg.norm(turn_between(R, pose.R_cam_from_body)) < 0.06
+
+
+def test_the_surer_points_count():
+    better = 0
+    for seed in range(30):
+        random, X, R, _, uv = scene(seed, points=12)
+        sigma = np.where(np.arange(12) < 6, 0.1, 5.0)
+        noisy = uv + sigma[:, None] * random.normal(size=uv.shape)
+        weighted = solve_pose(X, noisy, sigma, CAMERA)
+        even = solve_pose(X, noisy, np.full(12, 5.0), CAMERA)
+        assert weighted is not None
+        assert even is not None
+        errors = [np.linalg.norm(turn_between(R, p.R_cam_from_body)) for p in (weighted, even)]
+        better += errors[0] < errors[1]
+    assert better >= 25
+
+
+def test_too_little_gives_no_pose():
+    random, X, *_, uv = scene(1)
+    assert solve_pose(X[:3], uv[:3], np.ones(3), CAMERA) is None
+    nonsense = random.uniform(0, 900, uv.shape)
+    pose = solve_pose(X, nonsense, np.full(len(X), 0.01), CAMERA)
+    assert pose is None or pose.inliers.sum() >= 4
+
+
+def test_the_same_points_give_the_same_pose():
+    random, X, *_, uv = scene(3)
+    noisy = uv + random.normal(size=uv.shape)
+    poses = [solve_pose(X, noisy, np.ones(len(X)), CAMERA) for _ in range(2)]
+    assert poses[0] is not None
+    assert poses[1] is not None
+    assert poses[0].t_body_cam_m == pytest.approx(poses[1].t_body_cam_m, abs=0)

@@ -1,7 +1,8 @@
-# Each target sets up what it needs, in .venv. PYTHON is a Python of 3.11 to 3.13.
+# Each target sets up what it needs. PYTHON is a Python of 3.11 to 3.13.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+BLENDER_VENV := .venv-blender
 PLUGINS := $(wildcard plugins/*/pyproject.toml)
 OUT ?= out/aqua-$(shell date +%Y%m%d-%H%M%S)
 FRAMES ?= 12
@@ -14,10 +15,10 @@ timed = @$(1) || exit $$?; echo "make $@ took $$(( $$(date +%s) - $(START) )) s"
 run: $(VENV)/ready
 	$(call timed,$(BIN)/posse run aqua --renderer mitsuba --frames $(FRAMES) --out $(OUT))
 
-test: $(VENV)/ready
-	$(call timed,$(BIN)/python -m pytest -n 2 --dist loadfile)
+test: $(VENV)/ready-to-test $(BLENDER_VENV)/ready
+	$(call timed,POSSE_BLENDER_PYTHON=$(abspath $(BLENDER_VENV)/bin/python) $(BIN)/python -m pytest -n 2 --dist loadfile)
 
-check: $(VENV)/ready
+check: $(VENV)/ready-to-test
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
@@ -25,14 +26,26 @@ check: $(VENV)/ready
 bench: $(VENV)/ready
 	$(call timed,$(BIN)/python benchmarks/stages.py)
 
-# The plugins are installed after the core, which they depend on.
-$(VENV)/ready: pyproject.toml $(PLUGINS)
+$(VENV)/ready: pyproject.toml plugins/render_mitsuba/pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13) and "POSSE needs Python 3.11 to 3.13; name one by make PYTHON=python3.11")'
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install -qq --upgrade pip
+	$(BIN)/python -m pip install -qq --editable .
+	$(BIN)/python -m pip install -qq --editable plugins/render_mitsuba
+	touch $@
+
+# The plugins are installed after the core, which they depend on.
+$(VENV)/ready-to-test: $(VENV)/ready $(PLUGINS)
 	$(BIN)/python -m pip install -qq --editable '.[test]'
 	$(BIN)/python -m pip install -qq $(foreach plugin,$(PLUGINS),--editable $(dir $(plugin)))
 	touch $@
 
+# Blender's own Python: bpy pins its Python and numpy. Where pip has none, the Blender plugin's tests
+# say that they did not run.
+$(BLENDER_VENV)/ready:
+	$(PYTHON) -m venv $(BLENDER_VENV)
+	-$(BLENDER_VENV)/bin/python -m pip install -qq 'bpy==5.0.1' 'numpy<2'
+	touch $@
+
 clean:
-	rm -rf $(VENV) out build
+	rm -rf $(VENV) $(BLENDER_VENV) out build

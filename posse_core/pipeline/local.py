@@ -9,6 +9,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, TimeoutError, wait
 from multiprocessing import get_context
 from typing import Any
 
+import cv2
 from pebble import ProcessExpired, ProcessPool
 from pydantic import Field
 
@@ -111,6 +112,7 @@ def _make_frame(make_worker: Callable[[], FrameWorker], index: int) -> Mapping[s
     """Runs in the worker process, whose one frame worker is made at the first frame."""
     global _worker
     if _worker is None:
+        cv2.setNumThreads(int(os.environ["POSSE_THREADS"]))
         try:
             _worker = make_worker()
         except Exception as error:

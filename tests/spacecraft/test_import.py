@@ -157,6 +157,19 @@ def test_a_length_stands_for_a_scale(imported, tmp_path):
     assert made["shape_repeats"] == ["x:2", "y:2", "z:2"]
 
 
+def test_at_a_terminal_it_asks_for_the_length(imported, tmp_path, monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    monkeypatch.setattr("sys.stdin", Terminal("10\n"))
+    trimesh.creation.box((2.0, 1.0, 5.0)).export(tmp_path / "a.stl")
+    code, out, err = imported(tmp_path / "a.stl", "--out", tmp_path / "p")
+    assert code == 0, err
+    assert "longest side is 5 units" in out
+    assert build("package", package=str(tmp_path / "p")).radius_m == pytest.approx(0.5 * 120.0**0.5)
+
+
 def test_keypoints_are_picked_by_the_corners_of_parts(imported, tmp_path):
     trimesh.creation.box((2.0, 4.0, 6.0)).export(tmp_path / "a.stl")
     (tmp_path / "k.yaml").write_text(

@@ -204,4 +204,5 @@ def posse_subcommands() -> list[ComponentSpec]:
         ComponentSpec("run", "scenario to labelled dataset", "posse_core.cli.run:command"),
         ComponentSpec("train", "a detector learns from a dataset", "posse_core.cli.train:command"),
         ComponentSpec("validate", "prove the labels", "posse_core.cli.validate:command"),
+        ComponentSpec("view", "a page to look at a dataset with", "posse_core.cli.view:command"),
     ]

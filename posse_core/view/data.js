@@ -1,0 +1,95 @@
+"use strict";
+// What the page was given, and what is computed from it. Nothing here touches what is seen.
+
+const dataset = JSON.parse(document.getElementById("dataset").textContent);
+const columns = dataset.columns;
+const count = columns.index.length;
+const DEG = 180 / Math.PI;
+
+// Quantities to filter by; scale leads from the label's unit to the one shown.
+const QUANTITIES = [
+  { name: "range_m", title: "Range", unit: "m", scale: 1 },
+  { name: "phase_angle_rad", title: "Phase angle", unit: "°", scale: DEG },
+  { name: "fraction_lit", title: "Share of the craft lit", unit: "", scale: 1 },
+  { name: "sun_fraction_target", title: "Sun's disc in view", unit: "", scale: 1 },
+  { name: "fraction_visible", title: "Share in the image", unit: "", scale: 1 },
+  { name: "keypoints_visible", title: "Keypoints seen", unit: "", scale: 1, whole: true },
+  { name: "sequence", title: "Sequence", unit: "", scale: 1, whole: true },
+].filter((quantity) => columns[quantity.name].some((value) => value !== null));
+
+// {labels, preview: {jpeg, depth} or null} of the frame at a place in the columns.
+function frameAt(place) {
+  return JSON.parse(document.getElementById(`frame-${columns.index[place]}`).textContent);
+}
+
+// The frame's image in the dataset's folder, from where the page was written.
+function imageUrl(labels) {
+  return dataset.folder + labels.image.split("/").map(encodeURIComponent).join("/");
+}
+
+// Places of the frames that pass: filters is {quantity: [low, high]}, in the label's unit, both
+// ends included; crafts is a Set of names. A frame without the label does not pass its filter.
+function passing(filters, crafts) {
+  const places = [];
+  const tests = Object.entries(filters).map(([name, limits]) => [columns[name], ...limits]);
+  for (let place = 0; place < count; place++) {
+    if (!crafts.has(columns.spacecraft[place])) continue;
+    if (tests.every(([column, low, high]) =>
+      column[place] !== null && column[place] >= low && column[place] <= high)) places.push(place);
+  }
+  return places;
+}
+
+// COCO's compressed run lengths → Uint8Array of H × W, by rows.
+function decodeMask(rle) {
+  const [height, width] = rle.size, runs = [], mask = new Uint8Array(height * width);
+  for (let at = 0; at < rle.counts.length;) {
+    let value = 0, shift = 0, group;
+    do {
+      group = rle.counts.charCodeAt(at++) - 48;
+      value |= (group & 31) << shift;
+      shift += 5;
+    } while (group & 32);
+    if (group & 16) value |= -1 << shift;
+    runs.push(runs.length > 2 ? value + runs[runs.length - 2] : value);
+  }
+  let pixel = 0;
+  runs.forEach((run, i) => {
+    for (let end = pixel + run; pixel < end; pixel++)
+      if (i % 2) mask[(pixel % height) * width + Math.floor(pixel / height)] = 1;
+  });
+  return mask;
+}
+
+// Scalar-first unit quaternion times vector.
+function rotate([w, x, y, z], [a, b, c]) {
+  const s = 2 * (y * c - z * b), t = 2 * (z * a - x * c), u = 2 * (x * b - y * a);
+  return [a + w * s + y * u - z * t, b + w * t + z * s - x * u, c + w * u + x * t - y * s];
+}
+
+// Camera axes, metres → [u, v] pixels, the top-left pixel's centre at (0, 0); null behind the camera.
+function project([x, y, z]) {
+  const K = dataset.camera.matrix;
+  return z > 0 ? [K[0][0] * x / z + K[0][2], K[1][1] * y / z + K[1][2]] : null;
+}
+
+// The origin of the body axes and the tips of its three axes, pixels; each null behind the camera.
+function bodyAxes(labels) {
+  const length = dataset.spacecraft[labels.spacecraft].size_m / 2, t = labels.t_body_cam_m;
+  return [[0, 0, 0], [length, 0, 0], [0, length, 0], [0, 0, length]].map((tip) =>
+    project(rotate(labels.q_cam_from_body, tip).map((value, i) => value + t[i])));
+}
+
+// Hammer's equal-area map of a unit vector: x within ±2√2, y within ±√2; the body's x in the middle.
+function hammer([x, y, z]) {
+  const longitude = Math.atan2(y, x), cos = Math.hypot(x, y);
+  const k = Math.SQRT2 / Math.sqrt(1 + cos * Math.cos(longitude / 2));
+  return [2 * k * cos * Math.sin(longitude / 2), k * z];
+}
+
+// 0 … 1 → [r, g, b], dark blue over green to yellow.
+const RAMP = [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]];
+function ramp(share) {
+  const at = Math.min(Math.max(share, 0), 1) * (RAMP.length - 1), i = Math.min(Math.floor(at), RAMP.length - 2);
+  return RAMP[i].map((low, c) => low + (at - i) * (RAMP[i + 1][c] - low));
+}

@@ -1,0 +1,77 @@
+// The relative orbit in 3-D: target's RTN axes, the target in the middle, seen without perspective.
+
+const orbit = {
+  canvas: document.getElementById("orbit"),
+  yaw: -0.6, pitch: 0.45, zoom: 1,
+  radius_m: columns.r_chaser_rtn_m.reduce((most, r) => Math.max(most, Math.hypot(...r)), 1e-3),
+
+  // RTN metres → screen; R points up, T to the side, as orbits are drawn.
+  place([R, T, N]) {
+    const { clientWidth: W, clientHeight: H } = this.canvas;
+    const scale = 0.42 * Math.min(W, H) * this.zoom / this.radius_m;
+    const [c, s] = [Math.cos(this.yaw), Math.sin(this.yaw)];
+    const side = c * T + s * N, away = c * N - s * T;
+    const up = Math.cos(this.pitch) * R + Math.sin(this.pitch) * away;
+    return [W / 2 + scale * side, H / 2 - scale * up];
+  },
+
+  draw(kept, current) {
+    const context = fitted(this.canvas), r = columns.r_chaser_rtn_m;
+    context.scale(devicePixelRatio, devicePixelRatio);
+    context.font = "12px sans-serif";
+    const reach = 0.55 * this.radius_m;
+    this.arrow(context, [reach, 0, 0], "R", "#ff7b72");
+    this.arrow(context, [0, reach, 0], "T", "#7ee787");
+    this.arrow(context, [0, 0, reach], "N", "#79a8ff");
+    context.strokeStyle = "#5b6a7a";
+    context.lineWidth = 1;
+    context.beginPath();
+    for (let place = 0; place < count; place++) {
+      const goesOn = place > 0 && columns.sequence[place] === columns.sequence[place - 1];
+      goesOn ? context.lineTo(...this.place(r[place])) : context.moveTo(...this.place(r[place]));
+    }
+    context.stroke();
+    const size = count > 2000 ? 1.5 : 3;
+    context.fillStyle = ACCENT;
+    for (const place of kept) {
+      const [x, y] = this.place(r[place]);
+      context.fillRect(x - size / 2, y - size / 2, size, size);
+    }
+    context.fillStyle = TEXT;
+    context.fillRect(this.canvas.clientWidth / 2 - 3, this.canvas.clientHeight / 2 - 3, 6, 6);
+    this.scaleBar(context);
+    if (current === undefined) return;
+    const middle = this.place([0, 0, 0]), camera = this.place(r[current]);
+    context.strokeStyle = "#ffffff66";
+    stroke(context, middle, camera);
+    this.arrow(context, columns.sun_rtn[current].map((x) => x * 0.8 * this.radius_m), "Sun", SUN);
+    ring(context, camera);
+  },
+
+  arrow(context, tip_m, name, colour) {
+    const from = this.place([0, 0, 0]), tip = this.place(tip_m);
+    context.strokeStyle = context.fillStyle = colour;
+    context.lineWidth = 1.5;
+    stroke(context, from, tip);
+    const angle = Math.atan2(tip[1] - from[1], tip[0] - from[0]);
+    context.beginPath();
+    for (const turn of [-0.4, 0, 0.4]) {
+      const back = turn ? 8 : 0;
+      context.lineTo(tip[0] - back * Math.cos(angle + turn), tip[1] - back * Math.sin(angle + turn));
+    }
+    context.fill();
+    context.fillText(name, tip[0] + 5, tip[1] - 3);
+  },
+
+  // A length of 1, 2 or 5 times a power of ten, about a quarter of the width.
+  scaleBar(context) {
+    const { clientWidth: W, clientHeight: H } = this.canvas;
+    const perMetre = 0.42 * Math.min(W, H) * this.zoom / this.radius_m, wanted = W / 4 / perMetre;
+    const power = 10 ** Math.floor(Math.log10(wanted));
+    const length_m = [5, 2, 1].map((k) => k * power).find((length) => length <= wanted);
+    context.strokeStyle = context.fillStyle = MUTED;
+    context.lineWidth = 1.5;
+    stroke(context, [14, H - 12], [14 + length_m * perMetre, H - 12]);
+    context.fillText(length_m >= 1000 ? `${length_m / 1000} km` : `${short(length_m)} m`, 14, H - 18);
+  },
+};

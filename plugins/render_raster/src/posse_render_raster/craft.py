@@ -107,6 +107,11 @@ def _texture(context: moderngl.Context, material: Material, key: str) -> moderng
         # Decoded before mipmaps are made: the mean of sRGB codes is not the mean of the light.
         linear = _linear_from_srgb()[pixels]
         texture = context.texture((width, height), channels, linear.tobytes(), dtype="f2", alignment=1)
+    elif key == "normal_texture":
+        # Made unit length: what is shorter in a mipmap is so because the normals below it differ.
+        normals = 2 * (pixels / np.float32(255)) - 1
+        normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+        texture = context.texture((width, height), channels, normals.tobytes(), dtype="f4")
     else:
         data = np.ascontiguousarray(pixels).tobytes()
         texture = context.texture((width, height), channels, data, alignment=1)

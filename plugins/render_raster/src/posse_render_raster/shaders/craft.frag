@@ -2,6 +2,9 @@
 // glTF 2.0 metallic-roughness (specification, appendix B) under the Sun and an environment map.
 const float PI = 3.14159265358979;
 const float PREFILTERED_STEP = 0.25;  // roughness between the layers of prefiltered
+// Light is not linear in roughness and normal: they are read two mipmaps too fine, and the samples of a
+// pixel average the light instead.
+const float FINER = -2.0;
 const float DIFFUSE_LAYER = 4.0;
 const float STEEPEST = 20.0;  // slope of a face, seen from the Sun, up to which it is lifted
 
@@ -32,7 +35,8 @@ vec2 map_place(vec3 d) {
     return vec2(atan(d.x, d.z) / (2.0 * PI) + 0.5, acos(clamp(-d.y, -1.0, 1.0)) / PI);
 }
 
-vec3 mapped_normal(vec3 n) {
+// The normal, and by how much the normals of the area that it stands for widen a lobe's alpha².
+vec4 mapped_normal(vec3 n) {
     // Tangents from the derivatives of position and texture coordinates: none need be stored.
     vec3 dp_x = dFdx(position_m), dp_y = dFdy(position_m);
     vec2 dt_x = dFdx(texture_uv), dt_y = dFdy(texture_uv);
@@ -41,8 +45,11 @@ vec3 mapped_normal(vec3 n) {
     vec3 tangent = (across_y * dt_x.x + across_x * dt_y.x) * sign(side);
     vec3 down = (across_y * dt_x.y + across_x * dt_y.y) * sign(side);
     float scale = inversesqrt(max(max(dot(tangent, tangent), dot(down, down)), 1e-30));
-    vec3 t = texture(normal_texture, texture_uv).xyz * 2.0 - 1.0;
-    return normalize(tangent * scale * t.x - down * scale * t.y + n * t.z);
+    vec3 t = texture(normal_texture, texture_uv, FINER).xyz;
+    // Normals that differ have a mean shorter than 1: by 1 − |t| their slopes vary (Toksvig 2005).
+    float size = length(t);
+    vec3 mapped = normalize(tangent * scale * t.x - down * scale * t.y + n * t.z);
+    return vec4(mapped, 2.0 * max(1.0 - size, 0.0) / size);
 }
 
 float sun_visible(vec3 face_normal) {
@@ -62,12 +69,18 @@ void main() {
     if (dot(face_normal, v) < 0.0) face_normal = -face_normal;
     vec3 n = normalize(normal);
     bool behind = dot(n, face_normal) < 0.0;  // both sides of a face are seen
-    if (has_normal_map) n = mapped_normal(n);
+    float widening = 0.0;
+    if (has_normal_map) {
+        vec4 mapped = mapped_normal(n);
+        n = mapped.xyz;
+        widening = mapped.w;
+    }
     if (behind) n = -n;
 
     vec3 color = base_color * texture(base_color_texture, texture_uv).rgb;
-    vec2 both = texture(metallic_roughness_texture, texture_uv).rg;
+    vec2 both = texture(metallic_roughness_texture, texture_uv, FINER).rg;
     float metal = metallic * both.x, rough = roughness * both.y;
+    rough = pow(min(rough * rough * rough * rough + widening, 1.0), 0.25);
     vec3 f0 = mix(vec3(0.04 * specular), color, metal);
     float f90 = mix(specular, 1.0, metal);
     vec3 diffuse = color * (1.0 - metal) / PI;

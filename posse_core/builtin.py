@@ -25,6 +25,7 @@ def posse_propagators() -> list[ComponentSpec]:
             "j2-roe",
             "relative orbital elements under J2 in closed form (Koenig-Guffanti-D'Amico)",
             "posse_core.propagators.j2_roe:J2RoePropagator",
+            options="posse_core.propagators.options:J2RoeOptions",
         ),
         ComponentSpec(
             "nonlinear",

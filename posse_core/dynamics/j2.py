@@ -1,18 +1,20 @@
 """Relative motion under the Earth's oblateness: secular J2 in ROE, mean ↔ osculating elements.
 
-Mean elements are those with the short-period part of J2 taken out, to first order. Long-period
-terms are left in: they change nothing that a chief and a deputy do not share over tens of orbits,
-and they are singular at the critical inclination.
+Two theories of first order lead from mean to osculating elements: ``brouwer-lyddane``, the published one
+(:mod:`posse_core.dynamics.brouwer`), and ``canonical``, here: Brouwer's short-period generating function
+applied to equinoctial elements as a Poisson bracket. The latter leaves the long-period part in the mean
+elements, which tens of orbits do not change, and has no singularity.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import casadi as ca
 import numpy as np
 
 from posse_core.constants import Constants
+from posse_core.dynamics.brouwer import BROUWER_LYDDANE
 from posse_core.dynamics.elements import (
     EQUINOCTIAL_FROM_STATE,
     STATE_FROM_EQUINOCTIAL,
@@ -22,6 +24,8 @@ from posse_core.dynamics.elements import (
 )
 from posse_core.dynamics.rows import Rows, dense
 from posse_core.model.arrays import FloatArray
+
+Theory: TypeAlias = Literal["brouwer-lyddane", "canonical"]
 
 
 def _earth() -> tuple[Any, Any]:
@@ -139,6 +143,7 @@ J2_SHORT_PERIOD = _short_period()
 _stm_rows = Rows(J2_STM)
 _secular_rows = Rows(J2_SECULAR)
 _short_period_rows = Rows(J2_SHORT_PERIOD)
+_brouwer_rows = Rows(BROUWER_LYDDANE)
 
 
 def _column(constants: Constants) -> FloatArray:
@@ -155,21 +160,25 @@ def j2_secular(mean_qns: FloatArray, constants: Constants, t_s: FloatArray | flo
     return np.asarray(_secular_rows(mean_qns, _column(constants), t_s))
 
 
-def osculating_from_mean(mean_qns: FloatArray, constants: Constants) -> FloatArray:
+def osculating_from_mean(mean_qns: FloatArray, constants: Constants, theory: Theory) -> FloatArray:
     """(..., 6) mean qns → (..., 6) osculating qns."""
+    if theory == "brouwer-lyddane":
+        return _near(np.asarray(_brouwer_rows(mean_qns, _column(constants))), mean_qns)
     sign = qns_sign(mean_qns)
     mean = equinoctial_from_qns(mean_qns, sign)
     change = np.asarray(_short_period_rows(mean, sign, _column(constants)))
     return _near(qns_from_equinoctial(mean + change, sign), mean_qns)
 
 
-def mean_from_osculating(qns: FloatArray, constants: Constants) -> FloatArray:
+def mean_from_osculating(qns: FloatArray, constants: Constants, theory: Theory) -> FloatArray:
     """(..., 6) osculating qns → (..., 6) mean qns: the inverse of :func:`osculating_from_mean`."""
     sign = qns_sign(qns)
-    osculating = equinoctial_from_qns(qns, sign)
-    mean = osculating
+    wanted = mean = equinoctial_from_qns(qns, sign)
     for _ in range(_INVERSIONS):
-        mean = osculating - np.asarray(_short_period_rows(mean, sign, _column(constants)))
+        now = osculating_from_mean(qns_from_equinoctial(mean, sign), constants, theory)
+        missing = wanted - equinoctial_from_qns(now, sign)
+        missing[..., 1] -= 2 * np.pi * np.round(missing[..., 1] / (2 * np.pi))
+        mean = mean + missing
     return _near(qns_from_equinoctial(mean, sign), qns)
 
 

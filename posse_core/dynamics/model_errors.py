@@ -83,13 +83,7 @@ def errors(case: Case, constants: Constants) -> Errors:
 
 def _models(start: Start, t_s: FloatArray) -> dict[str, FloatArray]:
     """By name, the (F, 6) RTN states of each model."""
-    chief, mu, constants = start.target.qns, start.target.mu_m3_s2, start.target.constants
-    mean_chief = j2.mean_from_osculating(chief, constants)
-    mean_deputy = j2.mean_from_osculating(roe.qns_from_roe(chief, start.roe), constants)
-    mean_roe = j2.j2_stm(mean_chief, constants, t_s) @ roe.roe_from_qns(mean_chief, mean_deputy)
-    mean_chief = j2.j2_secular(mean_chief, constants, t_s)
-    osculating = j2.osculating_from_mean(mean_chief, constants)
-    deputy = j2.osculating_from_mean(roe.qns_from_roe(mean_chief, mean_roe), constants)
+    chief, mu = start.target.qns, start.target.mu_m3_s2
     n = math.sqrt(mu / chief[0] ** 3)
     return {
         "hcw": linear.hcw_stm(chief, mu, t_s) @ start.rtn,
@@ -98,9 +92,26 @@ def _models(start: Start, t_s: FloatArray) -> dict[str, FloatArray]:
         "yamanaka-ankersen": linear.yamanaka_ankersen_stm(chief, mu, t_s) @ start.rtn,
         "linear ROE map, any e": linear.any_eccentricity_map(chief, mu, t_s) @ start.roe,
         "roe (exact)": roe.rtn_from_roe(chief, start.roe, mu, t_s),
-        "j2-roe, mean elements only": roe.rtn_from_roe(mean_chief, mean_roe, mu, 0.0),
-        "j2-roe": roe.rtn_from_roe(osculating, roe.roe_from_qns(osculating, deputy), mu, 0.0),
+        "j2-roe, mean elements only": _j2_roe(start, t_s, "brouwer-lyddane", osculating=False),
+        "j2-roe": _j2_roe(start, t_s, "brouwer-lyddane"),
+        "j2-roe, canonical": _j2_roe(start, t_s, "canonical"),
     }
+
+
+def _j2_roe(start: Start, t_s: FloatArray, theory: j2.Theory, *, osculating: bool = True) -> FloatArray:
+    chief, mu, constants = start.target.qns, start.target.mu_m3_s2, start.target.constants
+    chief_0 = j2.mean_from_osculating(chief, constants, theory)
+    deputy_0 = j2.mean_from_osculating(roe.qns_from_roe(chief, start.roe), constants, theory)
+    mean_roe = j2.j2_stm(chief_0, constants, t_s) @ roe.roe_from_qns(chief_0, deputy_0)
+    mean = j2.j2_secular(chief_0, constants, t_s)
+    if not osculating:
+        return roe.rtn_from_roe(mean, mean_roe, mu, 0.0)
+    both = (
+        j2.osculating_from_mean(qns, constants, theory)
+        for qns in (mean, roe.qns_from_roe(mean, mean_roe))
+    )
+    chief_t, deputy_t = both
+    return roe.rtn_from_roe(chief_t, roe.roe_from_qns(chief_t, deputy_t), mu, 0.0)
 
 
 def _integrated(start: Start, t_s: FloatArray, gravity: str) -> FloatArray:

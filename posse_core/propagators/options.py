@@ -18,6 +18,16 @@ class ThesisOptions(Options):
     )
 
 
+class J2RoeOptions(Options):
+    """Options of the propagator ``j2-roe``."""
+
+    mean_elements: Literal["brouwer-lyddane", "canonical"] = Field(
+        "brouwer-lyddane",
+        description="theory of mean elements: the published one, or one without its singularities"
+        " and some times more exact",
+    )
+
+
 class SurfaceConfig(Options):
     """Coefficient times area over mass, of a sphere."""
 

@@ -47,7 +47,7 @@ def main() -> None:
         "aqua": aqua(),
         "conversions": [conversion(case[0]) for case in CASES.values() if 0 < case[0][2] < 180],
         "relative_elements": [relative_elements(k) for k in range(4)],
-        "mean_elements": [mean_elements(case[0]) for case in CASES.values() if 0 < case[0][1] < 0.6],
+        "mean_elements": [mean_elements(k) for k in range(8)],
     }
     path = Path(__file__).with_name("dynamics.json")
     path.write_text(json.dumps(figures, indent=None).replace("}, {", "},\n{") + "\n")
@@ -183,8 +183,13 @@ def relative_elements(k: int) -> dict[str, Any]:
     }
 
 
-def mean_elements(elements: tuple[float, ...]) -> dict[str, Any]:
-    mean = np.array([elements[0], elements[1], *np.radians(elements[2:])])
+def mean_elements(k: int) -> dict[str, Any]:
+    """Brahe has its source's misprint: long-period terms without sin 2ω. So ω = 45°, where it is 1;
+    and M in (0, π), since it takes f − M of angles in different turns."""
+    e = (1e-5, 1e-4, 1e-3, 0.01, 0.1, 0.3, 0.52, 0.7)[k]
+    rng = np.random.default_rng(k)
+    i, raan, M = rng.uniform([0.2, 0, 0.1], [1.0, 6, 3])
+    mean = np.array([7.1e6 / (1 - e), e, i if k % 2 else math.pi - i, raan, math.pi / 4, M])
     osculating = brahe.state_koe_mean_to_osc(
         mean, brahe.MeanElementMethod.BROUWER_LYDDANE, brahe.AngleFormat.RADIANS
     )

@@ -134,3 +134,19 @@ def test_equinoctial_relative_elements_work_on_the_equator() -> None:
     r = start.target.r_eci_m / np.linalg.norm(start.target.r_eci_m)
     assert start.rtn[2] == pytest.approx(-100 * r[0], abs=0.1)
     assert np.linalg.norm(start.dr_eci_m) == pytest.approx(np.linalg.norm(start.rtn[:3]))
+
+
+def test_sgp4_in_gcrf_axes_is_skyfields() -> None:
+    skyfield = pytest.importorskip("skyfield.api")
+    scale = skyfield.load.timescale(builtin=True)
+    lines = (
+        "1 27424U 02022A   22031.08504144  .00000000  00000-0  00000-0 0  9999",
+        "2 27424  98.2300 334.4000 0000898  52.4400 318.1000 14.57112000 53087",
+    )
+    t_s = np.array([0.0, 3000.0, 86400.0])
+    r, v = Tle(lines).state(t_s)
+    satellite = skyfield.EarthSatellite(*lines, "", scale)
+    theirs = satellite.at(scale.tt_jd(satellite.epoch.tt + t_s / 86400))
+    # A Julian date in one double counts to 40 µs, 0.3 m of flight.
+    assert np.linalg.norm(r - theirs.position.m.T, axis=-1).max() < 0.5
+    assert np.linalg.norm(v - theirs.velocity.m_per_s.T, axis=-1).max() < 1e-3

@@ -24,6 +24,11 @@ from posse_core.dynamics.rows import Rows, dense
 from posse_core.model.arrays import FloatArray
 
 
+def columns(rows: FloatArray) -> list[FloatArray]:
+    """(..., n) → n arrays (...,)."""
+    return [rows[..., k] for k in range(rows.shape[-1])]
+
+
 def in_plane(
     a: Any, longitude: Any, ex: Any, ey: Any, mu: Any, corrections: int = CORRECTIONS
 ) -> tuple[Any, ...]:
@@ -118,7 +123,7 @@ def equinoctial_from_state(
 
 def qns_from_equinoctial(elements: FloatArray, sign: FloatArray | float) -> FloatArray:
     """(..., 6), (...,) → (..., 6)."""
-    a, l, ex, ey, p, q = np.moveaxis(elements, -1, 0)
+    a, l, ex, ey, p, q = columns(elements)
     raan = np.arctan2(p, q)
     turn = sign * raan
     half = np.arctan(np.hypot(p, q))
@@ -129,7 +134,7 @@ def qns_from_equinoctial(elements: FloatArray, sign: FloatArray | float) -> Floa
 
 def equinoctial_from_qns(elements: FloatArray, sign: FloatArray | float) -> FloatArray:
     """(..., 6), (...,) → (..., 6). ``sign`` may be either but at its own singularity."""
-    a, u, ex, ey, i, raan = np.moveaxis(elements, -1, 0)
+    a, u, ex, ey, i, raan = columns(elements)
     turn = sign * raan
     tangent = np.tan(np.where(np.asarray(sign) > 0, i, np.pi - i) / 2)
     cos, sin = np.cos(turn), np.sin(turn)
@@ -148,14 +153,14 @@ def equinoctial_from_qns(elements: FloatArray, sign: FloatArray | float) -> Floa
 
 def keplerian_from_qns(elements: FloatArray) -> FloatArray:
     """(..., 6) → (..., 6); ω = 0 where e = 0."""
-    a, u, ex, ey, i, raan = np.moveaxis(elements, -1, 0)
+    a, u, ex, ey, i, raan = columns(elements)
     argp = np.arctan2(ey, ex)
     return np.stack([a, np.hypot(ex, ey), i, raan, argp, u - argp], axis=-1)
 
 
 def qns_from_keplerian(elements: FloatArray) -> FloatArray:
     """(..., 6) → (..., 6)."""
-    a, e, i, raan, argp, mean_anomaly = np.moveaxis(elements, -1, 0)
+    a, e, i, raan, argp, mean_anomaly = columns(elements)
     return np.stack([a, argp + mean_anomaly, e * np.cos(argp), e * np.sin(argp), i, raan], axis=-1)
 
 

@@ -19,6 +19,7 @@ import casadi as ca
 import numpy as np
 
 from posse_core.dynamics.elements import (
+    columns,
     equinoctial_axes,
     equinoctial_from_qns,
     equinoctial_from_state,
@@ -116,8 +117,8 @@ def _rows(build: Callable[[int], Any], corrections: int) -> Rows:
 
 
 def _needed(chief: FloatArray, roe: FloatArray) -> int:
-    e = np.hypot(chief[..., 2], chief[..., 3]), np.hypot(*np.moveaxis(chief + roe, -1, 0)[2:4])
-    return corrections_for(max(float(np.max(x, initial=0.0)) for x in e))
+    pairs = (chief[..., 2:4], chief[..., 2:4] + roe[..., 2:4])
+    return corrections_for(max(float(np.max(np.hypot(p[..., 0], p[..., 1]))) for p in pairs))
 
 
 def rtn_from_roe(
@@ -167,8 +168,8 @@ def stream_rtn(
 
 def qns_from_roe(chief_qns: FloatArray, roe: FloatArray) -> FloatArray:
     """The deputy's elements: (..., 6) chief's, (..., 6) dimensionless ROE → (..., 6)."""
-    a, u, ex, ey, i, raan = np.moveaxis(chief_qns, -1, 0)
-    da, dlambda, dex, dey, dix, diy = np.moveaxis(roe, -1, 0)
+    a, u, ex, ey, i, raan = columns(chief_qns)
+    da, dlambda, dex, dey, dix, diy = columns(roe)
     node = diy / np.sin(i)
     return np.stack(
         [
@@ -185,8 +186,8 @@ def qns_from_roe(chief_qns: FloatArray, roe: FloatArray) -> FloatArray:
 
 def roe_from_qns(chief_qns: FloatArray, deputy_qns: FloatArray) -> FloatArray:
     """Dimensionless quasi-nonsingular ROE of two orbits: (..., 6), (..., 6) → (..., 6)."""
-    a, _, _, _, i, _ = np.moveaxis(chief_qns, -1, 0)
-    da, du, dex, dey, di, dnode = np.moveaxis(deputy_qns - chief_qns, -1, 0)
+    a, _, _, _, i, _ = columns(chief_qns)
+    da, du, dex, dey, di, dnode = columns(deputy_qns - chief_qns)
     dnode, du = _half_turn(dnode), _half_turn(du)
     dlambda = _half_turn(du + dnode * np.cos(i))
     return np.stack([da / a, dlambda, dex, dey, di, dnode * np.sin(i)], axis=-1)

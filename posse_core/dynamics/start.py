@@ -29,6 +29,7 @@ class Target:
         self.r_eci_m, self.v_eci_m_s = r_eci_m, v_eci_m_s
         self.constants = constants
         self.mu_m3_s2 = constants.mu_earth_m3_s2
+        self._flown: tuple[FloatArray, tuple[FloatArray, FloatArray]] | None = None
 
     @cached_property
     def sign(self) -> float:
@@ -44,6 +45,17 @@ class Target:
     def qns(self) -> FloatArray:
         """(6,) osculating quasi-nonsingular elements."""
         return elements.qns_from_equinoctial(self.equinoctial, self.sign)
+
+    def two_body(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Position (m) and velocity (m/s) after (F,) seconds by Kepler's laws: (F, 3) each.
+
+        The last answer is kept: chasers of one target ask for the same times.
+        """
+        if self._flown is None or not np.array_equal(self._flown[0], t_s):
+            later = elements.later(self.equinoctial, self.mu_m3_s2, t_s)
+            state = elements.state_from_equinoctial(later, self.sign, self.mu_m3_s2)
+            self._flown = (np.array(t_s), state)
+        return self._flown[1]
 
     @cached_property
     def R_eci_from_rtn(self) -> FloatArray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from posse_core.dynamics.elements import later, state_from_equinoctial
 from posse_core.dynamics.roe import rtn_from_equinoctial_roe
 from posse_core.dynamics.start import Start
 from posse_core.interfaces.propagator import PropagationProblem
@@ -28,6 +27,4 @@ def exact_rtn(start: Start, t_s: FloatArray) -> FloatArray:
 
 def two_body_flight(start: Start, t_s: FloatArray, rtn: FloatArray) -> Flight:
     """A relative motion (F, 6) beside a target that moves by Kepler's laws."""
-    mu = start.target.mu_m3_s2
-    elements = later(start.target.equinoctial, mu, t_s)
-    return Flight(*state_from_equinoctial(elements, start.target.sign, mu), rtn)
+    return Flight(*start.target.two_body(t_s), rtn)

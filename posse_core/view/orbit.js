@@ -31,12 +31,8 @@ const orbit = {
       goesOn ? context.lineTo(...this.place(r[place])) : context.moveTo(...this.place(r[place]));
     }
     context.stroke();
-    const size = count > 2000 ? 1.5 : 3;
     context.fillStyle = ACCENT;
-    for (const place of kept) {
-      const [x, y] = this.place(r[place]);
-      context.fillRect(x - size / 2, y - size / 2, size, size);
-    }
+    for (const place of kept) dot(context, this.place(r[place]));
     context.fillStyle = TEXT;
     context.fillRect(this.canvas.clientWidth / 2 - 3, this.canvas.clientHeight / 2 - 3, 6, 6);
     this.scaleBar(context);

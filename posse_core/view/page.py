@@ -89,11 +89,11 @@ def _spread(count: int, wanted: int) -> list[int]:
 
 
 def _previewed(dataset: Dataset, places: list[int], room: int) -> set[int]:
-    """Places of as many evenly spread frames as have room for previews, by the largest of a few."""
+    """Places of as many evenly spread frames as have room for previews, by the mean of a few."""
     sample = [places[i] for i in _spread(len(places), _SAMPLES)]
     lines = (dataset.frames[place] for place in sample)
-    largest = max((len(json.dumps(preview(dataset, labels))) for labels in lines), default=1)
-    return {places[i] for i in _spread(len(places), room // largest)}
+    mean = np.mean([len(json.dumps(preview(dataset, labels))) for labels in lines])
+    return {places[i] for i in _spread(len(places), int(room / mean))}
 
 
 def _dataset_block(dataset: Dataset, out: Path, places: list[int]) -> bytes:

@@ -180,10 +180,7 @@ const sphere = {
 
   dots(context, colour, places) {
     context.fillStyle = colour;
-    for (const place of places) {
-      const [x, y] = this.place(hammer(columns.view_body[place]));
-      context.fillRect(x - 1.25, y - 1.25, 2.5, 2.5);
-    }
+    for (const place of places) dot(context, this.place(hammer(columns.view_body[place])));
   },
 
   nearest(kept, x, y) {
@@ -195,6 +192,12 @@ const sphere = {
     return best;
   },
 };
+
+// A frame among others: smaller where there are thousands.
+function dot(context, [x, y]) {
+  const size = count > 2000 ? 1.5 : 3;
+  context.fillRect(x - size / 2, y - size / 2, size, size);
+}
 
 function ring(context, [x, y]) {
   context.strokeStyle = "#fff";

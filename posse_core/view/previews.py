@@ -11,9 +11,9 @@ import numpy as np
 from posse_core.dataset import Dataset
 from posse_core.model.arrays import AnyArray
 
-WIDTH_PX = 512
+WIDTH_PX = 384
 """Longer side of a preview at most."""
-JPEG_QUALITY = 80
+JPEG_QUALITY = 75
 
 
 def preview(dataset: Dataset, labels: dict[str, Any]) -> dict[str, Any]:

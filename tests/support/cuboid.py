@@ -6,6 +6,7 @@ corner of a convex body is seen where one of its faces looks at the camera, and 
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import json
 from pathlib import Path
@@ -20,7 +21,7 @@ from posse_core.dataset import write_camera, write_spacecraft
 from posse_core.model.camera import Camera
 from posse_core.model.spacecraft import Material, Part, Spacecraft
 from posse_core.model.trajectory import Trajectory
-from posse_core.trajectory import save_trajectory
+from posse_core.trajectory import load_trajectory, save_trajectory
 
 HALF = np.array([1.5, 0.8, 0.5])
 """Half sides of the cuboid, metres."""
@@ -199,6 +200,21 @@ def write_dataset(folder: Path, crafts: tuple[tuple[str, np.ndarray], ...] = (("
             index += 1
     save_trajectory(trajectory(lines), folder / "trajectory.npz")
     write_lines(folder, lines)
+    return folder
+
+
+def repeat(folder: Path, frames: int) -> Path:
+    """Make the dataset longer: its frames over and over, under numbers of their own; images shared."""
+    lines = read_lines(folder)
+    rows = np.arange(frames) % len(lines)
+    old = load_trajectory(folder / "trajectory.npz")
+    longer = {
+        field.name: getattr(old, field.name)[rows]
+        for field in dataclasses.fields(old)
+        if field.name != "epoch_utc"
+    }
+    save_trajectory(dataclasses.replace(old, **longer), folder / "trajectory.npz")
+    write_lines(folder, [{**lines[row], "index": index} for index, row in enumerate(rows)])
     return folder
 
 

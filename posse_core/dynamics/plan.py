@@ -13,8 +13,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linprog
-
 from posse_core.dynamics.elements import later
 from posse_core.dynamics.linear import any_eccentricity_map
 from posse_core.errors import InputError
@@ -139,6 +137,9 @@ def _programme(
     chief_qns: FloatArray, wanted: FloatArray, window_s: tuple[float, float], mu_m3_s2: float
 ) -> Transfer:
     """Least sum of |components| over impulses at instants spread over the window."""
+    # Half a second to import, and most scenarios have no plan.
+    from scipy.optimize import linprog
+
     t_s = np.linspace(*window_s, _INSTANTS)
     chief = later(chief_qns, mu_m3_s2, t_s)
     to_roe = np.linalg.inv(any_eccentricity_map(chief, mu_m3_s2, 0.0))[:, :, 3:]

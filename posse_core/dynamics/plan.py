@@ -13,6 +13,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+
 from posse_core.dynamics.elements import later
 from posse_core.dynamics.linear import any_eccentricity_map
 from posse_core.errors import InputError

@@ -26,7 +26,7 @@ from posse_core.evaluation.crosscheck.page import (
 from posse_core.evaluation.crosscheck.settings import Case, Poses, ScenarioCase
 from posse_core.files import write_bytes
 from posse_core.interfaces.executor import Executor, FrameResult
-from posse_core.options import validated
+from posse_core.options import nearest, validated
 from posse_core.plugins import load_plugins
 from posse_core.registry import Registry
 from posse_core.scenario.component import ComponentChoice
@@ -90,12 +90,14 @@ def command(
     choices, scenario_overrides = _choices(names, overrides, registry)
     sources = scenarios or (DEFAULT_SCENARIO,)
     cases: list[Case] = []
-    for source in (m for s in sources for m in (scenario_members(s) if s not in CLOSED_FORMS else [s])):
+    for source in sources:
         if source in CLOSED_FORMS:
             cases.append(ClosedFormCase(source))
             continue
-        scenario = read_scenario(source, scenario_overrides, **{"renderer.name": names[0], "seed": seed})
-        cases.append(ScenarioCase(Path(source).stem, scenario, poses, frames))
+        for member in _members(source):
+            named = {"renderer.name": names[0], "seed": seed}
+            scenario = read_scenario(member, scenario_overrides, **named)
+            cases.append(ScenarioCase(Path(member).stem, scenario, poses, frames))
     if not all(isinstance(case, ClosedFormCase) for case in cases):
         given = [case.name for case in cases]
         cases = [ClosedFormCase(name) for name in ANCHORS if name not in given] + cases
@@ -120,6 +122,17 @@ def command(
     else:
         _tell(comparisons)
     _end(comparisons, verdicts)
+
+
+def _members(source: str) -> list[str]:
+    """As :func:`scenario_members`; a name that is like a closed form's is taken for that, misspelt."""
+    try:
+        return scenario_members(source)
+    except InputError:
+        hint = nearest(source, CLOSED_FORMS)
+        if not hint:
+            raise
+        raise InputError(f"no scenario and no closed form named {source!r}{hint}") from None
 
 
 def _names(renderers: str | None, registry: Registry) -> list[str]:

@@ -36,9 +36,12 @@ class Child:
         """
         self._interpreter = interpreter
         self._folder = tempfile.TemporaryDirectory(prefix="posse-blender-", ignore_cleanup_errors=True)
-        self._log_path = Path(self._folder.name) / "log.txt"
+        # Kept open: whoever tidies the temporary folder up must not end a run. Appending, since it is
+        # truncated while the worker writes to it.
+        self._log_file = FileIO(Path(self._folder.name) / "log.txt", "a+")
         with contextlib.ExitStack() as on_failure:
             on_failure.callback(self._folder.cleanup)
+            on_failure.callback(self._log_file.close)
             self._process = self._start()
             on_failure.callback(self.close)
             self._greet()
@@ -55,7 +58,7 @@ class Child:
         Raises:
             ComponentError: the worker reports a failure, or has died; it names the end of its log.
         """
-        os.truncate(self._log_path, 0)  # only this request's lines can explain what happens to it
+        self._log_file.truncate(0)  # only this request's lines can explain what happens to it
         try:
             send(self._requests, message)
             answer = receive(self._answers)
@@ -76,25 +79,25 @@ class Child:
             self._process.kill()
             self._process.wait()
         self._answers.close()
+        self._log_file.close()
         self._folder.cleanup()
 
     def _start(self) -> subprocess.Popen[bytes]:
+        folder = Path(self._folder.name)
         requests_out, requests_in = os.pipe()
         answers_out, answers_in = os.pipe()
         self._requests = FileIO(requests_in, "w")
         self._answers = FileIO(answers_out, "r")
         try:
-            # O_APPEND, since the log is truncated while the worker has it open.
-            with open(self._log_path, "ab") as log:
-                return subprocess.Popen(
-                    self._interpreter.command(requests_out, answers_in),
-                    stdin=subprocess.DEVNULL,
-                    stdout=log,
-                    stderr=subprocess.STDOUT,
-                    env=self._interpreter.environment(os.environ, Path(self._folder.name)),
-                    pass_fds=(requests_out, answers_in),
-                    start_new_session=True,  # a Ctrl-C is for this process, which then ends the worker
-                )
+            return subprocess.Popen(
+                self._interpreter.command(requests_out, answers_in, folder),
+                stdin=subprocess.DEVNULL,
+                stdout=self._log_file,
+                stderr=subprocess.STDOUT,
+                env=self._interpreter.environment(os.environ, folder),
+                pass_fds=(requests_out, answers_in),
+                start_new_session=True,  # a Ctrl-C is for this process, which then ends the worker
+            )
         except OSError as error:
             self._requests.close()
             self._answers.close()
@@ -133,7 +136,8 @@ class Child:
         return f"its worker (process {self.pid}) was ended by {name}"
 
     def _log(self) -> str:
-        text = self._log_path.read_text(errors="replace")
+        self._log_file.seek(0)
+        text = self._log_file.readall().decode(errors="replace")
         lines = [line.strip() for line in text.splitlines() if line.strip()]
         tail = " | ".join(lines)[-LOG_TAIL_CHARS:]
         return f"; the end of its log: {tail}" if tail else "; its log is empty"

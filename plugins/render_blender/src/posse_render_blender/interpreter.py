@@ -37,13 +37,13 @@ class Interpreter:
     def __str__(self) -> str:
         return f"{self.path} (from {self.source})"
 
-    def command(self, requests_fd: int, answers_fd: int) -> list[str]:
-        """The command line that starts the worker on two inherited file descriptors."""
-        fds = [str(requests_fd), str(answers_fd)]
+    def command(self, requests_fd: int, answers_fd: int, folder: Path) -> list[str]:
+        """The command line that starts the worker on two inherited descriptors and its folder."""
+        given = [str(requests_fd), str(answers_fd), str(folder)]
         if self.is_blender:
             blender = [self.path, "--background", "--factory-startup", "-noaudio"]
-            return [*blender, "--python-exit-code", "1", "--python", str(WORKER), "--", *fds]
-        return [self.path, str(WORKER), *fds]
+            return [*blender, "--python-exit-code", "1", "--python", str(WORKER), "--", *given]
+        return [self.path, str(WORKER), *given]
 
     def environment(self, environ: Mapping[str, str], folder: Path) -> dict[str, str]:
         """Variables for the worker: its own files in ``folder``, and no paths of another Python."""

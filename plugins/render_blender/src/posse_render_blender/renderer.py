@@ -47,7 +47,7 @@ class BlenderRenderer(Renderer):
         self._child = Child(interpreter)
         try:
             answer = self._child.ask(scene_message(scene, self.options), "building the scene")
-        except ComponentError:
+        except BaseException:
             self.close()
             raise
         self._radius_m = scene.spacecraft.radius_m

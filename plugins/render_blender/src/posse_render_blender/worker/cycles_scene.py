@@ -129,7 +129,8 @@ class CyclesScene:
         settings.use_adaptive_sampling = values["adaptive_threshold"] > 0
         settings.adaptive_threshold = values["adaptive_threshold"]
         settings.use_denoising = values["denoiser"] != "none"
-        settings.denoiser = "OPENIMAGEDENOISE"
+        if settings.use_denoising:
+            settings.denoiser = "OPENIMAGEDENOISE"  # some distributions build Blender without it
         settings.pixel_filter_type, settings.filter_width = "BOX", 1.0
         for kind in ("max", "diffuse", "glossy", "transmission", "volume"):
             setattr(settings, f"{kind}_bounces", values["max_bounces"])

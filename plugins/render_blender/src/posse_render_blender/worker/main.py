@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The worker: runs under a Python that has bpy, or inside a blender executable.
 
-    python main.py REQUESTS ANSWERS
-    blender --background --factory-startup --python main.py -- REQUESTS ANSWERS
+    python main.py REQUESTS ANSWERS FOLDER
+    blender --background --factory-startup --python main.py -- REQUESTS ANSWERS FOLDER
 
 REQUESTS and ANSWERS are numbers of inherited file descriptors. Standard output is not used: Blender
-writes to it from C. The worker ends when REQUESTS is closed, in the middle of a frame too.
+writes to it from C. FOLDER is the worker's own. The worker ends, and FOLDER with it, when REQUESTS is
+closed, in the middle of a frame too.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from __future__ import annotations
 import os
 import platform
 import queue
+import shutil
 import sys
 import threading
 import traceback
@@ -27,10 +29,10 @@ OLDEST_BLENDER = (4, 5, 0)
 
 def main() -> None:
     """Say hello, then answer one request after the other."""
-    requests_fd, answers_fd = (int(text) for text in sys.argv[-2:])
+    requests_fd, answers_fd, folder = int(sys.argv[-3]), int(sys.argv[-2]), sys.argv[-1]
     answers = FileIO(answers_fd, "w")
     requests: queue.Queue[wire.Message] = queue.Queue()
-    threading.Thread(target=_listen, args=(requests_fd, requests), daemon=True).start()
+    threading.Thread(target=_listen, args=(requests_fd, requests, folder), daemon=True).start()
     try:
         import bpy
     except ImportError as error:
@@ -59,12 +61,13 @@ def main() -> None:
         wire.send(answers, answer)
 
 
-def _listen(requests_fd: int, requests: queue.Queue[wire.Message]) -> None:
+def _listen(requests_fd: int, requests: queue.Queue[wire.Message], folder: str) -> None:
     source = FileIO(requests_fd, "r")
     try:
         while True:
             requests.put(wire.receive(source))
     except wire.WireError:
+        shutil.rmtree(folder, ignore_errors=True)
         os._exit(0)  # nobody is left to answer, and Cycles may be in the middle of a frame
 
 

@@ -63,47 +63,24 @@ class RasterRenderer(Renderer):
 
         Raises:
             ComponentError: there is no EGL, or no driver behind it; the message names the packages.
+                Or the driver cannot do what is asked of it.
         """
         self.close()
         context = create_context()
-        n = self.options.samples_per_axis
-        tile_px = TILE_SAMPLES // n
-        size = (tile_px * n, tile_px * n)
-        sampled = context.texture(size, 4, dtype="f4")
-        samples = context.framebuffer(sampled, context.depth_renderbuffer(size))
-        pixels = context.framebuffer(
-            [
-                context.texture((tile_px, tile_px), 4, dtype="f4"),
-                context.texture((tile_px, tile_px), 1, dtype="f4"),
-            ]
-        )
-        shadow_map = context.depth_texture((self.options.shadow_map_px, self.options.shadow_map_px))
-        shadow_map.compare_func = "<="
-        shadow_map.filter = (moderngl.LINEAR, moderngl.LINEAR)
-        average = program(context, "pixel", "pixel")
-        average["samples"] = 0
-        average["samples_per_axis"] = n
-        albedo = lobe_albedo()
-        lookup = context.texture(albedo.shape[1::-1], 2, albedo.tobytes(), dtype="f4")
-        lookup.repeat_x = lookup.repeat_y = False
-        self._stage = _Stage(
-            context=context,
-            camera=scene.camera,
-            spacecraft=scene.spacecraft,
-            craft=Craft(context, scene.spacecraft),
-            shadow=context.framebuffer(depth_attachment=shadow_map),
-            shadow_map=shadow_map,
-            samples=samples,
-            sampled=sampled,
-            pixels=pixels,
-            average=context.vertex_array(average, []),
-            lobe_albedo=lookup,
-        )
         self._described = {
             "opengl": context.info["GL_VERSION"],
             "device": context.info["GL_RENDERER"],
             "moderngl": metadata.version("moderngl"),
         }
+        try:
+            self._stage = _set_up(context, scene, self.options)
+        except moderngl.Error as error:
+            context.release()
+            reason = " ".join(str(error).split())
+            raise ComponentError(
+                f"raster: {self._described['device']} failed: {reason}; "
+                "try a smaller shadow_map_px, or another device by GLCONTEXT_DEVICE_INDEX"
+            ) from None
 
     def render(self, request: RenderRequest) -> Radiance:
         """Render one frame's box."""
@@ -227,6 +204,36 @@ class RasterRenderer(Renderer):
             np.frombuffer(image, dtype=np.float32).reshape(*shape, 4),
             np.frombuffer(z_m, dtype=np.float32).reshape(shape),
         )
+
+
+def _set_up(context: moderngl.Context, scene: Scene, options: RasterOptions) -> _Stage:
+    n = options.samples_per_axis
+    tile_px = TILE_SAMPLES // n
+    size = (tile_px * n, tile_px * n)
+    sampled = context.texture(size, 4, dtype="f4")
+    pixels = [context.texture((tile_px, tile_px), channels, dtype="f4") for channels in (4, 1)]
+    shadow_map = context.depth_texture((options.shadow_map_px, options.shadow_map_px))
+    shadow_map.compare_func = "<="
+    shadow_map.filter = (moderngl.LINEAR, moderngl.LINEAR)
+    average = program(context, "pixel", "pixel")
+    average["samples"] = 0
+    average["samples_per_axis"] = n
+    albedo = lobe_albedo()
+    lookup = context.texture(albedo.shape[1::-1], 2, albedo.tobytes(), dtype="f4")
+    lookup.repeat_x = lookup.repeat_y = False
+    return _Stage(
+        context=context,
+        camera=scene.camera,
+        spacecraft=scene.spacecraft,
+        craft=Craft(context, scene.spacecraft),
+        shadow=context.framebuffer(depth_attachment=shadow_map),
+        shadow_map=shadow_map,
+        samples=context.framebuffer(sampled, context.depth_renderbuffer(size)),
+        sampled=sampled,
+        pixels=context.framebuffer(pixels),
+        average=context.vertex_array(average, []),
+        lobe_albedo=lookup,
+    )
 
 
 def _tiles(box: PixelBox, size: int) -> Iterator[tuple[int, int, PixelBox]]:

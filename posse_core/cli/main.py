@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import sys
+import warnings
 from collections.abc import Sequence
+from typing import TextIO
 
 import click
 
@@ -55,7 +57,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
     sys.exit(_run(arguments))
 
 
+def _show_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """A warning as the user reads it: what is wrong, and not where our code says so."""
+    _say(f"warning: {message}")
+
+
 def _run(arguments: Sequence[str] | None) -> int:
+    warnings.showwarning = _show_warning
     try:
         code = posse.main(arguments, prog_name="posse", standalone_mode=False)
         return code if isinstance(code, int) else 0

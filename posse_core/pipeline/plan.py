@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from functools import partial
 
 import numpy as np
 
@@ -41,7 +42,7 @@ def make_trajectory(scenario: Scenario, registry: Registry) -> Trajectory:
     problem = PropagationProblem(
         orbit=scenario.orbit,
         relative=scenario.relative,
-        t_s=scenario.times.seconds(orbit_period_s(scenario.orbit, scenario.constants)),
+        t_s=scenario.times.seconds(partial(orbit_period_s, scenario.orbit, scenario.constants)),
         constants=scenario.constants,
     )
     trajectory = build_trajectory(

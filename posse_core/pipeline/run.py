@@ -114,14 +114,15 @@ class _Run:
         started = time.monotonic()
         self._write_statics()
         frames = len(self._plan.trajectory)
-        self._log = LabelLog(self._folder)
-        done = self._log.recover(frames)
+        self._log = LabelLog(self._folder, frames)
+        done = self._log.recover()
         todo = [index for index in range(frames) if index not in done]
         if todo or not self._is_complete():
             (self._folder / "manifest.json").unlink(missing_ok=True)
             self._plugins.notify("posse_run_started", dataset=self._folder, frames=frames)
             results = executor.run(partial(FrameMaker, self._folder), todo)
-            self._enter_in_order(todo, progress(results, frames, len(done)))
+            for result in progress(results, frames, len(done)):
+                self._enter(result)
             self._finish()
         made = len(todo) - len(self._failed)
         return RunResult(self._folder, frames, made, self._failed, time.monotonic() - started)
@@ -142,17 +143,6 @@ class _Run:
         path = self._folder / "manifest.json"
         return path.exists() and json.loads(path.read_text("utf-8"))["state"] == COMPLETE
 
-    def _enter_in_order(self, todo: list[int], results: Iterable[FrameResult]) -> None:
-        """Enter results as their turn comes, so that the shards do not depend on the workers."""
-        waiting: dict[int, FrameResult] = {}
-        order = iter(todo)
-        turn = next(order, None)
-        for result in results:
-            waiting[result.index] = result
-            while turn in waiting:
-                self._enter(waiting.pop(turn))
-                turn = next(order, None)
-
     def _enter(self, result: FrameResult) -> None:
         if result.labels is None:
             self._failed[result.index] = result.error
@@ -161,7 +151,8 @@ class _Run:
         self._plugins.notify("posse_frame_completed", index=result.index, labels=result.labels)
 
     def _finish(self) -> None:
-        """Exports, then the manifest: the last file of a run."""
+        """Labels in order, exports, then the manifest: the last file of a run."""
+        self._log.put_in_order()
         dataset = Dataset(self._folder)
         registry = self._plugins.registry
         if dataset.frames:

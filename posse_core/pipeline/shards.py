@@ -2,14 +2,17 @@
 
 A frame is done when its line stands whole in a shard. Its files and their checksums are written
 before that, so a run that is cut at any point leaves at most one torn line, which is dropped.
-Lines hold labels alone, and are written in the order of frames: so they are the same to the bit
-whichever renderer made the pictures, and with any number of workers.
+Lines hold labels alone. They are appended as frames are done, and sorted at the end of the run: so they
+are the same to the bit whichever renderer made the pictures, with any number of workers, and whatever
+the run went through.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -49,8 +52,9 @@ def append_line(path: Path, line: str) -> None:
 class LabelLog:
     """Appends finished frames to the shards of one dataset."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, frames: int) -> None:
         self._folder = folder
+        self._shards = [shard_path(folder, first) for first in range(0, frames, FRAMES_PER_SHARD)]
         (folder / "labels").mkdir(exist_ok=True)
 
     def append(self, labels: Mapping[str, Any]) -> None:
@@ -60,47 +64,72 @@ class LabelLog:
         text = json.dumps(labels, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
         append_line(shard_path(self._folder, labels["index"]), text)
 
-    def recover(self, frames: int) -> set[int]:
+    def recover(self) -> set[int]:
         """Find the frames that are done; drop torn lines, and frames whose files are not as entered.
-
-        Args:
-            frames: number of frames in the run.
 
         Returns:
             Indices of frames that are complete.
         """
-        checksums: dict[str, str] = {}
-        for line in whole_lines(self._folder / CHECKSUMS):
-            digest, _, name = line.decode().rstrip("\n").partition("  ")
-            checksums[name] = digest
-        done: set[int] = set()
-        kept_files: list[str] = []
-        for first in range(0, frames, FRAMES_PER_SHARD):
-            path = shard_path(self._folder, first)
-            if not path.exists():
-                continue
-            kept = bytearray()
-            for line in whole_lines(path):
-                labels = _labels(line)
-                if labels is None or labels["index"] in done or not self._intact(labels, checksums):
-                    continue
-                done.add(labels["index"])
-                kept += line
-                kept_files += frame_files(labels)
-            if len(kept) != path.stat().st_size:
-                write_bytes(path, bytes(kept))
-        text = "".join(f"{checksums[name]}  {name}\n" for name in kept_files).encode()
         path = self._folder / CHECKSUMS
-        if path.exists() and path.read_bytes() != text:
-            write_bytes(path, text)
+        digests: dict[str, str] = {}
+        for row in whole_lines(path):
+            digest, _, name = row.decode().rstrip("\n").partition("  ")
+            digests[name] = digest
+        done: set[int] = set()
+        kept: set[str] = set()
+        # Reading and hashing leave Python to the other threads.
+        with ThreadPoolExecutor() as threads:
+            for intact in threads.map(partial(self._mend, digests), self._shards):
+                for index, names in intact.items():
+                    done.add(index)
+                    kept.update(names)
+        text = "".join(f"{digest}  {name}\n" for name, digest in digests.items() if name in kept)
+        if path.exists() and path.read_bytes() != text.encode():
+            write_bytes(path, text.encode())
         return done
 
-    def _intact(self, labels: Mapping[str, Any], checksums: Mapping[str, str]) -> bool:
-        for name in frame_files(labels):
-            path = self._folder / name
-            if name not in checksums or not path.is_file() or sha256(path) != checksums[name]:
-                return False
-        return True
+    def _mend(self, digests: Mapping[str, str], path: Path) -> dict[int, list[str]]:
+        """Drop what is not whole from a shard; files of the frames that are left, by index."""
+        intact: dict[int, list[str]] = {}
+        lines: list[bytes] = []
+        for line in whole_lines(path):
+            labels = _labels(line)
+            if labels is None or labels["index"] in intact:
+                continue
+            if shard_path(self._folder, labels["index"]) != path:
+                continue
+            names = frame_files(labels)
+            if all(self._is_intact(name, digests) for name in names):
+                intact[labels["index"]] = names
+                lines.append(line)
+        if path.exists() and sum(map(len, lines)) != path.stat().st_size:
+            write_bytes(path, b"".join(lines))
+        return intact
+
+    def _is_intact(self, name: str, digests: Mapping[str, str]) -> bool:
+        try:
+            return name in digests and sha256(self._folder / name) == digests[name]
+        except OSError:
+            return False
+
+    def put_in_order(self) -> None:
+        """Sort the lines by frame where workers were done out of turn, and the checksums likewise."""
+        for path in self._shards:
+            _sort(path, lambda line: json.loads(line)["index"])
+        _sort(self._folder / CHECKSUMS, _place_of_row)
+
+
+def _sort(path: Path, key: Callable[[bytes], Any]) -> None:
+    lines = list(whole_lines(path))
+    ordered = sorted(lines, key=key)
+    if ordered != lines:
+        write_bytes(path, b"".join(ordered))
+
+
+def _place_of_row(row: bytes) -> tuple[int, bytes]:
+    """``digest  images/000012.png`` → (12, b"images")."""
+    folder, _, name = row.split(b"  ", 1)[1].rpartition(b"/")
+    return int(name.split(b".")[0]), folder
 
 
 def _labels(line: bytes) -> dict[str, Any] | None:

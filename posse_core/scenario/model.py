@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -44,13 +45,18 @@ class TimesConfig(Options):
             raise ValueError("count goes with a duration, not with t_s")
         return self
 
-    def seconds(self, period_s: float) -> FloatArray:
-        """(T,) seconds after the epoch, for a target of the given orbital period."""
+    def seconds(self, period_s: Callable[[], float]) -> FloatArray:
+        """(T,) seconds after the epoch.
+
+        Args:
+            period_s: the target's orbital period; asked for only where a duration is in orbits, since
+                a hyperbolic orbit has none.
+        """
         if self.t_s is not None:
             return np.asarray(self.t_s, dtype=np.float64)
-        duration_s = (
-            self.duration_s if self.duration_s is not None else (self.duration_orbits or 0) * period_s
-        )
+        duration_s = self.duration_s
+        if duration_s is None:
+            duration_s = (self.duration_orbits or 0.0) * period_s()
         return np.linspace(0.0, duration_s, self.count or 101)
 
 

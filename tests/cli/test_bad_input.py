@@ -64,6 +64,26 @@ def test_bad_arguments(posse, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_model_outside_its_domain_warns_in_one_line(posse, tmp_path):
+    orbit = CASES["date"][0].replace("-13-", "-01-").replace("e: 0,", "e: 0.01,")
+    (tmp_path / "s.yaml").write_text(orbit + "renderer: flat\npropagator: hcw\n")
+    done = posse("propagate", "s.yaml", "--out", "x.npz")
+    assert done.returncode == 0, done.stderr
+    (line,) = done.stderr.strip().splitlines()
+    assert line.startswith("posse: warning: ")
+    assert "hcw" in line
+
+
+def test_a_hyperbolic_orbit_flies_where_no_period_is_asked_for(posse, tmp_path):
+    text, _ = CASES["hyperbolic"]
+    text += "renderer: flat\npropagator: nonlinear\ntimes: {duration_s: 600, count: 4}\n"
+    (tmp_path / "s.yaml").write_text(
+        text + "relative: {state_rtn: {r_m: [0, 20, 0], v_m_s: [0, 0, 0]}}\n"
+    )
+    done = posse("propagate", "s.yaml", "--out", "x.npz")
+    assert done.returncode == 0, done.stderr
+
+
 def test_an_output_folder_that_is_not_ours_is_left_alone(posse, tmp_path):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").write_text("years of work")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -46,7 +47,7 @@ def message_of(code: str, **environ: str) -> str:
     folder = __file__.rsplit("/", 1)[0]
     done = subprocess.run(
         [sys.executable, "-c", f"import sys; sys.path.insert(0, {folder!r})\n{code}"],
-        env=environ,
+        env={**os.environ, **environ},
         capture_output=True,
         text=True,
         check=True,

@@ -30,6 +30,13 @@ def test_model_errors_are_the_known_ones() -> None:
         "Aqua, two-body, 10": {"hcw": 1.03, "linear ROE map, any e": 0.0023},
         "Aqua, j2, 1": {"hcw": 2.49, "roe (exact)": 2.39, "j2-roe, mean elements only": 0.108},
         "Aqua, j2, 10": {"hcw": 32.8, "thesis, T(nt)": 72, "j2-roe": 0.063},
+        "Cluster from perigee, two-body, 1": {
+            "hcw": 4004,
+            "thesis, T(nt)": 479,
+            "roe-near-circular, T(u)": 159,
+            "yamanaka-ankersen": 0.218,
+            "linear ROE map, any e": 0.0006,
+        },
     }
     for case, errors in known.items():
         for model, error_m in errors.items():

@@ -147,7 +147,7 @@ def fiducials() -> Setting:
     vectors = ([0.0, 0.0, 0.1], [0.5, -0.3, 0.4], [-0.3, 0.6, 1.3])
     frames = tuple(
         scenes.frame(
-            t_body_cam_m=(0.1, -0.05, 3.0),
+            t_body_cam_m=(0.1, -0.05, 3.7),
             sun_direction_body=(0.2, 0.1, 1.0),
             R_cam_from_body=Rotation.from_rotvec(vector).as_matrix() @ scenes.FACING,
         )

@@ -101,7 +101,7 @@ def test_the_craft_is_lit_and_the_sky_is_not_grey(dataset):
     for line in (dataset / "labels" / "shard-00000.jsonl").read_text().splitlines():
         labels = json.loads(line)
         image = cv2.imread(str(dataset / labels["image"]), cv2.IMREAD_UNCHANGED)
-        assert image.shape == (240, 320)
+        assert image.shape == (240, 320, 3)
         assert image.dtype == np.uint8
         with np.load(dataset / labels["truth"]) as arrays:
             craft = arrays["part_id"] >= 0

@@ -18,14 +18,14 @@ def command(
 ) -> None:
     """List the impulses of SCENARIO's relative.plan with their sum and the least possible."""
     # Importing casadi takes longer than listing the commands.
-    from posse_core.dynamics.orbit import orbit_period_s
+    from posse_core.pipeline.plan import times_s
     from posse_core.propagators.flight import planned, starts_of
 
     checked = read_scenario(scenario, overrides, seed=seed, frames=frames)
     if checked.relative.plan is None:
         raise InputError(f"{scenario}: has no relative.plan; add burns or a transfer")
     with naming(scenario):
-        t_s = checked.times.seconds(orbit_period_s(checked.orbit, checked.constants))
+        t_s = times_s(checked)
         problem = PropagationProblem(checked.orbit, checked.relative, t_s, checked.constants)
         plan = planned(problem, starts_of(problem)[0])
     if as_json:

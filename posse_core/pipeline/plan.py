@@ -9,6 +9,7 @@ import numpy as np
 
 from posse_core.dynamics.orbit import orbit_period_s
 from posse_core.interfaces.propagator import PropagationProblem, Propagator
+from posse_core.model.arrays import FloatArray
 from posse_core.model.spacecraft import Spacecraft
 from posse_core.model.trajectory import Trajectory
 from posse_core.pipeline.frame_maker import create
@@ -42,13 +43,18 @@ def make_trajectory(scenario: Scenario, registry: Registry) -> Trajectory:
     problem = PropagationProblem(
         orbit=scenario.orbit,
         relative=scenario.relative,
-        t_s=scenario.times.seconds(partial(orbit_period_s, scenario.orbit, scenario.constants)),
+        t_s=times_s(scenario),
         constants=scenario.constants,
     )
     trajectory = build_trajectory(
         propagator=propagator, problem=problem, attitude=scenario.attitude, seed=scenario.seed
     )
     return evenly_spread(trajectory, scenario.frames)
+
+
+def times_s(scenario: Scenario) -> FloatArray:
+    """(T,) seconds after the epoch at which the scenario asks for frames."""
+    return scenario.times.seconds(partial(orbit_period_s, scenario.orbit, scenario.constants))
 
 
 def evenly_spread(trajectory: Trajectory, frames: int | None) -> Trajectory:

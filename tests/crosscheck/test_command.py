@@ -17,27 +17,34 @@ Crosscheck = Callable[..., "subprocess.CompletedProcess[str]"]
 
 
 @pytest.fixture(scope="module")
-def crosscheck(tmp_path_factory: pytest.TempPathFactory) -> Crosscheck:
-    """The command, with ``posse-render-crooked`` installed as pip lays it."""
-    site = tmp_path_factory.mktemp("site")
-    (site / "posse_crooked.py").write_text((PACKAGES / "crooked" / "posse_crooked.py").read_text())
-    info = site / "posse_render_crooked-1.0.dist-info"
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder for PYTHONPATH that holds ``posse-render-crooked``, as pip lays it."""
+    folder = tmp_path_factory.mktemp("site")
+    source = PACKAGES / "crooked" / "posse_crooked.py"
+    (folder / "posse_crooked.py").write_text(source.read_text())
+    info = folder / "posse_render_crooked-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: posse-render-crooked\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text("[posse]\nrender_crooked = posse_crooked\n")
+    return folder
 
-    def call(*arguments: object) -> subprocess.CompletedProcess[str]:
-        code = "from posse_core.cli.main import main; main()"
-        return subprocess.run(
-            [sys.executable, "-c", code, "crosscheck", *map(str, arguments)],
-            env={**os.environ, "PYTHONPATH": str(site)},
-            capture_output=True,
-            text=True,
-            timeout=300,
-            check=False,
-        )
 
-    return call
+def run(site: Path, code: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", code, *arguments],
+        env={**os.environ, "PYTHONPATH": str(site)},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+
+
+@pytest.fixture(scope="module")
+def crosscheck(site: Path) -> Crosscheck:
+    """The command, in a process of its own."""
+    code = "from posse_core.cli.main import main; main()"
+    return lambda *arguments: run(site, code, "crosscheck", *map(str, arguments))
 
 
 def last_line(done: subprocess.CompletedProcess[str]) -> str:
@@ -110,21 +117,26 @@ def test_a_crash_of_one_is_one_line_and_the_others_are_still_compared(crosscheck
     assert case["renderers"]["crooked"]["frames"] == 2
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("aqua", "--renderers", "uprigt"), "no renderer named 'uprigt'; did you mean 'upright'?"),
-        (("aqua", "--renderers", "upright,upright"), "'upright' stands twice"),
-        (("aqua", "--renderers", "upright", "-o", "renderer.gain=2"), "as in -o upright.gain"),
-        (("aqua", "--renderers", "upright", "-o", "crooked.gain=2"), "not among --renderers upright"),
-        (("aqua", "--renderers", "upright", "-o", "upright.gian=2"), "did you mean 'gain'?"),
-        (("lambert-spere", "--renderers", "upright"), "did you mean 'lambert-sphere'?"),
-        (("aqua", "--renderers", "upright", "--min-iou", "2"), "--min-iou"),
-        (("checker", "--renderers", "upright", "--out", "/nowhere/p.html"), "--out /nowhere/p.html"),
-    ],
-)
-def test_bad_input_is_one_line(crosscheck: Crosscheck, arguments: tuple[str, ...], words: str) -> None:
-    done = crosscheck(*arguments)
-    assert done.returncode == 2, done.stderr
-    assert words in done.stderr
-    assert len(done.stderr.splitlines()) == 1
+BAD_INPUT = [
+    ("aqua --renderers uprigt", "no renderer named 'uprigt'; did you mean 'upright'?"),
+    ("aqua --renderers upright,upright", "'upright' stands twice"),
+    ("aqua --renderers upright -o renderer.gain=2", "as in -o upright.gain"),
+    ("aqua --renderers upright -o crooked.gain=2", "not among --renderers upright"),
+    ("aqua --renderers upright -o upright.gian=2", "did you mean 'gain'?"),
+    ("lambert-spere --renderers upright", "did you mean 'lambert-sphere'?"),
+    ("aqua --renderers upright --min-iou 2", "--min-iou"),
+    ("checker --renderers upright --out /nowhere/p.html", "--out /nowhere/p.html"),
+]
+
+
+def test_bad_input_is_one_line(site: Path) -> None:
+    code = (
+        "import sys\nfrom posse_core.cli.main import main\n"
+        "for line in sys.argv[1:]:\n"
+        "    try:\n        main(['crosscheck', *line.split()])\n"
+        "    except SystemExit as end:\n        print(end.code)\n"
+    )
+    done = run(site, code, *(line for line, _ in BAD_INPUT))
+    assert done.stdout.split() == ["2"] * len(BAD_INPUT), done.stderr
+    for said, (_, words) in zip(done.stderr.splitlines(), BAD_INPUT, strict=True):
+        assert words in said

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -13,11 +14,13 @@ from hypothesis import strategies as st
 
 from posse_core.errors import ComponentError
 from posse_core.model.camera import PixelBox
-from posse_core.model.scene import RenderRequest
+from posse_core.model.scene import EnvironmentMap, RenderRequest
 from posse_core.model.spacecraft import Material
 from posse_core.testing import scenes
 from posse_render_mitsuba.options import MitsubaOptions
-from posse_render_mitsuba.renderer import FILM_SIZES_PX, MitsubaRenderer, _tiles
+from posse_render_mitsuba.renderer import MitsubaRenderer
+from posse_render_mitsuba.wavefront import _places
+from posse_render_mitsuba.world import sky_weight
 
 CLAY = Material("clay", base_color=(0.8, 0.5, 0.2), specular=0.0)
 
@@ -30,23 +33,20 @@ def test_the_plugin_imports_no_mitsuba() -> None:
     assert told.stdout.strip() == "False"
 
 
-@given(x0=st.integers(0, 900), y0=st.integers(0, 900), w=st.integers(1, 1300), h=st.integers(1, 1300))
-def test_tiles_cover_the_box_once(x0: int, y0: int, w: int, h: int) -> None:
-    box = PixelBox(x0, y0, w, h)
-    tiles = list(_tiles(box, exact=False))
-    count = np.zeros((y0 + h + 448, x0 + w + 448), dtype=int)
-    for tile in tiles:
-        assert tile.width == tile.height == tiles[0].width in FILM_SIZES_PX
-        count[tile.slices] += 1
-    assert (count[box.slices] == 1).all()
-    assert list(_tiles(box, exact=True)) == [box]
+@given(x0=st.integers(0, 90), y0=st.integers(0, 90), w=st.integers(1, 40), largest=st.integers(1, 99))
+def test_calls_cover_the_box_once_in_order(x0: int, y0: int, w: int, largest: int) -> None:
+    box = PixelBox(x0, y0, w, 7)
+    calls = list(_places(box, largest))
+    assert max(len(call) for call in calls) <= largest
+    np.testing.assert_array_equal(np.concatenate(calls), box.pixel_centres_px().reshape(-1, 2))
 
 
-def test_a_box_larger_than_a_film_has_no_seam() -> None:
-    """Lambert's law across the border of two films."""
+def test_a_box_of_several_calls_has_no_seam(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lambert's law across the border of two calls."""
+    monkeypatch.setattr("posse_render_mitsuba.wavefront.SAMPLES_PER_CALL", 9 * 3333)
     plate = scenes.rectangle("plate", "clay", u_m=(50, 0, 0), v_m=(0, 9, 0))
     camera = scenes.camera(600, 20, 1.0)
-    renderer = MitsubaRenderer(MitsubaOptions(spp=8))
+    renderer = MitsubaRenderer(MitsubaOptions(spp=9))
     renderer.open(scenes.scene(plate, materials=(CLAY,), camera=camera))
     frame = scenes.frame(t_body_cam_m=(0, 0, 9), sun_direction_body=(0.2, 0.1, 1))
     box = PixelBox(5, 3, 590, 12)
@@ -55,6 +55,30 @@ def test_a_box_larger_than_a_film_has_no_seam() -> None:
     expected = frame.sun_irradiance_rgb_w_m2 * CLAY.base_color / np.pi * frame.sun_direction_body[2]
     assert image.coverage.min() == 1.0
     np.testing.assert_allclose(image.radiance_rgb, np.broadcast_to(expected, (12, 590, 3)), rtol=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("sky_over_sun", "weight"), [(0.5, 0.5), (3.0, 3.0), (100.0, 9.0), (0.0, 1 / 9)]
+)
+def test_the_sky_is_sampled_as_its_light_is(sky_over_sun: float, weight: float) -> None:
+    """An even sky of radiance L sends 4 π L to a point, in each of three bands."""
+    frame = scenes.frame(t_body_cam_m=(0, 0, 9), sun_direction_body=(0, 0, 1))
+    radiance = sky_over_sun * frame.sun_irradiance_rgb_w_m2.sum() / (12 * np.pi)
+    sky = EnvironmentMap(np.full((64, 128, 3), radiance, dtype=np.float32))
+    assert sky_weight(sky, frame) == pytest.approx(weight, rel=1e-3)
+    assert sky_weight(sky, replace(frame, sun_fraction_target=0.0)) == 9.0
+
+
+def test_threads_are_the_share_of_the_worker(monkeypatch: pytest.MonkeyPatch) -> None:
+    import drjit
+
+    plate = scenes.scene(scenes.rectangle("p", "clay"), materials=(CLAY,), camera=scenes.camera())
+    for share, option, expected in (("3", 0, 3), ("3", 2, 2), ("", 0, len(os.sched_getaffinity(0)))):
+        monkeypatch.setenv("POSSE_THREADS", share)
+        renderer = MitsubaRenderer(MitsubaOptions(variant="scalar", threads=option))
+        renderer.open(plate)
+        assert drjit.thread_count() == expected
+        renderer.close()
 
 
 @pytest.mark.parametrize("variant", ["scalar", "auto"])

@@ -12,7 +12,9 @@ from posse_core.options import Options
 class MitsubaOptions(Options):
     """``-o renderer.spp=64`` and its like."""
 
-    spp: int = Field(64, ge=1, le=65536, description="samples per pixel, rounded up to a multiple of 8")
+    spp: int = Field(
+        64, ge=1, le=65536, description="samples per pixel, rounded up to what can be spread evenly"
+    )
     max_depth: int = Field(
         4, ge=2, le=64, description="longest light path in segments: 2 is direct light alone"
     )
@@ -22,4 +24,8 @@ class MitsubaOptions(Options):
     sampler: Literal["multijitter", "stratified", "independent"] = Field(
         "multijitter", description="how samples are spread; multijitter has the least noise"
     )
-    threads: int = Field(0, ge=0, description="threads of one worker; 0 is one for each core")
+    threads: int = Field(
+        0,
+        ge=0,
+        description="threads of one worker; 0 takes $POSSE_THREADS, the worker's share, else every core",
+    )

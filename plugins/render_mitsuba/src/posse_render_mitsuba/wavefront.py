@@ -1,0 +1,149 @@
+"""Rendering by compiled variants: one kernel call for many pixels.
+
+Films and sensors of Mitsuba are left out, since their sizes become constants of the kernel, which
+would then be compiled for each size of box. Here a ray's pixel, the camera and the Sun are data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from posse_core.model.arrays import FloatArray
+from posse_core.model.camera import Camera, PixelBox
+from posse_core.model.scene import FrameState, RenderRequest
+from posse_core.randomness import generator
+from posse_render_mitsuba.options import MitsubaOptions
+from posse_render_mitsuba.world import World, rotation_with_z
+
+SAMPLES_PER_CALL = 1 << 22
+"""Enough to make the tracing of a call (0.06 s) small; they take 16 bytes each."""
+
+
+class Wavefront:
+    """Draws boxes of one camera's image with a compiled variant, which must be set."""
+
+    def __init__(self, camera: Camera, radius_m: float, options: MitsubaOptions) -> None:
+        import mitsuba as mi
+
+        self._camera = camera
+        self._radius_m = radius_m
+        self._sampler = mi.load_dict({"type": options.sampler, "sample_count": options.spp})
+        self._spp = int(self._sampler.sample_count())
+        self._sampler.set_samples_per_wavefront(self._spp)
+
+    @staticmethod
+    def sun() -> dict[str, Any]:
+        """The scene entry of a Sun whose whole disc is sampled, each sample in another place."""
+        import mitsuba as mi
+
+        _register_sun(mi.variant())
+        return {"type": "posse_sun"}
+
+    def draw(self, world: World, request: RenderRequest) -> FloatArray:
+        """(h, w, 4) radiance and coverage of the request's box."""
+        import mitsuba as mi
+
+        frame, box = request.frame, request.box
+        world.set(
+            {
+                "sun.turn": mi.Matrix3f(rotation_with_z(frame.sun_direction_body)),
+                "sun.tangent": mi.Float(float(np.tan(frame.sun_angular_radius_rad))),
+                "sun.irradiance": mi.Color3f(*map(float, frame.sun_irradiance_rgb_w_m2)),
+            }
+        )
+        random = generator(request.seed, frame.index, "mitsuba")
+        parts = [
+            self._pixels(world, frame, places, int(random.integers(2**31)))
+            for places in _places(box, SAMPLES_PER_CALL // self._spp)
+        ]
+        return np.concatenate(parts).reshape(box.height, box.width, 4)
+
+    def _pixels(self, world: World, frame: FrameState, places: FloatArray, seed: int) -> FloatArray:
+        """(n, 4) of the pixels whose centres are at ``places`` (n, 2)."""
+        import drjit as dr
+        import mitsuba as mi
+
+        sampler = self._sampler.clone()
+        sampler.seed(dr.opaque(mi.UInt32, seed), len(places) * self._spp)
+        corner = (places - [self._camera.cx_px, self._camera.cy_px] - 0.5) / self._camera.fx_px
+        pixel: Any = dr.opaque(mi.Float, 1 / self._camera.fx_px)
+        shift = pixel * sampler.next_2d()
+        x, y = (dr.repeat(mi.Float(np.float32(column)), self._spp) for column in corner.T)
+        across = mi.Vector3f(x + shift.x, y + shift.y, 0.0)
+
+        # A ray starts shortly before the craft, so that no digits are lost at large ranges.
+        rotation = frame.R_cam_from_body.T
+        near_m = max(float(frame.t_body_cam_m[2]) - 1.01 * self._radius_m, 1e-3 * self._radius_m)
+        middle = mi.Point3f(*map(float, rotation @ ([0.0, 0.0, near_m] - frame.t_body_cam_m)))
+        turn, near = mi.Matrix3f(rotation), mi.Float(near_m)
+        dr.make_opaque(middle, turn, near)
+        ray = mi.RayDifferential3f(
+            middle + turn @ (across * near), turn @ dr.normalize(across + mi.Vector3f(0, 0, 1))
+        )
+        rgb, covered, _ = world.integrator.sample(world.scene, sampler, ray)
+        channels = [rgb.x, rgb.y, rgb.z, dr.select(covered, mi.Float(1), mi.Float(0))]
+        dr.eval(channels)  # all at once: one by one, each would be rendered anew
+        means = [np.array(dr.block_sum(channel, self._spp), dtype=np.float64) for channel in channels]
+        return np.stack(means, axis=-1) / self._spp
+
+
+def _places(box: PixelBox, largest: int) -> Iterator[FloatArray]:
+    """The box's pixel centres (n, 2) row by row, in runs of ``largest`` at most."""
+    centres_px = box.pixel_centres_px().reshape(-1, 2)
+    for start in range(0, len(centres_px), largest):
+        yield centres_px[start : start + largest]
+
+
+@cache
+def _register_sun(variant: str) -> None:
+    """Make ``posse_sun`` known to the variant, which must be set."""
+    import drjit as dr
+    import mitsuba as mi
+
+    class Sun(mi.Emitter):
+        """Even light from a disc at infinity, for light sampling alone: no path meets it by chance."""
+
+        def __init__(self, properties: Any) -> None:
+            super().__init__(properties)
+            self.m_flags = mi.EmitterFlags.Infinite | mi.EmitterFlags.DeltaDirection
+            self.turn = mi.Matrix3f(1)
+            self.tangent = mi.Float(0)
+            self.irradiance = mi.Color3f(0)
+
+        def traverse(self, callback: Any) -> None:
+            super().traverse(callback)
+            for name in ("turn", "tangent", "irradiance"):
+                callback.put(name, getattr(self, name), mi.ParamFlags.NonDifferentiable)
+
+        def sample_direction(self, it: Any, sample: Any, active: Any = True) -> Any:
+            place = mi.warp.square_to_uniform_disk_concentric(sample) * self.tangent
+            found: Any = mi.DirectionSample3f()
+            found.d = dr.normalize(self.turn @ mi.Vector3f(place.x, place.y, 1))
+            found.dist = mi.Float(_FAR_M)
+            found.p = it.p + found.d * _FAR_M
+            found.n = -found.d
+            found.uv = mi.Point2f(0)
+            found.time = it.time
+            found.pdf = mi.Float(1)
+            found.delta = mi.Bool(True)
+            found.emitter = mi.EmitterPtr(self)
+            return found, self.irradiance
+
+        def pdf_direction(self, it: Any, found: Any, active: Any = True) -> Any:
+            return mi.Float(0)
+
+        def eval_direction(self, it: Any, found: Any, active: Any = True) -> Any:
+            return mi.Color3f(0)
+
+        def eval(self, si: Any, active: Any = True) -> Any:
+            return mi.Color3f(0)
+
+    mi.register_emitter("posse_sun", Sun)
+
+
+_FAR_M = 1e4
+"""How far a shadow ray goes."""

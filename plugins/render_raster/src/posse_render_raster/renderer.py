@@ -146,7 +146,7 @@ class RasterRenderer(Renderer):
         """Hand over what all tiles share; the textures that live for this frame."""
         frame, light = request.frame, stage.craft.light
         radius_m = MARGIN * stage.spacecraft.radius_m
-        nearest_m = max(frame.range_m - radius_m, NEAREST * radius_m)
+        nearest_m = max(float(frame.t_body_cam_m[2]) - radius_m, NEAREST * radius_m)
         for target in (stage.craft.depth, light):
             _set_matrix(target, "R_cam_from_body", frame.R_cam_from_body)
             target["t_body_cam_m"] = tuple(frame.t_body_cam_m)

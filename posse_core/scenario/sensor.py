@@ -58,7 +58,12 @@ class SensorConfig(Options):
     quantum_efficiency: tuple[Share, Share, Share] = Field(
         (0.45, 0.50, 0.40), description="electrons per photon in the red, green and blue band"
     )
-    full_well_e: float = Field(1e6, gt=0, description="electrons that a pixel holds")
+    full_well_e: float | None = Field(
+        None,
+        gt=0,
+        description="electrons that a pixel holds; null goes with its area, 1264 per square micrometre:"
+        " 1e6 for the thesis' pixels, so that exposure does not depend on the image's size",
+    )
     blooming: bool = Field(
         False, description="electrons over the full well run along the column, half up and half down"
     )

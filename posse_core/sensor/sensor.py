@@ -19,6 +19,10 @@ POISSON_BELOW_E = 64.0
 """Means above are drawn as a Gaussian of the same mean and variance: 20 times faster."""
 
 
+FULL_WELL_E_M2 = 1e6 / 28.125e-6**2
+"""Electrons that a pixel holds by its area, where the scenario is silent: silicon's usual 10³ per µm²."""
+
+
 class Sensor:
     """A lens and a detector with linear response up to its full well.
 
@@ -44,7 +48,8 @@ class Sensor:
             cosine2 = 1 / np.sum(camera.rays(whole.pixel_centres_px()) ** 2, axis=-1)
             self._falloff = (cosine2**2).astype(np.float32)[..., None]
         self._max_dn = 2**config.bit_depth - 1
-        gain_e_dn = config.gain_e_dn or config.full_well_e / self._max_dn
+        self._full_well_e = config.full_well_e or FULL_WELL_E_M2 * pixel_m2
+        gain_e_dn = config.gain_e_dn or self._full_well_e / self._max_dn
         if config.color == "mono":
             self._e_per_radiance = per_radiance[:, None]
             self._e_per_irradiance = per_irradiance[:, None]
@@ -99,8 +104,8 @@ class Sensor:
         if config.noise.shot:
             electrons = _shot(electrons, random)
         if config.blooming:
-            _bloom(electrons, np.float32(config.full_well_e))
-        np.minimum(electrons, np.float32(config.full_well_e), out=electrons)
+            _bloom(electrons, np.float32(self._full_well_e))
+        np.minimum(electrons, np.float32(self._full_well_e), out=electrons)
         if config.noise.read_e:
             electrons += np.float32(config.noise.read_e) * random.standard_normal(
                 electrons.shape, dtype=np.float32

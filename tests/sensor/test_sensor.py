@@ -1,5 +1,7 @@
 """The sensor against closed forms: plate, star, photon transfer, conservation of light."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -38,9 +40,16 @@ def _plate_electrons(albedo: float, config: SensorConfig) -> float:
 def test_a_white_plate_has_the_documented_dn(albedo: float, color: str) -> None:
     config = SensorConfig(noise=QUIET, bit_depth=16, color=color)
     image = Sensor(config, CAMERA).expose(_flat(albedo * SUN_RGB / np.pi), None, seed=0, index=0)
-    expected = 65535 * _plate_electrons(albedo, config) / config.full_well_e
+    expected = 65535 * _plate_electrons(albedo, config) / 1e6
     assert image.shape == ((48, 64) if color == "mono" else (48, 64, 3))
     np.testing.assert_allclose(image, expected, atol=1.0)
+
+
+def test_a_smaller_image_of_the_same_sensor_is_as_bright() -> None:
+    coarse = replace(CAMERA, sensor_width_m=4 * CAMERA.sensor_width_m)  # pixels of four times the width
+    config = SensorConfig(noise=QUIET, bit_depth=16)
+    images = [Sensor(config, c).expose(_flat(SUN_RGB / np.pi), None, 0, 0) for c in (CAMERA, coarse)]
+    np.testing.assert_allclose(images[0], images[1], atol=1)
 
 
 def test_the_defaults_expose_white_just_below_saturation() -> None:

@@ -20,7 +20,7 @@ POISSON_BELOW_E = 64.0
 
 
 FULL_WELL_E_M2 = 1e6 / 28.125e-6**2
-"""Electrons that a pixel holds by its area, where the scenario is silent: silicon's usual 10³ per µm²."""
+"""Electrons that a pixel holds by its area, if the scenario is silent: silicon's usual 10³ per µm²."""
 
 
 class Sensor:

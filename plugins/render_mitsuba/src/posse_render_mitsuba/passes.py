@@ -71,7 +71,7 @@ class Passes:
 
         camera = self._camera
         rotation = frame.R_cam_from_body.T
-        near_m, far_m = _clip_distances_m(frame.range_m, self._radius_m)
+        near_m, far_m = _clip_distances_m(float(frame.t_body_cam_m[2]), self._radius_m)
         to_world: Float32Array = homogeneous(rotation @ MITSUBA_FROM_CAM, -rotation @ frame.t_body_cam_m)
         return mi.load_dict(
             {
@@ -113,6 +113,7 @@ def _offset(principal_px: float, size_px: int) -> float:
     return -((principal_px + 0.5) / size_px - 0.5)
 
 
-def _clip_distances_m(range_m: float, radius_m: float) -> tuple[float, float]:
-    nearest = range_m - 1.01 * radius_m
-    return max(nearest, 1e-3 * radius_m), range_m + 1.01 * radius_m
+def _clip_distances_m(z_m: float, radius_m: float) -> tuple[float, float]:
+    """Planes before and behind a craft whose origin is at planar depth ``z_m``."""
+    nearest = z_m - 1.01 * radius_m
+    return max(nearest, 1e-3 * radius_m), max(z_m, 0.0) + 1.01 * radius_m

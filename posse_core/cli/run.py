@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import sys
 import time
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import click
 from tqdm import tqdm
 
-from posse_core.cli.common import DEFAULT_SCENARIO, echo_json, naming, read_scenario, scenario_options
+from posse_core.cli.common import DEFAULT_SCENARIO, naming, read_scenario, scenario_options
 from posse_core.errors import InputError
 from posse_core.interfaces.executor import Executor, FrameResult
 from posse_core.pipeline.plan import make_plan
@@ -26,8 +28,16 @@ from posse_core.scenario.load import scenario_members
 @click.option("--out", type=click.Path(path_type=Path), help="Folder of the dataset.")
 @click.option("--workers", type=int, default=1, show_default=True, help="Number of workers.")
 @click.option("--executor", default="local", show_default=True, help="Where frames are made.")
+@click.option(
+    "--frame-time-limit",
+    type=float,
+    metavar="SECONDS",
+    help="Stop a frame after this, and try it again.",
+)
 @click.option("--resume", is_flag=True, help="Go on with the run in --out.")
-@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
+@click.option(
+    "--json", "as_json", is_flag=True, help="Print what happens, one JSON object a line, as it happens."
+)
 @scenario_options
 def command(
     scenario: str | None,
@@ -35,6 +45,7 @@ def command(
     out: Path | None,
     workers: int,
     executor: str,
+    frame_time_limit: float | None,
     resume: bool,
     as_json: bool,
     seed: int | None,
@@ -52,7 +63,7 @@ def command(
     if resume and scenario is None and out is not None and (out / "scenario.yaml").exists():
         source = str(out / "scenario.yaml")
     named = {"renderer.name": renderer, "seed": seed, "frames": frames}
-    pool = _executor(plugins, executor, workers)
+    pool = _executor(plugins, executor, workers, frame_time_limit)
     members = scenario_members(source)
     plans = {}
     for member in members:
@@ -61,19 +72,22 @@ def command(
             plans[Path(member).stem] = make_plan(checked, plugins.registry)
     folder = out or _free_folder(Path(source).stem)
     folders = {name: folder / name if len(plans) > 1 else folder for name in plans}
-    results = [
-        run(plan, folders[name], plugins, pool, resume=resume, progress=_bar)
-        for name, plan in plans.items()
-    ]
-    if as_json:
-        echo_json([_as_json(result) for result in results])
+    results = []
+    for name, plan in plans.items():
+        shown = partial(_events, folders[name]) if as_json else _bar
+        result = run(plan, folders[name], plugins, pool, resume=resume, progress=shown)
+        if as_json:
+            _emit("finished", **_as_json(result))
+        results.append(result)
     for result in results:
         _tell(result, to_stdout=not as_json)
     return 3 if any(result.failed for result in results) else 0
 
 
-def _executor(plugins: Plugins, name: str, workers: int) -> Executor:
-    options = plugins.registry.options("executor", name, {"workers": workers}, where="--")
+def _executor(plugins: Plugins, name: str, workers: int, frame_time_limit_s: float | None) -> Executor:
+    given = {"workers": workers, "frame_time_limit_s": frame_time_limit_s}
+    given = {key: value for key, value in given.items() if value is not None}
+    options = plugins.registry.options("executor", name, given, where="--")
     made: Executor = plugins.registry.create("executor", name, options)
     return made
 
@@ -88,6 +102,23 @@ def _bar(results: Iterable[FrameResult], frames: int, done: int) -> Iterable[Fra
         for result in results:
             bar.update()
             yield result
+
+
+def _events(
+    folder: Path, results: Iterable[FrameResult], frames: int, done: int
+) -> Iterable[FrameResult]:
+    """A line when the run starts, and one a frame when its labels are on the disk."""
+    _emit("started", dataset=str(folder), frames=frames, done=done)
+    for result in results:
+        yield result
+        if result.labels is None:
+            _emit("failed", frame=result.index, error=result.error)
+        else:
+            _emit("frame", frame=result.index)
+
+
+def _emit(event: str, **values: Any) -> None:
+    click.echo(json.dumps({"event": event, **values}, ensure_ascii=False))
 
 
 def _as_json(result: RunResult) -> dict[str, Any]:

@@ -73,13 +73,13 @@ class LabelLog:
         path = self._folder / CHECKSUMS
         digests: dict[str, str] = {}
         for row in whole_lines(path):
-            digest, _, name = row.decode().rstrip("\n").partition("  ")
+            digest, _, name = row.decode(errors="replace").rstrip("\n").partition("  ")
             digests[name] = digest
         done: set[int] = set()
         kept: set[str] = set()
         # Reading and hashing leave Python to the other threads.
         with ThreadPoolExecutor() as threads:
-            for intact in threads.map(partial(self._mend, digests), self._shards):
+            for intact in threads.map(partial(self._mend, digests), range(len(self._shards))):
                 for index, names in intact.items():
                     done.add(index)
                     kept.update(names)
@@ -88,15 +88,16 @@ class LabelLog:
             write_bytes(path, text.encode())
         return done
 
-    def _mend(self, digests: Mapping[str, str], path: Path) -> dict[int, list[str]]:
+    def _mend(self, digests: Mapping[str, str], shard: int) -> dict[int, list[str]]:
         """Drop what is not whole from a shard; files of the frames that are left, by index."""
+        path = self._shards[shard]
         intact: dict[int, list[str]] = {}
         lines: list[bytes] = []
         for line in whole_lines(path):
             labels = _labels(line)
             if labels is None or labels["index"] in intact:
                 continue
-            if shard_path(self._folder, labels["index"]) != path:
+            if labels["index"] // FRAMES_PER_SHARD != shard:
                 continue
             names = frame_files(labels)
             if all(self._is_intact(name, digests) for name in names):
@@ -108,7 +109,7 @@ class LabelLog:
 
     def _is_intact(self, name: str, digests: Mapping[str, str]) -> bool:
         try:
-            return name in digests and sha256(self._folder / name) == digests[name]
+            return name in digests and sha256(f"{self._folder}/{name}") == digests[name]
         except OSError:
             return False
 
@@ -134,7 +135,7 @@ def _place_of_row(row: bytes) -> tuple[int, bytes]:
 
 def _labels(line: bytes) -> dict[str, Any] | None:
     try:
-        labels = json.loads(line)
+        labels = json.loads(line.decode())
     except ValueError:
         return None
     return labels if isinstance(labels, dict) and isinstance(labels.get("index"), int) else None

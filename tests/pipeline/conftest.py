@@ -30,6 +30,7 @@ relative: {roe_m: [0, 0, 6, 0, 6, 0]}
 times: {duration_orbits: 1, count: 8}
 camera: {width_px: 64, height_px: 48}
 sky: {earth: false, stars: null}
+sensor: {noise: {gaussian_dn: 3}}
 renderer: {name: flat, seconds: 0.05}
 writers: [coco, speed]
 seed: 7

@@ -84,6 +84,17 @@ def test_a_killed_worker_costs_nothing(undisturbed, posse, small_scenario, tmp_p
     assert labels_of(tmp_path / "w") == labels_of(undisturbed)
 
 
+def test_a_frame_that_hangs_is_stopped_and_tried_again(undisturbed, posse, small_scenario, tmp_path):
+    marker = tmp_path / "hung"
+    made = posse(
+        *("run", small_scenario, "--out", "h", "--frame-time-limit", 12),
+        env={"FLAT_HANG_ONCE": f"3,{marker}"},
+    )
+    assert made.returncode == 0, made.stderr
+    assert marker.exists()
+    assert labels_of(tmp_path / "h") == labels_of(undisturbed)
+
+
 @pytest.mark.parametrize("fault", ["FLAT_KILL", "FLAT_RAISE"])
 def test_a_frame_that_always_fails_is_named_and_can_be_made_later(
     fault, undisturbed, posse, small_scenario, tmp_path
@@ -97,11 +108,12 @@ def test_a_frame_that_always_fails_is_named_and_can_be_made_later(
     assert list(manifest["failed_frames"]) == ["3"]
     assert len(json.loads((out / "coco.json").read_text())["images"]) == FRAMES - 1
     assert posse("run", "--resume", "--out", out).returncode == 0
-    assert (out / "coco.json").read_bytes() == (undisturbed / "coco.json").read_bytes()
-    assert (out / "speed.json").read_bytes() == (undisturbed / "speed.json").read_bytes()
+    assert labels_of(out) == labels_of(undisturbed)
 
 
-@pytest.mark.parametrize("damage", ["image lost", "image cut", "line torn", "checksum lost"])
+@pytest.mark.parametrize(
+    "damage", ["image lost", "image cut", "image flipped", "line torn", "checksum lost"]
+)
 def test_damage_is_found_and_mended_on_resume(damage, undisturbed, posse, tmp_path):
     out = tmp_path / "damaged"
     shutil.copytree(undisturbed, out)
@@ -112,6 +124,10 @@ def test_damage_is_found_and_mended_on_resume(damage, undisturbed, posse, tmp_pa
         image.unlink()
     elif damage == "image cut":
         image.write_bytes(image.read_bytes()[:-20])
+    elif damage == "image flipped":
+        whole = bytearray(image.read_bytes())
+        whole[len(whole) // 2] ^= 1
+        image.write_bytes(whole)
     elif damage == "line torn":
         shard.write_bytes(shard.read_bytes()[:-30])
     else:
@@ -119,8 +135,8 @@ def test_damage_is_found_and_mended_on_resume(damage, undisturbed, posse, tmp_pa
         (out / "checksums.sha256").write_text("".join(s for s in sums if "000005.png" not in s))
     assert posse("run", "--resume", "--out", out).returncode == 0
     assert image.read_bytes() == (undisturbed / "images" / "000005.png").read_bytes()
-    assert (out / "coco.json").read_bytes() == (undisturbed / "coco.json").read_bytes()
-    assert len(shard.read_bytes().splitlines()) == FRAMES
+    assert labels_of(out) == labels_of(undisturbed)
+    assert files_of(out) == files_of(undisturbed)
 
 
 def test_resuming_a_complete_run_changes_nothing(undisturbed, posse):
@@ -184,3 +200,29 @@ def test_a_full_disk_is_told_and_survived(posse, small_scenario, undisturbed, tm
         assert labels_of(disk / "d") == labels_of(undisturbed)
     finally:
         subprocess.run(["umount", disk], check=True)
+
+
+def test_events_tell_what_happens_as_it_happens(posse, small_scenario, tmp_path):
+    out = tmp_path / "e"
+    made = posse("run", small_scenario, "--out", out, "--json", env={"FLAT_RAISE": "3"})
+    assert made.returncode == 3
+    events = [json.loads(line) for line in made.stdout.splitlines()]
+    assert events[0] == {"event": "started", "dataset": str(out), "frames": FRAMES, "done": 0}
+    failure = {"event": "failed", "frame": 3, "error": "RuntimeError: the lamp is broken"}
+    assert failure in events
+    told = [event["frame"] for event in events if event["event"] == "frame"]
+    assert sorted(told) == [0, 1, 2, 4, 5, 6, 7]
+    assert events[-1].pop("seconds") > 0
+    assert events[-1] == {
+        "event": "finished",
+        "dataset": str(out),
+        "frames": FRAMES,
+        "made": FRAMES - 1,
+        "failed": {"3": failure["error"]},
+    }
+    assert len(events) == 1 + FRAMES + 1
+    resumed = posse("run", "--resume", "--out", out, "--json")
+    first, second, last = map(json.loads, resumed.stdout.splitlines())
+    assert first["done"] == FRAMES - 1
+    assert second == {"event": "frame", "frame": 3}
+    assert (last["event"], last["made"], last["failed"]) == ("finished", 1, {})

@@ -26,7 +26,7 @@ class FlatOptions(Options):
 
 class Flat(Renderer):
     """Environment: FLAT_KILL=FRAME dies there each time; FLAT_KILL_ONCE=FRAME,FILE once, by the file;
-    FLAT_RAISE=FRAME raises there."""
+    FLAT_RAISE=FRAME raises there; FLAT_HANG_ONCE=FRAME,FILE never comes back from there, once."""
 
     def open(self, scene):
         self.scene = scene
@@ -36,15 +36,22 @@ class Flat(Renderer):
         time.sleep(self.options.seconds)
         if os.environ.get("FLAT_KILL") == index:
             os.kill(os.getpid(), signal.SIGKILL)
-        once, _, marker = os.environ.get("FLAT_KILL_ONCE", "").partition(",")
-        if once == index and not Path(marker).exists():
-            Path(marker).touch()
+        if self._first_time("FLAT_KILL_ONCE", index):
             os.kill(os.getpid(), signal.SIGKILL)
+        if self._first_time("FLAT_HANG_ONCE", index):
+            time.sleep(3600)
         if os.environ.get("FLAT_RAISE") == index:
             raise RuntimeError("the lamp is broken")
         shape = (request.box.height, request.box.width)
         light = np.full((*shape, 3), self.options.radiance_w_m2_sr, dtype=np.float32)
         return Radiance(request.box, light, np.ones(shape, dtype=np.float32))
+
+    def _first_time(self, variable, index):
+        once, _, marker = os.environ.get(variable, "").partition(",")
+        if once != index or Path(marker).exists():
+            return False
+        Path(marker).touch()
+        return True
 
     def close(self):
         pass

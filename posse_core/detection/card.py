@@ -10,8 +10,9 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from posse_core.dataset import Dataset
+from posse_core.dataset import PARTITION_FILE, Dataset
 from posse_core.errors import InputError
+from posse_core.files import sha256
 
 KEY = "posse_model"
 """The metadata key that holds the card, as JSON, in safetensors and ONNX files alike."""
@@ -92,8 +93,13 @@ def read_card(path: Path) -> ModelCard:
 
 
 def dataset_hash(dataset: Dataset) -> str:
-    """SHA-256 over the manifest's digests; those of the images are in the label lines, hashed there."""
-    digests = dataset.manifest["sha256"]
+    """SHA-256 over the manifest's digests and the division into parts.
+
+    The images' own digests stand in the label lines, which are hashed there.
+    """
+    digests = dict(dataset.manifest["sha256"])
+    if dataset.is_divided:
+        digests[PARTITION_FILE] = sha256(dataset.folder / PARTITION_FILE)
     rows = "".join(f"{digests[path]}  {path}\n" for path in sorted(digests))
     return hashlib.sha256(rows.encode()).hexdigest()
 

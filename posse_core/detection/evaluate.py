@@ -74,6 +74,13 @@ def evaluate(
     Raises:
         InputError: the labels lack what is measured.
     """
+    for model in (detector, finder):
+        missing = sorted(set(dataset.spacecraft_by_name) - set(model.classes)) if model else []
+        if model and missing:
+            raise InputError(
+                f"the model does not know {', '.join(missing)}, which {dataset.folder} shows; it knows"
+                f" {', '.join(model.classes)}"
+            )
     lines = [dataset.frame(index) for index in indices]
     classes = sorted(dataset.spacecraft_by_name)
     truths = [truths_of(line) for line in lines]

@@ -39,6 +39,9 @@ class Model(ABC):
     (can be exported), ``.onnx`` (reads ONNX files).
     """
 
+    classes: Sequence[str] = ()
+    """What it can find; known once it is loaded."""
+
     def __init__(self, options: BaseModel) -> None:
         self.options = options
 

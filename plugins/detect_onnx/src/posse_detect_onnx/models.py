@@ -1,0 +1,93 @@
+"""ONNX files as detectors: the graph decodes, so only pictures go in and pixels come out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import onnxruntime
+
+from posse_core.detection.card import ModelCard
+from posse_core.detection.keypoints import keypoint_ranges, points_of, square_for
+from posse_core.detection.results import detections_from
+from posse_core.detection.square import Square, grey, whole_image
+from posse_core.errors import InputError
+from posse_core.interfaces.detector import Detection, Detector, KeypointFinder
+from posse_core.model.arrays import AnyArray, Float32Array, FloatArray
+from posse_detect_onnx.options import OnnxOptions
+
+
+def _open(path: Path, task: str, threads: int) -> tuple[onnxruntime.InferenceSession, ModelCard]:
+    """The net and its card.
+
+    Raises:
+        InputError: not an ONNX file, without our card, or for another task.
+    """
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+    options.log_severity_level = 4
+    try:
+        session = onnxruntime.InferenceSession(
+            str(path), sess_options=options, providers=["CPUExecutionProvider"]
+        )
+    except Exception as error:  # each fault has a class of its own, which onnxruntime does not name
+        first = str(error).strip().splitlines()[0]
+        raise InputError(f"{path}: not an ONNX file that onnxruntime can run: {first}") from None
+    card = ModelCard.from_metadata(session.get_modelmeta().custom_metadata_map, path)
+    if card.task != task:
+        raise InputError(f"{path}: it finds {card.task}, where a model that finds {task} is needed")
+    return session, card
+
+
+class OnnxDetector(Detector):
+    """Finds spacecraft."""
+
+    options: OnnxOptions
+
+    def load(self, path: Path) -> None:
+        self._session, self._card = _open(path, "boxes", self.options.threads)
+        self.classes = self._card.classes
+
+    def predict(self, images: Sequence[AnyArray]) -> list[list[Detection]]:
+        found = []
+        for image in images:
+            square = whole_image(image.shape[0], image.shape[1], self._card.input_px)
+            outputs = ["boxes", "scores", "labels"]
+            boxes, scores, labels = self._session.run(outputs, {"picture": _picture(image, square)})
+            arrays = boxes[0], scores[0], labels[0]
+            found.append(detections_from(*arrays, square, self.classes, *image.shape[:2]))
+        return found
+
+
+class OnnxKeypoints(KeypointFinder):
+    """Finds keypoints in boxes."""
+
+    options: OnnxOptions
+
+    def load(self, path: Path) -> None:
+        self._session, self._card = _open(path, "keypoints", self.options.threads)
+        self.classes = self._card.classes
+        self.keypoints_body_m: Mapping[str, FloatArray] = points_of(self._card)
+
+    def find(self, image: AnyArray, detections: Sequence[Detection]) -> list[Detection]:
+        found = []
+        ranges = keypoint_ranges(self._card)
+        for detection in detections:
+            square = square_for(detection.box_px, self._card.input_px)
+            pixels, sigma = self._session.run(["points", "sigma"], {"picture": _picture(image, square)})
+            mine = ranges[detection.label]
+            found.append(
+                replace(
+                    detection,
+                    keypoints_px=square.points_out(pixels[0, mine]),
+                    keypoints_sigma_px=np.asarray(sigma[0, mine], np.float64) / square.scale,
+                )
+            )
+        return found
+
+
+def _picture(image: AnyArray, square: Square) -> Float32Array:
+    """(1, 1, S, S) as the nets take it."""
+    return square.cut(grey(image))[None, None]

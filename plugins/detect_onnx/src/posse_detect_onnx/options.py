@@ -1,0 +1,13 @@
+"""Options of nets in ONNX files."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from posse_core.options import Options
+
+
+class OnnxOptions(Options):
+    """How onnxruntime runs a net."""
+
+    threads: int = Field(1, ge=1, description="CPU threads")

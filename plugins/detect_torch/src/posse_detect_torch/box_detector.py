@@ -1,0 +1,176 @@
+"""What nets that find boxes share as components: pictures, samples, judging, prediction, export."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import torch
+from torch import nn
+
+from posse_core.dataset import Dataset
+from posse_core.detection.card import ModelCard, card_of, read_card
+from posse_core.detection.evaluate import truths_of
+from posse_core.detection.results import detections_from
+from posse_core.detection.square import Square, grey, whole_image
+from posse_core.errors import InputError
+from posse_core.evaluation.metrics import Truth, coco_metrics
+from posse_core.interfaces.detector import Detection, Detector
+from posse_core.model.arrays import AnyArray, Float32Array, FloatArray
+from posse_detect_torch.augment import look, move_boxes, random_view, warp
+from posse_detect_torch.checkpoint import read_weights
+from posse_detect_torch.export import compare_detections, export
+from posse_detect_torch.learn import Lesson, device_of, learn
+from posse_detect_torch.options import BoxOptions
+from posse_detect_torch.pictures import Pictures, cut_pictures
+from posse_detect_torch.regions import onnx_translations
+
+OUTPUTS = ("boxes", "scores", "labels", "raw")
+_ZOOM, _SHIFT = (0.6, 1.5), 0.25
+_LEAST_SIDE = 3.0  # pixels that a box must keep after a shift to be learned
+
+
+class BoxLesson(Lesson):
+    """Whole frames; with augmentation turned by quarters, zoomed and shifted, in other light."""
+
+    options: BoxOptions
+
+    def __init__(
+        self, dataset: Dataset, folder: Path, classes: Sequence[str], options: BoxOptions
+    ) -> None:
+        self.classes, self.options = classes, options
+        self.train, self.valid = (self._cut(dataset, folder, part) for part in ("train", "valid"))
+
+    def _cut(self, dataset: Dataset, folder: Path, part: str) -> Pictures:
+        def whole(labels: Mapping[str, Any], height: int, width: int) -> Square:
+            return whole_image(height, width, self.options.input_px)
+
+        return cut_pictures(dataset, dataset.part(part), self.options.input_px, whole, folder, part)
+
+    @abstractmethod
+    def decoded(self, net: nn.Module) -> nn.Module:
+        """``net`` with its decoding."""
+
+    def __len__(self) -> int:
+        return len(self.train) if any(truths_of(line) for line in self.train.labels) else 0
+
+    def sample(self, place: int, random: np.random.Generator) -> dict[str, AnyArray]:
+        size = self.options.input_px
+        picture = self.train.linear(place)
+        box, label = self._target(self.train, place)
+        if self.options.augment:
+            view = random_view(random, size, _ZOOM, _SHIFT, quarter_turns=True)
+            picture = look(warp(picture, view), random)
+            box = move_boxes(box, view, size)
+            if (box[0, 2:] - box[0, :2]).min() < _LEAST_SIDE:
+                label[:] = -1
+        draw = np.array(random.integers(2**31), np.int64)  # a seed for what the losses draw
+        return {"picture": picture[None], "boxes": box.astype(np.float32), "labels": label, "draw": draw}
+
+    def _target(self, pictures: Pictures, place: int) -> tuple[FloatArray, AnyArray]:
+        """(1, 4) left, top, right, bottom in the picture, and (1,) class, −1 where nothing is seen."""
+        truths = truths_of(pictures.labels[place])
+        if not truths:
+            return np.zeros((1, 4)), np.array([-1], np.int64)
+        x, y, width, height = pictures.squares[place].boxes_in(truths[0].box_px)
+        label = np.array([self.classes.index(truths[0].label)], np.int64)
+        return np.array([[x, y, x + width, y + height]]), label
+
+    def valid_truth(self, place: int) -> list[Truth]:
+        """What a picture of the valid part shows, in its own pixels."""
+        box, label = self._target(self.valid, place)
+        seen = np.concatenate([box[0, :2], box[0, 2:] - box[0, :2]])
+        return [Truth(self.classes[label[0]], seen)] if label[0] >= 0 else []
+
+    @torch.inference_mode()
+    def judge(self, net: nn.Module) -> dict[str, float]:
+        if len(self.valid) == 0:
+            return {}
+        decoded = self.decoded(net).eval()
+        device = next(net.parameters()).device
+        size = self.options.input_px
+        whole = Square(0, 0, size, size)
+        truths, found = [], []
+        for place in range(len(self.valid)):
+            truths.append(self.valid_truth(place))
+            outputs = decoded(torch.from_numpy(self.valid.linear(place))[None, None].to(device))
+            boxes, scores, labels = (value[0].cpu().numpy() for value in outputs[:3])
+            found.append(detections_from(boxes, scores, labels, whole, self.classes, size, size))
+        metrics = coco_metrics(truths, found, self.classes)
+        return {f"valid {name}": metrics[name] for name in ("mAP", "mAP50", "mAR")}
+
+
+class BoxDetector(Detector):
+    """A net that finds boxes, with its lesson."""
+
+    name: ClassVar[str]
+
+    @abstractmethod
+    def lesson(self, dataset: Dataset, folder: Path, card: ModelCard) -> BoxLesson:
+        """What the net learns."""
+
+    @abstractmethod
+    def net(self, card: ModelCard) -> nn.Module:
+        """The net that a card describes, whose weights are still to be read."""
+
+    @abstractmethod
+    def decoded(self, net: nn.Module) -> nn.Module:
+        """``net`` with its decoding: pictures → boxes, scores, labels, raw."""
+
+    @property
+    def settings(self) -> BoxOptions:
+        """The options."""
+        assert isinstance(self.options, BoxOptions)
+        return self.options
+
+    def train(self, dataset: Dataset, folder: Path) -> Path:
+        """See :class:`posse_core.interfaces.detector.Model`.
+
+        Raises:
+            InputError: the dataset was not divided, has no boxes, or shows nothing.
+        """
+        card = card_of(
+            dataset,
+            net=self.name,
+            task="boxes",
+            input_px=self.settings.input_px,
+            options=self.settings.model_dump(mode="json"),
+            version=version("posse-detect-torch"),
+        )
+        return learn(self.lesson(dataset, folder, card), card, folder)
+
+    def load(self, path: Path) -> None:
+        self._card = read_card(path)
+        if self._card.net != self.name:
+            raise InputError(f"{path}: a model of {self._card.net!r}, not of {self.name!r}")
+        self.classes = self._card.classes
+        net = self.net(self._card)
+        read_weights(path, net)
+        self._decoded = self.decoded(net).eval().to(device_of(self.settings))
+
+    def predict(self, images: Sequence[AnyArray]) -> list[list[Detection]]:
+        return [self._predict(image) for image in images]
+
+    def _predict(self, image: AnyArray) -> list[Detection]:
+        picture, square = _picture(image, self._card.input_px)
+        device = next(self._decoded.parameters()).device
+        with torch.inference_mode():
+            found = self._decoded(torch.from_numpy(picture)[None].to(device))
+        boxes, scores, labels = (value[0].cpu().numpy() for value in found[:3])
+        return detections_from(boxes, scores, labels, square, self.classes, *image.shape[:2])
+
+    def export_onnx(self, path: Path, images: Sequence[AnyArray]) -> Mapping[str, float]:
+        pictures = np.stack([_picture(image, self._card.input_px)[0] for image in images])
+        return export(
+            self._decoded, OUTPUTS, pictures, self._card, path, compare_detections, onnx_translations()
+        )
+
+
+def _picture(image: AnyArray, size_px: int) -> tuple[Float32Array, Square]:
+    """(1, S, S) as the net takes it, and its place in the image."""
+    square = whole_image(image.shape[0], image.shape[1], size_px)
+    return square.cut(grey(image))[None], square

@@ -1,0 +1,62 @@
+"""Weights and training state in safetensors files."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import safetensors
+from safetensors.torch import load_file, save
+from torch import Tensor, nn
+
+from posse_core.detection.card import ModelCard, read_card
+from posse_core.errors import InputError
+from posse_core.files import write_bytes
+
+_STATE = "posse_training"
+
+
+def write_model(path: Path, tensors: Mapping[str, Tensor], card: ModelCard) -> None:
+    """Write a net's tensors with its card, atomically."""
+    write_bytes(path, save(_plain(tensors), card.metadata()))
+
+
+def write_state(path: Path, tensors: Mapping[str, Tensor], card: ModelCard, state: Any) -> None:
+    """Write what a training needs to go on; ``state`` is JSON."""
+    write_bytes(path, save(_plain(tensors), {**card.metadata(), _STATE: json.dumps(state)}))
+
+
+def read_state(path: Path) -> tuple[dict[str, Tensor], ModelCard, Any]:
+    """What :func:`write_state` wrote.
+
+    Raises:
+        InputError: not such a file.
+    """
+    card = read_card(path)
+    with safetensors.safe_open(str(path), framework="pt") as file:
+        metadata = file.metadata()
+    if _STATE not in metadata:
+        raise InputError(f"{path}: holds no training; name another folder by --out")
+    return load_file(path), card, json.loads(metadata[_STATE])
+
+
+def read_weights(path: Path, net: nn.Module) -> None:
+    """Put a model file's tensors into ``net``.
+
+    Raises:
+        InputError: damaged, or of another net.
+    """
+    try:
+        tensors = load_file(path)
+    except (safetensors.SafetensorError, OSError) as error:
+        raise InputError(f"{path}: cannot be read: {error}") from None
+    wanted = {name: value.shape for name, value in net.state_dict().items()}
+    if wanted != {name: value.shape for name, value in tensors.items()}:
+        raise InputError(f"{path}: its tensors are not those of this net; train it anew")
+    net.load_state_dict(tensors)
+
+
+def _plain(tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    return {name: value.detach().cpu().contiguous() for name, value in tensors.items()}

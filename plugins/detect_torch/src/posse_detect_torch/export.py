@@ -1,0 +1,152 @@
+"""Nets as ONNX: opset 18, standard operations, our card as metadata, held against torch on frames."""
+
+from __future__ import annotations
+
+import logging
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import onnxruntime
+import torch
+from torch import nn
+
+from posse_core.detection.card import ModelCard
+from posse_core.errors import ComponentError
+from posse_core.files import write_bytes
+from posse_core.model.arrays import AnyArray, Float32Array
+
+OPSET = 18  # above it, some runtimes have no RoiAlign or fall back to the CPU
+Outputs = Mapping[str, AnyArray]
+Compare = Callable[[Outputs, Outputs], Mapping[str, tuple[float, float]]]
+"""Outputs by torch and by ONNX → name → (difference, what is allowed)."""
+
+
+def export(
+    net: nn.Module,
+    names: Sequence[str],
+    pictures: Float32Array,
+    card: ModelCard,
+    path: Path,
+    compare: Compare,
+    translations: Mapping[Any, Callable[..., Any]] | None = None,
+) -> dict[str, float]:
+    """Write ``net`` and compare it with itself on ``pictures``.
+
+    Args:
+        net: takes (B, 1, S, S) float32 and returns what ``names`` say.
+        pictures: (F, 1, S, S) of real frames.
+        translations: torch operation → its ONNX function, for operations of our own.
+
+    Returns:
+        Name → greatest difference.
+
+    Raises:
+        ComponentError: a difference is larger than ``compare`` allows; nothing is written.
+    """
+    net = net.eval().cpu()
+    model = _to_onnx(net, names, torch.from_numpy(pictures[:2].repeat(2, axis=0)[:2]), translations)
+    for key, value in card.metadata().items():
+        model.metadata_props.add(key=key, value=value)
+    data = model.SerializeToString()
+    session = onnxruntime.InferenceSession(data, providers=["CPUExecutionProvider"])
+    worst: dict[str, float] = {}
+    for picture in pictures:
+        with torch.no_grad():
+            by_torch = net(torch.from_numpy(picture[None]))
+        by_onnx = session.run(list(names), {"picture": picture[None]})
+        ours = {name: value.numpy() for name, value in zip(names, by_torch, strict=True)}
+        theirs = dict(zip(names, by_onnx, strict=True))
+        for name, (difference, allowed) in compare(ours, theirs).items():
+            if not difference <= allowed:
+                raise ComponentError(
+                    f"{path}: not written: {name} of ONNX and torch differ by {difference:.2g}, where"
+                    f" {allowed:g} is allowed"
+                )
+            worst[name] = max(worst.get(name, 0.0), difference)
+    write_bytes(path, data)
+    return worst
+
+
+def _to_onnx(
+    net: nn.Module,
+    names: Sequence[str],
+    pictures: torch.Tensor,
+    translations: Mapping[Any, Callable[..., Any]] | None,
+) -> onnx.ModelProto:
+    logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it tells that torchvision is not there
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of torch and onnxscript about themselves
+        program = torch.onnx.export(
+            net,
+            (pictures,),
+            dynamo=True,
+            opset_version=OPSET,
+            input_names=["picture"],
+            output_names=list(names),
+            dynamic_shapes=({0: torch.export.Dim("batch", min=1, max=1024)},),
+            custom_translation_table=dict(translations or {}),
+            verbose=False,
+        )
+    assert program is not None
+    model = program.model_proto
+    _strip(model.graph)
+    for function in model.functions:
+        del function.metadata_props[:]
+        for node in function.node:
+            _strip_node(node)
+    onnx.checker.check_model(model)
+    foreign = {node.domain for node in model.graph.node} - {"", "ai.onnx"}
+    assert not foreign, foreign
+    return model
+
+
+def _strip(graph: onnx.GraphProto) -> None:
+    """Take out stack traces, which hold paths of this machine."""
+    graph.doc_string = ""
+    del graph.metadata_props[:]
+    for node in graph.node:
+        _strip_node(node)
+    for value in [*graph.value_info, *graph.input, *graph.output, *graph.initializer]:
+        del value.metadata_props[:]
+
+
+def _strip_node(node: onnx.NodeProto) -> None:
+    node.doc_string = ""
+    del node.metadata_props[:]
+    for attribute in node.attribute:
+        if attribute.HasField("g"):
+            _strip(attribute.g)
+
+
+def difference(a: AnyArray, b: AnyArray) -> float:
+    """Greatest absolute difference; infinite where shapes differ."""
+    if a.shape != b.shape:
+        return float("inf")
+    return float(np.max(np.abs(a.astype(np.float64) - b), initial=0.0))
+
+
+def raw_difference(a: AnyArray, b: AnyArray) -> float:
+    """Greatest difference; above values of 1, as a share of the greatest value, as float32 keeps it."""
+    return difference(a, b) / max(1.0, float(np.max(np.abs(a), initial=0.0)))
+
+
+def compare_detections(ours: Outputs, theirs: Outputs) -> dict[str, tuple[float, float]]:
+    """Raw tensors within 10⁻⁴; each detection has one of the same class within 0.1 px of its box and
+    10⁻⁴ of its score. They are matched by box, since equal scores come in any order."""
+    result = {"raw": (raw_difference(ours["raw"], theirs["raw"]), 1e-4)}
+    box_px, score = 0.0, 0.0
+    for a, b in ((ours, theirs), (theirs, ours)):
+        for box, label, value in zip(a["boxes"][0], a["labels"][0], a["scores"][0], strict=True):
+            if label < 0 or value <= 1e-4:  # padding, and what is as good as nothing
+                continue
+            same = b["labels"][0] == label
+            away = np.abs(b["boxes"][0] - box).max(axis=-1, initial=0.0)
+            away = np.where(same, away, np.inf)
+            best = int(np.argmin(away))
+            box_px = max(box_px, float(away[best]))
+            score = max(score, abs(float(value - b["scores"][0][best])))
+    return {**result, "boxes, px": (box_px, 0.1), "scores": (score, 1e-4)}

@@ -1,0 +1,213 @@
+"""The training loop of every net: resumable, and the same each time on one number of threads."""
+
+from __future__ import annotations
+
+import copy
+import math
+import sys
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from tqdm import tqdm
+
+from posse_core.detection.card import ModelCard
+from posse_core.errors import ComponentError, InputError
+from posse_core.files import write_bytes
+from posse_core.randomness import derived_seed, generator
+from posse_detect_torch.checkpoint import read_state, write_model, write_state
+from posse_detect_torch.curves import page
+from posse_detect_torch.options import TrainOptions
+
+MODEL, LAST, CURVES = "model.safetensors", "last.safetensors", "curves.html"
+_WARM_UP = 0.03  # share of the steps over which the learning rate rises
+
+Batch = Mapping[str, Tensor]
+
+
+class Lesson(ABC):
+    """What a net learns, from which samples."""
+
+    net: nn.Module
+    options: TrainOptions
+    clip = 10.0  # greatest norm of a gradient
+    average = 0.998  # decay of the averaged weights, which are what is kept; 0 keeps the last
+
+    @abstractmethod
+    def __len__(self) -> int:
+        """Number of training samples."""
+
+    @abstractmethod
+    def sample(self, place: int, random: np.random.Generator) -> dict[str, np.ndarray]:
+        """One sample as arrays, all samples of like shapes; called from several threads."""
+
+    @abstractmethod
+    def losses(self, batch: Batch) -> dict[str, Tensor]:
+        """Scalar losses by name, whose sum is made small."""
+
+    @abstractmethod
+    def judge(self, net: nn.Module) -> dict[str, float]:
+        """Metrics of ``net`` on the valid part; none where that is empty."""
+
+    def optimizer(self, net: nn.Module) -> torch.optim.Optimizer:
+        """What makes the losses small."""
+        return torch.optim.AdamW(net.parameters(), weight_decay=self.options.weight_decay)
+
+    def rate(self, step: int, steps: int) -> float:
+        """Share of the learning rate at a step: it rises quickly, then falls along a cosine."""
+        return min((step + 1) / max(_WARM_UP * steps, 1), 0.5 * (1 + math.cos(math.pi * step / steps)))
+
+
+def seeded(options: TrainOptions, make: Any) -> Any:
+    """Call ``make`` with torch's draws fixed by the seed, and leave torch's state as it was."""
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(derived_seed(options.seed, -1, "weights"))
+        return make()
+
+
+def device_of(options: TrainOptions) -> torch.device:
+    """The device, with the number of threads set.
+
+    Raises:
+        ComponentError: there is no such device.
+    """
+    torch.set_num_threads(options.threads)
+    if options.device == "cuda" and not torch.cuda.is_available():
+        raise ComponentError("option device: this machine, or its build of torch, has no CUDA; use cpu")
+    return torch.device(options.device)
+
+
+def learn(lesson: Lesson, card: ModelCard, folder: Path) -> Path:
+    """Train to the last epoch, from the last checkpoint in ``folder`` if there is one.
+
+    Returns:
+        The file of the averaged weights.
+
+    Raises:
+        InputError: the folder holds a training with other options or data, or there is no sample.
+    """
+    if len(lesson) == 0:
+        raise InputError("the train part shows no spacecraft to learn from; divide the dataset anew")
+    options = lesson.options
+    device = device_of(options)
+    net = lesson.net.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+    average = copy.deepcopy(net).eval()
+    optimizer = lesson.optimizer(net)
+    history: list[dict[str, float]] = []
+    last = folder / LAST
+    if last.exists():
+        history = _resume(last, net, average, optimizer, card)
+    steps = math.ceil(len(lesson) / options.batch)
+    with ThreadPoolExecutor(options.threads) as pool:
+        for epoch in range(len(history), options.epochs):
+            sums: dict[str, float] = {}
+            net.train()
+            batches = _batches(lesson, epoch, pool)
+            bar = tqdm(batches, f"epoch {epoch + 1}/{options.epochs}", steps, file=sys.stderr)
+            for number, batch in enumerate(bar):
+                step = epoch * steps + number
+                for group in optimizer.param_groups:
+                    group["lr"] = options.learning_rate * lesson.rate(step, steps * options.epochs)
+                losses = lesson.losses({k: v.to(device) for k, v in batch.items()})
+                total = torch.stack(list(losses.values())).sum()
+                optimizer.zero_grad()
+                total.backward()  # type: ignore[no-untyped-call]
+                nn.utils.clip_grad_norm_(net.parameters(), lesson.clip)
+                optimizer.step()
+                _follow(average, net, min(lesson.average, (1 + step) / (10 + step)))
+                for name, value in losses.items():
+                    sums[name] = sums.get(name, 0.0) + float(value.detach()) / steps
+            if not all(map(math.isfinite, sums.values())):
+                raise ComponentError("the loss is no number any more; lower the option learning_rate")
+            history.append({"epoch": epoch + 1, **sums, **lesson.judge(average)})
+            card = replace(card, epochs=epoch + 1)
+            _save(last, net, average, optimizer, card, history)
+            text = page(f"{card.net}: {epoch + 1} epochs on {card.dataset_sha256[:12]}", history)
+            write_bytes(folder / CURVES, text.encode())
+            tqdm.write(", ".join(f"{k} {v:.4g}" for k, v in history[-1].items()), file=sys.stderr)
+    write_model(folder / MODEL, average.state_dict(), replace(card, epochs=len(history)))
+    return folder / MODEL
+
+
+def _batches(lesson: Lesson, epoch: int, pool: ThreadPoolExecutor) -> Iterator[Batch]:
+    """Batches in the epoch's own order, the next one made while one is learned from."""
+    options = lesson.options
+    order = generator(options.seed, epoch, "order").permutation(len(lesson))
+    places = [int(place) for place in order]
+    groups = [places[i : i + options.batch] for i in range(0, len(places), options.batch)]
+
+    def start(group: Sequence[int]) -> list[Future[dict[str, np.ndarray]]]:
+        return [
+            pool.submit(
+                lesson.sample,
+                place,
+                generator(options.seed, epoch * len(places) + place, "augmentation"),
+            )
+            for place in group
+        ]
+
+    coming = start(groups[0])
+    none: list[int] = []
+    for following in [*groups[1:], none]:
+        samples = [future.result() for future in coming]
+        coming = start(following)
+        yield {key: torch.from_numpy(np.stack([s[key] for s in samples])) for key in samples[0]}
+
+
+@torch.no_grad()
+def _follow(average: nn.Module, net: nn.Module, decay: float) -> None:
+    theirs = net.state_dict()
+    for name, value in average.state_dict().items():
+        if value.is_floating_point():
+            value.lerp_(theirs[name], 1 - decay)
+        else:
+            value.copy_(theirs[name])
+
+
+def _save(
+    path: Path,
+    net: nn.Module,
+    average: nn.Module,
+    optimizer: torch.optim.Optimizer,
+    card: ModelCard,
+    history: Sequence[Mapping[str, float]],
+) -> None:
+    tensors = {f"net.{k}": v for k, v in net.state_dict().items()}
+    tensors |= {f"average.{k}": v for k, v in average.state_dict().items()}
+    for i, state in optimizer.state_dict()["state"].items():
+        tensors |= {f"optimizer.{i}.{k}": torch.as_tensor(v) for k, v in state.items()}
+    write_state(path, tensors, card, list(history))
+
+
+def _resume(
+    path: Path,
+    net: nn.Module,
+    average: nn.Module,
+    optimizer: torch.optim.Optimizer,
+    card: ModelCard,
+) -> list[dict[str, float]]:
+    tensors, theirs, history = read_state(path)
+    for what in ("net", "options", "dataset_sha256"):
+        if getattr(theirs, what) != getattr(card, what):
+            raise InputError(
+                f"{path.parent}: holds a training with other {what.replace('_sha256', '')}; name another"
+                " folder by --out"
+            )
+    net.load_state_dict(_below("net.", tensors))
+    average.load_state_dict(_below("average.", tensors))
+    state: dict[int, dict[str, Tensor]] = {}
+    for name, value in _below("optimizer.", tensors).items():
+        number, key = name.split(".", 1)
+        state.setdefault(int(number), {})[key] = value
+    optimizer.load_state_dict({**optimizer.state_dict(), "state": state})
+    return list(history)
+
+
+def _below(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    return {k.removeprefix(prefix): v for k, v in tensors.items() if k.startswith(prefix)}

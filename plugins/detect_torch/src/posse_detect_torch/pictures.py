@@ -1,0 +1,65 @@
+"""Frames of a dataset as small grey squares, cut once and kept in a file."""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from posse_core.dataset import Dataset
+from posse_core.detection.card import dataset_hash
+from posse_core.detection.square import Square, grey
+from posse_core.model.arrays import AnyArray, Float32Array
+
+Choose = Callable[[Mapping[str, Any], int, int], Square]
+"""Label line, height, width → the square to be cut."""
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """Squares of frames.
+
+    Attributes:
+        labels: label line of each.
+        squares: where each lies in its image.
+        coded: (N, S, S) uint8, the square root of light: dark shades keep more steps.
+    """
+
+    labels: Sequence[Mapping[str, Any]]
+    squares: Sequence[Square]
+    coded: AnyArray
+
+    def __len__(self) -> int:
+        return len(self.labels)
+
+    def linear(self, place: int) -> Float32Array:
+        """(S, S) 0 … 1, linear light."""
+        return np.asarray(np.square(self.coded[place].astype(np.float32) / 255))
+
+
+def cut_pictures(
+    dataset: Dataset, indices: Sequence[int], size_px: int, choose: Choose, folder: Path, name: str
+) -> Pictures:
+    """Cut squares of frames, or map the file in ``folder`` where this was done before."""
+    labels = [dataset.frame(index) for index in indices]
+    camera = dataset.camera
+    squares = [choose(line, camera.height_px, camera.width_px) for line in labels]
+    made_of = f"{dataset_hash(dataset)} {size_px} {list(indices)} {squares}"
+    path = folder / f"{name}-{hashlib.sha256(made_of.encode()).hexdigest()[:12]}.npy"
+    if not path.exists():
+        unfinished = path.with_suffix(".part")
+        shape = (len(labels), size_px, size_px)
+        coded = np.lib.format.open_memmap(unfinished, mode="w+", dtype=np.uint8, shape=shape)
+        for i, index in enumerate(tqdm(indices, f"{name}: cut", file=sys.stderr, unit="frame")):
+            light = squares[i].cut(grey(dataset.image(index)))
+            coded[i] = np.round(255 * np.sqrt(np.clip(light, 0, 1)))
+        coded.flush()
+        del coded
+        unfinished.rename(path)
+    return Pictures(labels, squares, np.load(path, mmap_mode="r", allow_pickle=False))

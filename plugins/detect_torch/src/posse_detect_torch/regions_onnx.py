@@ -1,0 +1,68 @@
+"""The operations of :mod:`posse_detect_torch.regions` in ONNX's own NonMaxSuppression and RoiAlign.
+
+onnxscript reads these functions' source: they are ONNX, not Python.
+"""
+
+# mypy: ignore-errors
+from __future__ import annotations
+
+from typing import Any
+
+from onnxscript import opset18 as op
+
+from posse_detect_torch.regions import BINS, STRIDES
+
+
+def nms_padded_onnx(boxes: Any, scores: Any, overlap: float, most: int) -> Any:
+    """(B, most): NonMaxSuppression tells (picture, class, place); its rows go into a padded table."""
+    one = op.Constant(value_ints=[1])
+    zero = op.Constant(value_ints=[0])
+    picked = op.NonMaxSuppression(
+        boxes,
+        op.Unsqueeze(scores, one),
+        op.Constant(value_ints=[most]),
+        op.Constant(value_floats=[overlap]),
+        op.Constant(value_floats=[0.0]),
+    )
+    picture = op.Slice(picked, zero, one, one)  # (N, 1)
+    place = op.Squeeze(
+        op.Slice(picked, op.Constant(value_ints=[2]), op.Constant(value_ints=[3]), one), one
+    )
+    batch = op.Shape(boxes, start=0, end=1)
+    pictures = op.Range(op.Constant(value_int=0), op.Squeeze(batch, zero), op.Constant(value_int=1))
+    mine = op.Cast(op.Equal(picture, op.Unsqueeze(pictures, zero)), to=7)  # (N, B)
+    so_far = op.CumSum(mine, op.Constant(value_int=0))
+    rank = op.Sub(op.GatherElements(so_far, picture, axis=1), one)  # (N, 1)
+    empty = op.Expand(
+        op.Constant(value_ints=[-1]), op.Concat(batch, op.Constant(value_ints=[most]), axis=0)
+    )
+    return op.ScatterND(empty, op.Concat(picture, rank, axis=1), place)
+
+
+def roi_align_onnx(p2: Any, p3: Any, p4: Any, p5: Any, rois: Any, level: Any, sampling: int) -> Any:
+    """(B, R, C, 7, 7): each level aligns its own regions, which go to their rows of the result."""
+    one = op.Constant(value_ints=[1])
+    bins = op.Constant(value_ints=[BINS, BINS])
+    flat = op.Reshape(rois, op.Constant(value_ints=[-1, 4]))
+    of_level = op.Reshape(level, op.Constant(value_ints=[-1]))
+    regions = op.Shape(rois, start=1, end=2)
+    channels = op.Shape(p2, start=1, end=2)
+    shape = op.Concat(op.Shape(of_level), channels, bins, axis=0)
+    out = op.Expand(op.Constant(value_floats=[0.0]), shape)
+    for number, features in enumerate((p2, p3, p4, p5)):
+        is_mine = op.Equal(of_level, op.Constant(value_ints=[number]))
+        mine = op.Transpose(op.NonZero(is_mine), perm=[1, 0])  # (n, 1)
+        row = op.Squeeze(mine, one)
+        aligned = op.RoiAlign(
+            features,
+            op.Gather(flat, row),
+            op.Div(row, regions),
+            coordinate_transformation_mode="half_pixel",
+            mode="avg",
+            output_height=BINS,
+            output_width=BINS,
+            sampling_ratio=sampling,
+            spatial_scale=1.0 / STRIDES[number],
+        )
+        out = op.ScatterND(out, mine, aligned)
+    return op.Reshape(out, op.Concat(op.Shape(rois, start=0, end=2), channels, bins, axis=0))

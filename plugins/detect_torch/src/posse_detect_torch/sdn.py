@@ -1,0 +1,281 @@
+"""The thesis' Spacecraft Detection Network (Chapter 4): the layout of Mask R-CNN without its mask head.
+
+ResNet-18 or -50, feature pyramid P2-P6, region proposals from anchors, RoIAlign, two dense layers.
+Every convolution has a bias, as in the code that it grew from; with the running statistics of the batch
+norms, which that code counts too, it has the thesis' numbers of parameters.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from posse_detect_torch.regions import nms_padded, pyramid_roi_align, roi_align
+
+STRIDES = (4, 8, 16, 32, 64)
+SCALES = (32.0, 64.0, 128.0, 256.0, 512.0)
+RATIOS = (0.5, 1.0, 2.0)
+DELTA_SCALE = (0.1, 0.1, 0.2, 0.2)  # standard deviations that the nets tell deltas in
+PROPOSALS = 1000
+_BEFORE_NMS, _PROPOSAL_OVERLAP = 6000, 0.7
+_DETECTION_OVERLAP, DETECTIONS = 0.3, 100
+_WIDTH, _DENSE = 256, 1024
+
+
+def _norm(width: int) -> nn.BatchNorm2d:
+    return nn.BatchNorm2d(width, eps=1e-3, momentum=0.01)
+
+
+class _Basic(nn.Module):
+    """Two 3 × 3 convolutions."""
+
+    widening = 1
+
+    def __init__(self, inward: int, width: int, stride: int) -> None:
+        super().__init__()
+        self.body = nn.Sequential(
+            nn.Conv2d(inward, width, 3, stride, 1),
+            _norm(width),
+            nn.ReLU(),
+            nn.Conv2d(width, width, 3, 1, 1),
+            _norm(width),
+        )
+        self.shortcut = _shortcut(inward, width, stride)
+
+    def forward(self, x: Tensor) -> Tensor:
+        return F.relu(self.body(x) + self.shortcut(x))
+
+
+class _Bottleneck(nn.Module):
+    """1 × 1, 3 × 3, 1 × 1; the stride is in the first, as He et al. had it in 2015."""
+
+    widening = 4
+
+    def __init__(self, inward: int, width: int, stride: int) -> None:
+        super().__init__()
+        self.body = nn.Sequential(
+            nn.Conv2d(inward, width, 1, stride),
+            _norm(width),
+            nn.ReLU(),
+            nn.Conv2d(width, width, 3, 1, 1),
+            _norm(width),
+            nn.ReLU(),
+            nn.Conv2d(width, 4 * width, 1),
+            _norm(4 * width),
+        )
+        self.shortcut = _shortcut(inward, 4 * width, stride)
+
+    def forward(self, x: Tensor) -> Tensor:
+        return F.relu(self.body(x) + self.shortcut(x))
+
+
+def _shortcut(inward: int, outward: int, stride: int) -> nn.Module:
+    if inward == outward and stride == 1:
+        return nn.Identity()
+    return nn.Sequential(nn.Conv2d(inward, outward, 1, stride), _norm(outward))
+
+
+class Backbone(nn.Module):
+    """ResNet with a feature pyramid: pictures (B, 1, S, S) → P2 … P6, (B, 256, S/4, S/4) … (…, S/64)."""
+
+    def __init__(self, depth: int) -> None:
+        super().__init__()
+        block: type[_Basic] | type[_Bottleneck] = _Basic if depth == 18 else _Bottleneck
+        blocks = {18: (2, 2, 2, 2), 50: (3, 4, 6, 3)}[depth]
+        self.stem = nn.Sequential(nn.Conv2d(1, 64, 7, 2, 3), _norm(64), nn.ReLU(), nn.MaxPool2d(3, 2, 1))
+        stages, widths, inward = [], [], 64
+        for number, count in enumerate(blocks):
+            width, stage = 64 * 2**number, []
+            for i in range(count):
+                stage.append(block(inward, width, 2 if i == 0 and number > 0 else 1))
+                inward = width * block.widening
+            stages.append(nn.Sequential(*stage))
+            widths.append(inward)
+        self.stages = nn.ModuleList(stages)
+        self.lateral = nn.ModuleList(nn.Conv2d(width, _WIDTH, 1) for width in widths)
+        self.smooth = nn.ModuleList(nn.Conv2d(_WIDTH, _WIDTH, 3, 1, 1) for _ in widths)
+
+    def forward(self, picture: Tensor) -> list[Tensor]:
+        x = self.stem(picture)
+        features = []
+        for stage, lateral in zip(self.stages, self.lateral, strict=True):
+            x = stage(x)
+            features.append(lateral(x))
+        for i in (2, 1, 0):
+            features[i] = features[i] + F.interpolate(features[i + 1], scale_factor=2.0, mode="nearest")
+        pyramid = [smooth(level) for smooth, level in zip(self.smooth, features, strict=True)]
+        return [*pyramid, F.max_pool2d(pyramid[-1], 1, 2)]
+
+
+class ProposalHead(nn.Module):
+    """Pyramid → logits (B, A, 2), background first, and deltas (B, A, 4) of the anchors."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.shared = nn.Conv2d(_WIDTH, 512, 3, 1, 1)
+        self.classify = nn.Conv2d(512, 2 * len(RATIOS), 1)
+        self.move = nn.Conv2d(512, 4 * len(RATIOS), 1)
+
+    def forward(self, pyramid: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
+        shared = [F.relu(self.shared(level)) for level in pyramid]
+        logits = [self.classify(x).permute(0, 2, 3, 1).flatten(1).unflatten(1, (-1, 2)) for x in shared]
+        deltas = [self.move(x).permute(0, 2, 3, 1).flatten(1).unflatten(1, (-1, 4)) for x in shared]
+        return torch.cat(logits, dim=1), torch.cat(deltas, dim=1)
+
+
+class RegionHead(nn.Module):
+    """Regions (N, 256, 7, 7) → class logits (N, C + 1), background first, and deltas (N, C + 1, 4)."""
+
+    def __init__(self, classes: int) -> None:
+        super().__init__()
+        self.dense = nn.Sequential(
+            nn.Conv2d(_WIDTH, _DENSE, 7),
+            _norm(_DENSE),
+            nn.ReLU(),
+            nn.Conv2d(_DENSE, _DENSE, 1),
+            _norm(_DENSE),
+            nn.ReLU(),
+        )
+        self.classify = nn.Linear(_DENSE, classes + 1)
+        self.move = nn.Linear(_DENSE, 4 * (classes + 1))
+
+    def forward(self, regions: Tensor) -> tuple[Tensor, Tensor]:
+        x = self.dense(regions).flatten(1)
+        return self.classify(x), self.move(x).unflatten(1, (-1, 4))
+
+
+class Sdn(nn.Module):
+    """The net. Pictures are grey, 0 … 1; ``mean_pixel`` is that of the training data.
+
+    Args:
+        classes: spacecraft, without the background.
+        depth: 18 or 50.
+        sampling: samples along a region's bin; the thesis' code has one.
+    """
+
+    mean_pixel: Tensor
+
+    def __init__(self, classes: int, depth: int, sampling: int) -> None:
+        super().__init__()
+        self.sampling = sampling
+        self.backbone = Backbone(depth)
+        self.propose = ProposalHead()
+        self.judge = RegionHead(classes)
+        self.register_buffer("mean_pixel", torch.zeros(()))
+
+    def features(self, picture: Tensor) -> tuple[list[Tensor], Tensor, Tensor]:
+        """Pyramid, anchors' logits and deltas; eight bits' worth of light, less the mean."""
+        pyramid = self.backbone(255 * (picture - self.mean_pixel))
+        return pyramid, *self.propose(pyramid)
+
+    def look_at(self, pyramid: Sequence[Tensor], rois: Tensor) -> tuple[Tensor, Tensor]:
+        """Class logits (B, R, C + 1) and deltas (B, R, C + 1, 4) of regions (B, R, 4)."""
+        regions = self.align(pyramid, rois)
+        logits, deltas = self.judge(regions.flatten(0, 1))
+        return logits.unflatten(0, rois.shape[:2]), deltas.unflatten(0, rois.shape[:2])
+
+    def align(self, pyramid: Sequence[Tensor], rois: Tensor) -> Tensor:
+        """Features (B, R, 256, 7, 7), each region from the level of its size (Lin et al. 2017)."""
+        p2, p3, p4, p5 = pyramid[:4]
+        level = level_of(rois)
+        if self.training:  # what is closed to the exporter has no gradient
+            return pyramid_roi_align((p2, p3, p4, p5), rois, level, self.sampling)
+        return roi_align(p2, p3, p4, p5, rois, level, self.sampling)
+
+
+def level_of(rois: Tensor) -> Tensor:
+    """(B, R) int64: 0 for P2 … 3 for P5, by a region's size against 224 pixels."""
+    size = (rois[..., 2:] - rois[..., :2]).clamp(min=1e-3).prod(dim=-1).sqrt()
+    return (4 + torch.round(torch.log2(size / 224))).clamp(2, 5).long() - 2
+
+
+def anchors(size: int, device: torch.device) -> Tensor:
+    """(A, 4) left, top, right, bottom of all anchors: by level, row, column, ratio (height by width).
+
+    They are centred on the corners of the map's cells, as in the code that SDN grew from.
+    """
+    levels = []
+    for stride, scale in zip(STRIDES, SCALES, strict=True):
+        along = torch.arange(math.ceil(size / stride), device=device, dtype=torch.float32) * stride
+        y, x = torch.meshgrid(along, along, indexing="ij")
+        ratio = torch.tensor(RATIOS, device=device).sqrt()
+        half = torch.stack([scale / ratio, scale * ratio], dim=-1) / 2
+        middle = torch.stack([x, y], dim=-1)[:, :, None]
+        levels.append(torch.cat([middle - half, middle + half], dim=-1).reshape(-1, 4))
+    return torch.cat(levels)
+
+
+def moved(boxes: Tensor, deltas: Tensor) -> Tensor:
+    """Boxes (..., 4) moved by deltas (..., 4) of y, x, log height, log width (thesis, eq. 4.1)."""
+    dy, dx, dh, dw = (deltas * deltas.new_tensor(DELTA_SCALE)).unbind(dim=-1)
+    left, top, right, bottom = boxes.unbind(dim=-1)
+    width, height = right - left, bottom - top
+    x, y = (left + right) / 2 + dx * width, (top + bottom) / 2 + dy * height
+    half_w = width * torch.exp(dw.clamp(max=4.0)) / 2
+    half_h = height * torch.exp(dh.clamp(max=4.0)) / 2
+    return torch.stack([x - half_w, y - half_h, x + half_w, y + half_h], dim=-1)
+
+
+def deltas_between(boxes: Tensor, goals: Tensor) -> Tensor:
+    """(..., 4) what :func:`moved` needs to bring boxes to goals."""
+    size, goal = (b[..., 2:] - b[..., :2] for b in (boxes, goals))
+    away = ((goals[..., :2] + goals[..., 2:]) - (boxes[..., :2] + boxes[..., 2:])) / 2 / size
+    both = torch.cat([away.flip(-1), torch.log(goal / size).flip(-1)], dim=-1)
+    return both / both.new_tensor(DELTA_SCALE)
+
+
+def proposals(logits: Tensor, deltas: Tensor, size: int, most: int, suppress: bool = True) -> Tensor:
+    """(B, most, 4) best regions, best first; where there are fewer, the rest are empty boxes at 0.
+
+    Args:
+        suppress: drop those that overlap a better one (the thesis' Table 5.2 has both).
+    """
+    score = torch.softmax(logits, dim=-1)[..., 1]
+    score, place = torch.topk(score, min(_BEFORE_NMS, score.shape[1]), dim=1)
+    best = torch.gather(deltas, 1, place[..., None].expand(-1, -1, 4))
+    boxes = moved(anchors(size, logits.device)[place], best).clamp(0, size)
+    if not suppress:
+        return boxes[:, :most]
+    return _taken(boxes, nms_padded(boxes, score, _PROPOSAL_OVERLAP, most))
+
+
+def _taken(values: Tensor, places: Tensor) -> Tensor:
+    """Rows (B, K, n) of values (B, M, n) at places (B, K); zeros where a place is −1."""
+    rows = torch.gather(values, 1, places.clamp(min=0)[..., None].expand(-1, -1, values.shape[-1]))
+    there: Tensor = rows * (places >= 0)[..., None]
+    return there
+
+
+class Decoded(nn.Module):
+    """The net with proposals and detections: what is exported.
+
+    Pictures (B, 1, S, S) → boxes (B, 100, 4) x, y, width, height; scores (B, 100), falling; labels
+    (B, 100) int64, −1 after the last; raw (B, A, 6), logits and deltas of the anchors.
+    """
+
+    def __init__(self, net: Sdn, least_score: float) -> None:
+        super().__init__()
+        self.net, self.least_score = net, least_score
+
+    def forward(self, picture: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        size = picture.shape[-1]
+        pyramid, logits, deltas = self.net.features(picture)
+        rois = proposals(logits, deltas, size, PROPOSALS)
+        classes, moves = self.net.look_at(pyramid, rois)
+        score, label = torch.softmax(classes, dim=-1).max(dim=-1)
+        move = torch.gather(moves, 2, label[..., None, None].expand(-1, -1, 1, 4))[:, :, 0]
+        boxes = moved(rois, move).clamp(0, size)
+        real = (label > 0) & (score >= self.least_score) & (rois[..., 2] > rois[..., 0])
+        score = torch.where(real, score, 0.0)
+        apart = boxes + (2.0 * size * label)[..., None]  # so that classes do not suppress each other
+        kept = nms_padded(apart, score, _DETECTION_OVERLAP, DETECTIONS)
+        found = _taken(torch.cat([boxes, score[..., None]], dim=-1), kept)
+        labels = torch.gather(label, 1, kept.clamp(min=0)) - 1
+        labels = torch.where(kept >= 0, labels, -1)
+        ends = found[..., :4]
+        sides = torch.cat([ends[..., :2], ends[..., 2:] - ends[..., :2]], dim=-1)
+        return sides, found[..., 4], labels, torch.cat([logits, deltas], dim=-1)

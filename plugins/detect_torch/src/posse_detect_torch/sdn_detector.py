@@ -1,0 +1,102 @@
+"""SDN as a component, trained as in the thesis: SGD at one rate, batch norms still in small batches."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from posse_core.dataset import Dataset
+from posse_core.detection.card import ModelCard
+from posse_core.evaluation.metrics import proposal_recall
+from posse_detect_torch.box_detector import BoxDetector, BoxLesson
+from posse_detect_torch.learn import Batch, seeded
+from posse_detect_torch.options import SdnOptions
+from posse_detect_torch.sdn import PROPOSALS, Decoded, Sdn, proposals
+from posse_detect_torch.sdn_losses import losses
+
+_MOMENTUM = 0.9
+_SMALL_BATCH = 32  # up to here batch norms keep their statistics (thesis, Section 4.1)
+
+
+class SdnLesson(BoxLesson):
+    """What :class:`posse_detect_torch.sdn.Sdn` learns."""
+
+    net: Sdn
+    clip = 5.0
+    average = 0.0
+
+    def __init__(
+        self, dataset: Dataset, folder: Path, classes: Sequence[str], options: SdnOptions
+    ) -> None:
+        super().__init__(dataset, folder, classes, options)
+        self._options = options
+        self.net = seeded(options, lambda: _net(len(classes), options))
+        light = [float(self.train.linear(place).mean()) for place in range(len(self.train))]
+        self.net.mean_pixel.fill_(float(np.mean(light)) if light else 0.0)
+
+    def optimizer(self, net: nn.Module) -> torch.optim.Optimizer:
+        return torch.optim.SGD(
+            net.parameters(), momentum=_MOMENTUM, weight_decay=self.options.weight_decay
+        )
+
+    def rate(self, step: int, steps: int) -> float:
+        return 1.0
+
+    def losses(self, batch: Batch) -> dict[str, Tensor]:
+        if self.options.batch <= _SMALL_BATCH:
+            for module in self.net.modules():
+                if isinstance(module, nn.BatchNorm2d):
+                    module.eval()
+        draw = int(batch["draw"][0])
+        return losses(self.net, batch["picture"], batch["boxes"], batch["labels"], draw)
+
+    def decoded(self, net: nn.Module) -> nn.Module:
+        assert isinstance(net, Sdn)
+        return Decoded(net, self._options.least_score)
+
+    @torch.inference_mode()
+    def judge(self, net: nn.Module) -> dict[str, float]:
+        """Detections, and what of the truth is among the proposals, with and without suppression."""
+        metrics = super().judge(net)
+        if not metrics:
+            return metrics
+        assert isinstance(net, Sdn)
+        truths = [self.valid_truth(place) for place in range(len(self.valid))]
+        device = next(net.parameters()).device
+        for suppress, words in ((True, ""), (False, " without NMS")):
+            boxes = []
+            for place in range(len(self.valid)):
+                picture = torch.from_numpy(self.valid.linear(place))[None, None].to(device)
+                _, logits, deltas = net.features(picture)
+                found = proposals(logits, deltas, self.options.input_px, PROPOSALS, suppress)[0]
+                found = found[found[:, 2] > found[:, 0]]
+                boxes.append(torch.cat([found[:, :2], found[:, 2:] - found[:, :2]], dim=1).cpu().numpy())
+            scores = [np.linspace(1, 0, len(found)).tolist() for found in boxes]
+            recall = proposal_recall([list(found) for found in boxes], scores, truths)
+            metrics |= {f"valid {name}{words}": value for name, value in recall.items()}
+        return metrics
+
+
+class SdnDetector(BoxDetector):
+    """Finds spacecraft with :class:`posse_detect_torch.sdn.Sdn`."""
+
+    name = "sdn"
+    options: SdnOptions
+
+    def lesson(self, dataset: Dataset, folder: Path, card: ModelCard) -> SdnLesson:
+        return SdnLesson(dataset, folder, card.classes, self.options)
+
+    def net(self, card: ModelCard) -> Sdn:
+        return _net(len(card.classes), SdnOptions.model_validate(dict(card.options)))
+
+    def decoded(self, net: nn.Module) -> nn.Module:
+        assert isinstance(net, Sdn)
+        return Decoded(net, self.options.least_score)
+
+
+def _net(classes: int, options: SdnOptions) -> Sdn:
+    return Sdn(classes, options.depth, options.sampling)

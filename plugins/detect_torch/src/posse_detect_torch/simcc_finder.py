@@ -1,0 +1,168 @@
+"""The keypoint net as a component: squares around boxes, turned any way."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from posse_core.dataset import Dataset
+from posse_core.detection.card import ModelCard, card_of, read_card
+from posse_core.detection.evaluate import truths_of
+from posse_core.detection.keypoints import keypoint_ranges, points_of, square_for
+from posse_core.detection.square import Square, grey
+from posse_core.errors import InputError
+from posse_core.interfaces.detector import Detection, KeypointFinder
+from posse_core.model.arrays import AnyArray, Float32Array
+from posse_detect_torch.augment import look, move_points, random_view, warp
+from posse_detect_torch.checkpoint import read_weights
+from posse_detect_torch.export import Outputs, difference, export, raw_difference
+from posse_detect_torch.learn import Batch, Lesson, device_of, learn, seeded
+from posse_detect_torch.options import SimccOptions
+from posse_detect_torch.pictures import Pictures, cut_pictures
+from posse_detect_torch.simcc import Decoded, SimCC, losses
+
+OUTPUTS = ("points", "sigma", "raw")
+_ZOOM, _SHIFT = (0.8, 1.2), 0.08  # how far the boxes of a detector may be off
+
+
+class SimccLesson(Lesson):
+    """Squares around the labelled boxes."""
+
+    net: SimCC
+    options: SimccOptions
+
+    def __init__(self, dataset: Dataset, folder: Path, card: ModelCard, options: SimccOptions) -> None:
+        self.options = options
+        self._ranges = keypoint_ranges(card)
+        self._points = sum(len(points) for points in card.keypoints_body_m.values())
+        self.net = seeded(options, lambda: SimCC(self._points, options.input_px))
+        self._train, self._valid = (self._cut(dataset, folder, part) for part in ("train", "valid"))
+
+    def _cut(self, dataset: Dataset, folder: Path, part: str) -> Pictures:
+        def of_box(labels: Mapping[str, Any], height: int, width: int) -> Square:
+            return square_for(labels["box_visible_px"], self.options.input_px)
+
+        shown = [index for index in dataset.part(part) if truths_of(dataset.frame(index))]
+        if shown and "keypoints" not in dataset.frame(shown[0]):
+            raise InputError(
+                f"{dataset.folder}: the labels have no keypoints; make the dataset with the annotator"
+                " 'keypoints'"
+            )
+        return cut_pictures(dataset, shown, self.options.input_px, of_box, folder, f"keypoints-{part}")
+
+    def __len__(self) -> int:
+        return len(self._train)
+
+    def sample(self, place: int, random: np.random.Generator) -> dict[str, AnyArray]:
+        size = self.options.input_px
+        picture, points = self._train.linear(place), self._target(self._train, place)
+        if self.options.augment:
+            view = random_view(random, size, _ZOOM, _SHIFT, quarter_turns=False)
+            picture = look(warp(picture, view), random)
+            points = move_points(points + 0.5, view) - 0.5
+        inside = np.all((points > -0.5) & (points < size - 0.5), axis=1, keepdims=True)  # false for NaN
+        return {
+            "picture": picture[None],
+            "points": np.where(inside, points, 0).astype(np.float32),
+            "weights": np.asarray(inside[:, 0], np.float32),
+        }
+
+    def _target(self, pictures: Pictures, place: int) -> AnyArray:
+        """(P, 2) pixels of the square; NaN for points of other classes and behind the camera.
+
+        Hidden points are learned too: the shape around them tells where they are.
+        """
+        line = pictures.labels[place]
+        points = np.full((self._points, 2), np.nan)
+        known = np.array([point[:2] for point in line["keypoints"].values()], dtype=np.float64)
+        points[self._ranges[line["spacecraft"]]] = pictures.squares[place].points_in(known)
+        return points
+
+    def losses(self, batch: Batch) -> dict[str, Tensor]:
+        return losses(self.net(batch["picture"]), batch["points"], batch["weights"])
+
+    @torch.inference_mode()
+    def judge(self, net: nn.Module) -> dict[str, float]:
+        """Median distance of the points, in per cent of the square's side."""
+        if len(self._valid) == 0:
+            return {}
+        assert isinstance(net, SimCC)
+        decoded, device = Decoded(net).eval(), next(net.parameters()).device
+        away: list[float] = []
+        for place in range(len(self._valid)):
+            found = decoded(torch.from_numpy(self._valid.linear(place))[None, None].to(device))[0][0]
+            distance = np.linalg.norm(found.cpu().numpy() - self._target(self._valid, place), axis=1)
+            away += distance[np.isfinite(distance)].tolist()
+        return {"valid median error, %": 100 * float(np.median(away)) / self.options.input_px}
+
+
+class SimccFinder(KeypointFinder):
+    """Finds keypoints with :class:`posse_detect_torch.simcc.SimCC`."""
+
+    options: SimccOptions
+
+    def train(self, dataset: Dataset, folder: Path) -> Path:
+        """See :class:`posse_core.interfaces.detector.Model`.
+
+        Raises:
+            InputError: the dataset was not divided, or lacks boxes or keypoints.
+        """
+        card = card_of(
+            dataset,
+            net="simcc",
+            task="keypoints",
+            input_px=self.options.input_px,
+            options=self.options.model_dump(mode="json"),
+            version=version("posse-detect-torch"),
+        )
+        return learn(SimccLesson(dataset, folder, card, self.options), card, folder)
+
+    def load(self, path: Path) -> None:
+        self._card = read_card(path)
+        if self._card.net != "simcc":
+            raise InputError(f"{path}: a model of {self._card.net!r}, not of 'simcc'")
+        self.classes = self._card.classes
+        self.keypoints_body_m = points_of(self._card)
+        net = SimCC(sum(map(len, self.keypoints_body_m.values())), self._card.input_px)
+        read_weights(path, net)
+        self._decoded = Decoded(net).eval().to(device_of(self.options))
+
+    def find(self, image: AnyArray, detections: Sequence[Detection]) -> list[Detection]:
+        ranges, found = keypoint_ranges(self._card), []
+        device = next(self._decoded.parameters()).device
+        for detection in detections:
+            square = square_for(detection.box_px, self._card.input_px)
+            with torch.inference_mode():
+                outputs = self._decoded(torch.from_numpy(_picture(image, square))[None].to(device))
+            points, sigma = (value[0].double().cpu().numpy() for value in outputs[:2])
+            mine = ranges[detection.label]
+            pixels = square.points_out(points[mine])
+            sigma_px = sigma[mine] / square.scale
+            found.append(replace(detection, keypoints_px=pixels, keypoints_sigma_px=sigma_px))
+        return found
+
+    def export_onnx(self, path: Path, images: Sequence[AnyArray]) -> Mapping[str, float]:
+        size = self._card.input_px
+        squares = [square_for(np.array([0, 0, *image.shape[1::-1]]), size) for image in images]
+        pictures = [_picture(image, square) for image, square in zip(images, squares, strict=True)]
+        return export(self._decoded, OUTPUTS, np.stack(pictures), self._card, path, _compare)
+
+
+def _picture(image: AnyArray, square: Square) -> Float32Array:
+    """(1, S, S) as the net takes it."""
+    return square.cut(grey(image))[None]
+
+
+def _compare(ours: Outputs, theirs: Outputs) -> dict[str, tuple[float, float]]:
+    return {
+        "raw": (raw_difference(ours["raw"], theirs["raw"]), 1e-4),
+        "points, px": (difference(ours["points"], theirs["points"]), 0.1),
+        "sigma, px": (difference(ours["sigma"], theirs["sigma"]), 0.1),
+    }

@@ -1,0 +1,76 @@
+"""Augmentation: labels go where the pixels go; light stays light."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from posse_core.randomness import generator
+from posse_detect_torch import augment
+
+SIZE = 96
+CHANGES = [change for change, _ in augment._CHANCES]
+seeds = st.integers(0, 2**31)
+
+
+@given(seeds)
+def test_a_box_goes_where_its_pixels_go(seed):
+    random = np.random.default_rng(seed)
+    x, y = random.integers(0, 60, 2)
+    w, h = random.integers(8, 36, 2)
+    picture = np.zeros((SIZE, SIZE), np.float32)
+    picture[y : y + h, x : x + w] = 1
+    view = augment.random_view(random, SIZE, (0.6, 1.5), 0.25, quarter_turns=True)
+    moved = augment.move_boxes(np.array([[x, y, x + w, y + h]], float), view, SIZE)[0]
+    ys, xs = np.nonzero(augment.warp(picture, view) > 0.5)
+    if min(moved[2:] - moved[:2]) < 2:
+        return
+    found = [xs.min(), ys.min(), xs.max() + 1, ys.max() + 1]
+    np.testing.assert_allclose(found, moved, atol=1.01)
+
+
+@given(seeds)
+def test_a_point_goes_where_its_pixels_go(seed):
+    random = np.random.default_rng(seed)
+    view = augment.random_view(random, SIZE, (0.8, 1.2), 0.05, quarter_turns=False)
+    v, u = np.mgrid[:SIZE, :SIZE]
+    point = random.uniform(36, 60, 2)
+    spot = np.exp(-((u + 0.5 - point[0]) ** 2 + (v + 0.5 - point[1]) ** 2) / 18).astype(np.float32)
+    seen = augment.warp(spot, view).astype(float)
+    found = np.array([((u + 0.5) * seen).sum(), ((v + 0.5) * seen).sum()]) / seen.sum()
+    np.testing.assert_allclose(found, augment.move_points(point, view), atol=0.05)
+
+
+@given(seeds)
+def test_a_view_never_mirrors(seed):
+    view = augment.random_view(np.random.default_rng(seed), SIZE, (0.6, 1.5), 0.2, quarter_turns=False)
+    assert np.linalg.det(view[:, :2]) > 0
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_changes_keep_range_and_their_input(change):
+    for seed in range(5):
+        random = np.random.default_rng(seed)
+        picture = random.uniform(0, 0.4, (SIZE, SIZE)).astype(np.float32)
+        before = picture.copy()
+        changed = change(picture, random)
+        assert changed.dtype == np.float32
+        assert changed.shape == picture.shape
+        assert 0 <= changed.min() <= changed.max() <= 1 + 1e-6
+        assert not np.array_equal(changed, before)
+        assert np.array_equal(picture, before)
+
+
+def test_noise_grows_with_light():
+    random = np.random.default_rng(0)
+    spread = [
+        np.mean([augment.noise(np.full((64, 64), x, np.float32), random).std() for _ in range(40)])
+        for x in (0.1, 0.6)
+    ]
+    assert spread[1] > 1.3 * spread[0]
+
+
+def test_the_same_generator_gives_the_same_picture():
+    picture = np.random.default_rng(1).uniform(0, 1, (SIZE, SIZE)).astype(np.float32)
+    a, b = (augment.look(picture, generator(3, 8, "augmentation")) for _ in range(2))
+    assert np.array_equal(a, b)

@@ -1,0 +1,231 @@
+"""From chance to a detector, by the commands that a user types; interrupted, repeated, exported."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import onnx
+import pytest
+import torch
+
+from posse_core.dataset import Dataset
+from posse_core.detection.card import card_of, read_card
+from posse_detect_torch.learn import CURVES, LAST, MODEL, learn
+from posse_detect_torch.nano_detector import NanoLesson
+from posse_detect_torch.options import NanoOptions
+
+SETTINGS = ("-o", "input_px=64", "-o", "batch=8", "-o", "augment=false")
+
+
+def mean_ap50(posse, dataset: Dataset, model: Path) -> float:
+    code, out, error = posse("eval", dataset.folder, "--model", model, "--part", "all", "--json")
+    assert code == 0, error
+    return json.loads(out)["groups"][0]["metrics"]["mAP50"]
+
+
+@pytest.fixture(scope="session")
+def trained(posse, dataset, tmp_path_factory) -> Path:
+    out = tmp_path_factory.mktemp("trained")
+    arguments = ("train", dataset.folder, "--detector", "nano", "--out", out, *SETTINGS)
+    code, told, error = posse(*arguments, "-o", "epochs=16")
+    assert code == 0, error
+    assert told.strip() == str(out / MODEL)
+    return out / MODEL
+
+
+@pytest.fixture(scope="session")
+def exported(posse, dataset, trained) -> Path:
+    path = trained.with_name("nano.onnx")
+    code, out, error = posse("export-onnx", trained, "--dataset", dataset.folder, "--out", path)
+    assert code == 0, error
+    assert "boxes, px" in out
+    return path
+
+
+@pytest.mark.slow
+def test_it_learns(make_dataset, posse, dataset, trained, tmp_path):
+    """On frames that it never saw, of the same two crafts."""
+    fresh = Dataset(make_dataset(tmp_path / "fresh", 40, seed=6))
+    options = NanoOptions(epochs=1, input_px=64, learning_rate=1e-9)
+    lesson, card = a_lesson(dataset, tmp_path, options)
+    (tmp_path / "untrained").mkdir()
+    lesson.judge = lambda net: {}
+    untrained = learn(lesson, card, tmp_path / "untrained")
+    assert mean_ap50(posse, fresh, untrained) < 0.1
+    assert mean_ap50(posse, fresh, trained) > 0.5
+    assert "<polyline" in trained.with_name(CURVES).read_text()
+
+
+def test_the_model_tells_what_it_learned_from(dataset, trained):
+    card = read_card(trained)
+    assert card.classes == ("brick", "plate")
+    assert card.epochs == 16
+    assert list(card.keypoints_body_m["brick"]) == ["B1", "B2", "B3", "B4", "T1", "T2", "T3", "T4"]
+    assert (
+        card.dataset_sha256 == card_of(dataset, net="", task="", input_px=0, version="").dataset_sha256
+    )
+
+
+def a_lesson(dataset, folder, options):
+    card = card_of(
+        dataset,
+        net="nano",
+        task="boxes",
+        input_px=options.input_px,
+        version="0",
+        options=options.model_dump(mode="json"),
+    )
+    folder.mkdir(exist_ok=True)
+    return NanoLesson(dataset, folder, card.classes, options), card
+
+
+def test_a_training_cut_short_ends_as_if_it_had_not_been(make_dataset, tmp_path):
+    small = Dataset(make_dataset(tmp_path / "d", 20))
+    options = NanoOptions(epochs=3, input_px=64, batch=8, threads=1)
+    weights = []
+    for cut in (False, True):
+        folder = tmp_path / str(cut)
+        lesson, card = a_lesson(small, folder, options)
+        if cut:
+
+            class Stopped(NanoLesson):
+                def judge(self, net):
+                    if (folder / LAST).exists():  # noqa: B023
+                        raise KeyboardInterrupt
+                    return super().judge(net)
+
+            with pytest.raises(KeyboardInterrupt):
+                learn(Stopped(small, folder, card.classes, options), card, folder)
+            assert not (folder / MODEL).exists()
+        weights.append(learn(lesson, card, folder).read_bytes())
+    assert weights[0] == weights[1]
+
+
+def test_onnx_is_made_of_standard_operations_and_tells_nothing_of_this_machine(exported):
+    model = onnx.load(exported)
+    assert {entry.domain for entry in model.opset_import} == {""}
+    assert model.opset_import[0].version == 18
+    assert not model.functions
+    assert "NonMaxSuppression" not in {node.op_type for node in model.graph.node}
+    assert b"site-packages" not in exported.read_bytes()
+    assert str(Path(__file__).parents[3]).encode() not in exported.read_bytes()
+
+
+def test_onnx_finds_what_torch_finds_without_torch(posse, dataset, trained, exported):
+    frames = [str(dataset.folder / dataset.frame(i)["image"]) for i in range(6)]
+    found = []
+    for model in (trained, exported):
+        code, out, error = posse("detect", *frames, "--model", model, "--score", 0.2, "--json")
+        assert code == 0, error
+        found.append(json.loads(out))
+    assert sum(len(row["detections"]) for row in found[0]) >= 4
+    for a, b in zip(*found, strict=True):
+        assert len(a["detections"]) == len(b["detections"])
+        for x, y in zip(a["detections"], b["detections"], strict=True):
+            assert x["label"] == y["label"]
+            assert x["score"] == pytest.approx(y["score"], abs=2e-4)
+            np.testing.assert_allclose(x["box_px"], y["box_px"], atol=0.1)
+    code = (
+        "import sys; from posse_core.cli.main import _run;"
+        f" assert _run(['detect', {frames[0]!r}, '--model', {str(exported)!r}]) == 0;"
+        " print('torch' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert done.stdout.splitlines()[-1] == "False", done.stdout + done.stderr
+
+
+def test_a_batch_gives_what_each_picture_gives(exported):
+    import onnxruntime
+
+    session = onnxruntime.InferenceSession(str(exported))
+    pictures = np.random.default_rng(0).uniform(0, 1, (3, 1, 64, 64)).astype(np.float32)
+    whole = session.run(["raw"], {"picture": pictures})[0]
+    for i in range(3):
+        one = session.run(["raw"], {"picture": pictures[i : i + 1]})[0]
+        np.testing.assert_allclose(whole[i], one[0], atol=1e-4)
+
+
+def test_results_are_drawn(posse, dataset, exported, tmp_path):
+    code, _, error = posse(
+        "detect",
+        dataset.folder / "images",
+        "--model",
+        exported,
+        "--out",
+        tmp_path / "o",
+        "--score",
+        0.05,
+    )
+    assert code == 0, error
+    drawn = cv2.imread(str(tmp_path / "o" / "000002.png"))
+    assert drawn.shape == (120, 160, 3)
+    assert (np.ptp(drawn.astype(int), axis=2) > 50).any()  # colour on a grey image
+
+
+def test_bad_input_is_told_in_one_line(posse, dataset, trained, exported, tmp_path):
+    def refused(words, *arguments):
+        code, _, error = posse(*arguments)
+        assert code == 2, (arguments, error)
+        assert "\n" not in error.strip()
+        for word in words:
+            assert word in error, (word, error)
+
+    image = dataset.folder / dataset.frame(0)["image"]
+    junk = tmp_path / "junk.onnx"
+    junk.write_bytes(b"not a model")
+    (tmp_path / "junk.png").write_bytes(b"not an image")
+    (tmp_path / "empty").mkdir()
+    bare = onnx.load(exported)
+    del bare.metadata_props[:]
+    onnx.save(bare, tmp_path / "bare.onnx")
+    refused(["junk.onnx", "ONNX"], "detect", image, "--model", junk)
+    refused(["bare.onnx", "metadata"], "detect", image, "--model", tmp_path / "bare.onnx")
+    refused(["junk.png", "not an image"], "detect", tmp_path / "junk.png", "--model", exported)
+    refused(["no images"], "detect", tmp_path / "empty", "--model", exported)
+    refused(["no such file"], "detect", image, "--model", tmp_path / "none.safetensors")
+    refused(["not a safetensors"], "detect", image, "--model", tmp_path / "junk.png")
+    refused(
+        ["finds boxes", "finds keypoints"], "detect", image, "--model", exported, "--keypoints", trained
+    )
+    refused(["--camera", "--keypoints"], "detect", image, "--model", exported, "--camera", image)
+    refused(["threds", "threads"], "detect", image, "--model", exported, "-o", "threds=2")
+    refused(["no part 'tset'"], "eval", dataset.folder, "--model", exported, "--part", "tset")
+    refused(["'nano2'", "nano"], "train", dataset.folder, "--detector", "nano2", "--out", tmp_path / "o")
+    refused(
+        ["cannot be trained"], "train", dataset.folder, "--detector", "onnx", "--out", tmp_path / "o"
+    )
+    refused(
+        ["input_px"],
+        "train",
+        dataset.folder,
+        "--detector",
+        "nano",
+        "--out",
+        tmp_path,
+        "-o",
+        "input_px=7",
+    )
+    refused(["other options"], "train", dataset.folder, "--detector", "nano", "--out", trained.parent)
+    refused([".onnx"], "export-onnx", trained, "--dataset", dataset.folder, "--out", tmp_path / "x.bin")
+    (dataset_less := tmp_path / "undivided").mkdir()
+    refused(["not a dataset"], "eval", dataset_less, "--model", exported)
+
+
+def test_a_checkpoint_of_another_net_and_unknown_classes_are_refused(
+    make_dataset, posse, trained, tmp_path
+):
+    from posse_detect_torch.checkpoint import write_model
+
+    card = read_card(trained)
+    write_model(tmp_path / "other.safetensors", {"weight": torch.zeros(3)}, card)
+    strange = Dataset(make_dataset(tmp_path / "d", 10, names=("brick", "disc")))
+    image = strange.folder / strange.frame(0)["image"]
+    code, _, error = posse("detect", image, "--model", tmp_path / "other.safetensors")
+    assert code == 2
+    assert "not those of this net" in error
+    code, _, error = posse("eval", strange.folder, "--model", trained, "--part", "all")
+    assert code == 2
+    assert "does not know disc" in error

@@ -34,9 +34,12 @@ $(VENV)/ready: pyproject.toml plugins/render_mitsuba/pyproject.toml
 	$(BIN)/python -m pip install -qq --editable plugins/render_mitsuba
 	touch $@
 
-# The plugins are installed after the core, which they depend on.
+# The plugins are installed after the core, which they depend on. TORCH is named since pip would take the
+# newest one, on Linux a build for CUDA of several GB; any of 2.9 or later does.
+TORCH ?= torch==2.13.0
 $(VENV)/ready-to-test: $(VENV)/ready $(PLUGINS)
 	$(BIN)/python -m pip install -qq --editable '.[test]'
+	$(BIN)/python -m pip install -qq '$(TORCH)'
 	$(BIN)/python -m pip install -qq $(foreach plugin,$(PLUGINS),--editable $(dir $(plugin)))
 	touch $@
 

@@ -117,7 +117,6 @@ def test_a_frame_that_always_fails_is_named_and_can_be_made_later(
 def test_damage_is_found_and_mended_on_resume(damage, undisturbed, posse, tmp_path):
     out = tmp_path / "damaged"
     shutil.copytree(undisturbed, out)
-    (out / "manifest.json").unlink()
     image = out / "images" / "000005.png"
     shard = out / "labels" / "shard-00000.jsonl"
     if damage == "image lost":

@@ -107,7 +107,7 @@ def test_every_weight_learns():
     torch.manual_seed(0)
     net = sdn.Sdn(2, 18, 2).train()
     for module in net.modules():
-        if isinstance(module, nn.BatchNorm2d):
+        if isinstance(module, nn.BatchNorm2d | nn.BatchNorm1d):
             module.eval()
     goals, labels = (value[:1] for value in truth())
     picture = torch.rand(1, 1, 128, 128)

@@ -14,7 +14,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from posse_detect_torch.regions import nms_padded, pyramid_roi_align, roi_align
+from posse_detect_torch.regions import BINS, nms_padded, pyramid_roi_align, roi_align
 
 STRIDES = (4, 8, 16, 32, 64)
 SCALES = (32.0, 64.0, 128.0, 256.0, 512.0)
@@ -24,10 +24,11 @@ PROPOSALS = 1000
 _BEFORE_NMS, _PROPOSAL_OVERLAP = 6000, 0.7
 _DETECTION_OVERLAP, DETECTIONS = 0.3, 100
 _WIDTH, _DENSE = 256, 1024
+_EPS, _MOMENTUM = 1e-3, 0.01  # of batch norms, as Keras has them
 
 
 def _norm(width: int) -> nn.BatchNorm2d:
-    return nn.BatchNorm2d(width, eps=1e-3, momentum=0.01)
+    return nn.BatchNorm2d(width, eps=_EPS, momentum=_MOMENTUM)
 
 
 class _Basic(nn.Module):
@@ -133,18 +134,19 @@ class RegionHead(nn.Module):
     def __init__(self, classes: int) -> None:
         super().__init__()
         self.dense = nn.Sequential(
-            nn.Conv2d(_WIDTH, _DENSE, 7),
-            _norm(_DENSE),
+            nn.Flatten(),
+            nn.Linear(_WIDTH * BINS**2, _DENSE),
+            nn.BatchNorm1d(_DENSE, eps=_EPS, momentum=_MOMENTUM),
             nn.ReLU(),
-            nn.Conv2d(_DENSE, _DENSE, 1),
-            _norm(_DENSE),
+            nn.Linear(_DENSE, _DENSE),
+            nn.BatchNorm1d(_DENSE, eps=_EPS, momentum=_MOMENTUM),
             nn.ReLU(),
         )
         self.classify = nn.Linear(_DENSE, classes + 1)
         self.move = nn.Linear(_DENSE, 4 * (classes + 1))
 
     def forward(self, regions: Tensor) -> tuple[Tensor, Tensor]:
-        x = self.dense(regions).flatten(1)
+        x = self.dense(regions)
         return self.classify(x), self.move(x).unflatten(1, (-1, 4))
 
 
@@ -184,7 +186,8 @@ class Sdn(nn.Module):
         level = level_of(rois)
         if self.training:  # what is closed to the exporter has no gradient
             return pyramid_roi_align((p2, p3, p4, p5), rois, level, self.sampling)
-        return roi_align(p2, p3, p4, p5, rois, level, self.sampling)
+        aligned: Tensor = roi_align(p2, p3, p4, p5, rois, level, self.sampling)
+        return aligned
 
 
 def level_of(rois: Tensor) -> Tensor:

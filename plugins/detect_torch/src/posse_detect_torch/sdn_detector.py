@@ -49,7 +49,7 @@ class SdnLesson(BoxLesson):
     def losses(self, batch: Batch) -> dict[str, Tensor]:
         if self.options.batch <= _SMALL_BATCH:
             for module in self.net.modules():
-                if isinstance(module, nn.BatchNorm2d):
+                if isinstance(module, nn.BatchNorm2d | nn.BatchNorm1d):
                     module.eval()
         draw = int(batch["draw"][0])
         return losses(self.net, batch["picture"], batch["boxes"], batch["labels"], draw)

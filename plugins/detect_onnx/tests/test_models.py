@@ -1,0 +1,88 @@
+"""ONNX files written by hand: what their graphs tell arrives in the image's pixels."""
+
+import numpy as np
+import onnx
+import pytest
+from onnx import TensorProto, helper, numpy_helper
+
+from posse_core.detection.card import ModelCard
+from posse_core.detection.models import open_detector, open_keypoint_finder
+from posse_core.errors import InputError
+from posse_core.interfaces.detector import Detection
+from posse_core.plugins import load_plugins
+
+CORNERS = {"A1": [0.0, 0, 0], "A2": [1.0, 0, 0]}
+
+
+def write_model(path, task, outputs):
+    """A graph that always tells ``outputs``, whatever it sees of 64 × 64 pixels."""
+    card = ModelCard(
+        net="by-hand",
+        task=task,
+        classes=("brick", "plate"),
+        input_px=64,
+        dataset_sha256="",
+        scenario_sha256="",
+        version="0",
+        keypoints_body_m={"brick": {"B1": [0.0, 0, 1]}, "plate": CORNERS},
+    )
+    nodes, values = [], []
+    for name, array in outputs.items():
+        nodes.append(helper.make_node("Constant", [], [name], value=numpy_helper.from_array(array)))
+        kind = helper.np_dtype_to_tensor_dtype(array.dtype)
+        values.append(helper.make_tensor_value_info(name, kind, array.shape))
+    picture = helper.make_tensor_value_info("picture", TensorProto.FLOAT, ("B", 1, 64, 64))
+    model = helper.make_model(
+        helper.make_graph(nodes, "g", [picture], values),
+        opset_imports=[helper.make_opsetid("", 18)],
+        ir_version=9,
+    )
+    for key, value in card.metadata().items():
+        model.metadata_props.add(key=key, value=value)
+    onnx.save(model, path)
+    return path
+
+
+def boxes_model(path):
+    return write_model(
+        path,
+        "boxes",
+        {
+            # the second is padding, the third reaches over the image's left and lower border
+            "boxes": np.array([[[16, 24, 8, 4], [1, 1, 5, 5], [-4, 40, 20, 30]]], np.float32),
+            "scores": np.array([[0.5, 0.9, 0.8]], np.float32),
+            "labels": np.array([[1, -1, 0]], np.int64),
+        },
+    )
+
+
+def test_boxes_come_back_in_the_image_best_first(tmp_path):
+    detector = open_detector(boxes_model(tmp_path / "m.onnx"), load_plugins().registry, {})
+    assert tuple(detector.classes) == ("brick", "plate")
+    (found,) = detector.predict([np.zeros((96, 128), np.uint8)])  # padded by 16 rows, halved
+    assert [(d.label, pytest.approx(d.score)) for d in found] == [("brick", 0.8), ("plate", 0.5)]
+    np.testing.assert_allclose(found[1].box_px, [32, 32, 16, 8])
+    np.testing.assert_allclose(found[0].box_px, [0, 64, 32, 32])
+
+
+def test_keypoints_are_those_of_the_class_in_the_image(tmp_path):
+    points = np.array([[[1, 1], [31.5, 31.5], [0, 63]]], np.float32)
+    path = write_model(
+        tmp_path / "k.onnx", "keypoints", {"points": points, "sigma": np.array([[1, 2, 3]], np.float32)}
+    )
+    finder = open_keypoint_finder(path, load_plugins().registry, {})
+    np.testing.assert_allclose(finder.keypoints_body_m["plate"], list(CORNERS.values()))
+    image = np.zeros((300, 300), np.uint8)
+    box = Detection("plate", 1.0, np.array([50.0, 60, 100, 40]))  # its square: 130 px about (100, 80)
+    (found,) = finder.find(image, [box])
+    middle, corner = found.keypoints_px
+    np.testing.assert_allclose(middle, [99.5, 79.5], atol=1e-4)
+    np.testing.assert_allclose(
+        corner, [35 - 0.5 + 0.5 * 130 / 64, 145 - 0.5 - 0.5 * 130 / 64], atol=1e-4
+    )
+    np.testing.assert_allclose(found.keypoints_sigma_px, np.array([2, 3]) * 130 / 64)
+
+
+def test_a_model_for_another_task_is_refused(tmp_path):
+    with pytest.raises(InputError, match="finds boxes, where a model that finds keypoints"):
+        open_keypoint_finder(boxes_model(tmp_path / "m.onnx"), load_plugins().registry, {})

@@ -1,0 +1,123 @@
+"""A detector that reads the labels scores full marks, and one that errs by a known amount loses them."""
+
+from pathlib import Path
+
+import cuboid
+import numpy as np
+import pytest
+
+from posse_core.dataset import Dataset
+from posse_core.detection.card import KEY, ModelCard, card_of, dataset_hash, read_card
+from posse_core.detection.evaluate import evaluate, frames_of
+from posse_core.errors import InputError
+from posse_core.interfaces.detector import Detection, Detector, KeypointFinder
+from posse_core.model.arrays import AnyArray
+
+pytest.importorskip("faster_coco_eval")
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    crafts = (("brick", cuboid.HALF), ("plate", np.array([1.4, 1.4, 0.1])))
+    return Dataset(cuboid.write_dataset(tmp_path_factory.mktemp("d") / "d", crafts))
+
+
+class Labels(Detector):
+    """Tells the labels of the image that it is shown."""
+
+    classes = ("brick", "plate")
+
+    def __init__(self, dataset: Dataset, shift_px: float = 0.0) -> None:
+        self.shift_px = shift_px
+        self.lines = {dataset.image(i).tobytes(): dataset.frame(i) for i in range(len(dataset.frames))}
+
+    def load(self, path: Path) -> None:
+        raise NotImplementedError
+
+    def line(self, image: AnyArray) -> dict:
+        return self.lines[image.tobytes()]
+
+    def predict(self, images):
+        found = []
+        for line in map(self.line, images):
+            box = line["box_visible_px"]
+            moved = [] if box is None else [np.array(box, float) + np.array([self.shift_px, 0, 0, 0])]
+            found.append([Detection(line["spacecraft"], 0.9, b) for b in moved])
+        return found
+
+
+class Points(KeypointFinder):
+    """Tells where the labels say the keypoints are."""
+
+    classes = ("brick", "plate")
+
+    def __init__(self, dataset: Dataset) -> None:
+        self.labels = Labels(dataset)
+        self.keypoints_body_m = {
+            name: np.array(list(craft.keypoints_body_m.values()))
+            for name, craft in dataset.spacecraft_by_name.items()
+        }
+
+    def load(self, path: Path) -> None:
+        raise NotImplementedError
+
+    def find(self, image, detections):
+        points = np.array([p[:2] for p in self.labels.line(image)["keypoints"].values()])
+        return [Detection(d.label, d.score, d.box_px, points, np.ones(len(points))) for d in detections]
+
+
+def test_the_labels_score_full_marks(dataset):
+    groups = evaluate(dataset, frames_of(dataset, "all"), Labels(dataset), Points(dataset))
+    whole = groups[0]
+    assert (whole.name, whole.frames) == ("all", 12)
+    assert [g.name for g in groups[1:3]] == ["brick", "plate"]
+    assert sum(g.frames for g in groups if g.name.endswith(" m")) == 12
+    assert sum(g.frames for g in groups if g.name.startswith("phase")) == 12
+    for name in ("mAP", "mAP50", "mAR", "AP.brick", "AP.plate", "box IoU mean", "poses found"):
+        assert whole.metrics[name] == pytest.approx(1), name
+    assert whole.metrics["e_t median"] < 1e-6
+    assert whole.metrics["e_q median, deg"] < 1e-4
+    assert whole.metrics["SPEED 2023"] == pytest.approx(0, abs=1e-5)
+
+
+def test_boxes_too_far_off_score_nothing(dataset):
+    metrics = evaluate(dataset, frames_of(dataset, "all"), Labels(dataset, shift_px=500))[0].metrics
+    assert metrics["mAP"] == 0
+    assert metrics["box IoU median"] == 0
+
+
+def test_what_cannot_be_measured_is_refused(dataset):
+    class Other(Labels):
+        classes = ("brick",)
+
+    with pytest.raises(InputError, match="does not know plate"):
+        evaluate(dataset, [0], Other(dataset))
+    with pytest.raises(InputError, match="posse partition"):
+        frames_of(dataset, "test")
+
+
+def test_a_card_travels_whole(dataset, tmp_path):
+    card = card_of(dataset, net="x", task="boxes", input_px=64, version="1", epochs=3)
+    assert ModelCard.from_metadata(card.metadata(), Path("m")) == card
+    assert list(card.keypoints_body_m["brick"]) == list(cuboid.NAMES)
+    with pytest.raises(InputError, match="m: has no POSSE metadata"):
+        ModelCard.from_metadata({}, Path("m"))
+    for text in ("{}", "[]", "nonsense", '{"format": 99}', '{"format": 1, "classes": 3}'):
+        with pytest.raises(InputError, match="cannot be read"):
+            ModelCard.from_metadata({KEY: text}, Path("m"))
+    for number, data in enumerate((b"", b"12345678", b"\xff" * 16, b"\x02" + bytes(7) + b"{}")):
+        path = tmp_path / f"{number}.safetensors"
+        path.write_bytes(data)
+        with pytest.raises(InputError, match=f"{number}.safetensors"):
+            read_card(path)
+
+
+def test_the_hash_follows_the_data_and_its_division(dataset, tmp_path):
+    from posse_core.selection.partition import write_partition
+
+    other = Dataset(cuboid.write_dataset(tmp_path / "d", (("brick", cuboid.HALF * 1.01),)))
+    hashes = [dataset_hash(dataset), dataset_hash(other)]
+    for seed in (0, 1):
+        write_partition(other, (50, 25, 25), seed, "frame")
+        hashes.append(dataset_hash(other))
+    assert len(set(hashes)) == 4

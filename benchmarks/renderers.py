@@ -1,139 +1,301 @@
-"""Each renderer's time at equal noise, start-up and memory: ``python benchmarks/renderers.py``.
+"""The renderers side by side: CPU-seconds a frame at equal noise, start-up, memory.
 
-Noise is measured from two seeds of each frame, over the craft. A path tracer's variance falls as its
-samples grow, so seconds × (noise / the first row's noise)² is what the first row's noise would cost.
-The first row is Cycles on the whole image, as a user of bare Blender would render. Each row has a
-process of its own. Wall-clock time: run it on an idle machine.
+``python benchmarks/renderers.py`` prints a table. Each renderer runs in a process of its own, and all
+CPU time of it and its children counts, so other work on the machine matters little. Blender is found
+as the plugin finds it (POSSE_BLENDER_PYTHON). Linux only: it reads /proc.
+
+Noise is what a second seed changes on the craft's pixels, as the root mean square over the mean, with
+radiance clipped at a white plate's that faces the Sun: brighter is a glint of a few pixels, without
+which the picture stays the same and with which the noise is theirs alone. The reference is Cycles
+with 64 samples. Others get as many samples as bring them to its noise.
 """
 
 from __future__ import annotations
 
 import os
-import platform
 import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
 from pathlib import Path
-from statistics import mean, median
+from statistics import mean
+from typing import Any
 
 import click
 import numpy as np
 
-from posse_core.evaluation.crosscheck.light import noise
-from posse_core.evaluation.crosscheck.settings import ScenarioCase
-from posse_core.evaluation.crosscheck.silhouette import Geometry
+from posse_core.errors import PosseError
+from posse_core.evaluation.crosscheck.settings import ScenarioCase, Setting
+from posse_core.geometry.raycast import RayCaster
 from posse_core.interfaces.renderer import Renderer
+from posse_core.model.arrays import AnyArray
 from posse_core.model.camera import PixelBox
-from posse_core.model.scene import RenderRequest
-from posse_core.pipeline.frame_maker import create
+from posse_core.model.scene import Radiance, RenderRequest
+from posse_core.pipeline.frame_maker import BOX_MARGIN_PX, create
 from posse_core.plugins import load_plugins
 from posse_core.scenario.component import ComponentChoice
 from posse_core.scenario.load import load_scenario
 
+MEMORY_SPP = 4
+CANDIDATES: tuple[tuple[str, str, dict[str, Any]], ...] = (
+    ("mitsuba llvm", "mitsuba", {"variant": "llvm"}),
+    ("mitsuba scalar", "mitsuba", {"variant": "scalar"}),
+    ("raster", "raster", {}),
+)
+SAMPLED = ("mitsuba", "blender")
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Of one call, in seconds."""
+
+    cpu_s: float
+    wall_s: float
+
+
+@contextmanager
+def measured() -> Iterator[Callable[[], Cost]]:
+    """Afterwards the function says what the block cost in this process and its children."""
+    cpu, wall = _cpu_s(os.getpid()), time.perf_counter()
+    done: list[Cost] = []
+    yield lambda: done[0]
+    done.append(Cost(_cpu_s(os.getpid()) - cpu, time.perf_counter() - wall))
+
+
+def _family(pid: int) -> list[int]:
+    children = Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="ascii").split()
+    return [pid, *(member for child in children for member in _family(int(child)))]
+
+
+def _cpu_s(pid: int) -> float:
+    """User and system time of a process, its living children, and those that it has waited for."""
+    ticks = 0
+    for member in _family(pid):
+        stat = Path(f"/proc/{member}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+        ticks += sum(map(int, stat[11:15]))
+    return ticks / os.sysconf("SC_CLK_TCK")
+
+
+def _memory_mb(pid: int) -> float:
+    pages = sum(
+        int(Path(f"/proc/{member}/statm").read_text(encoding="ascii").split()[1])
+        for member in _family(pid)
+    )
+    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+class Bench:
+    """Lives in a renderer's process, and answers questions about it."""
+
+    def __init__(self, case: ScenarioCase) -> None:
+        self._setting: Setting = case.build()
+        caster = RayCaster(self._setting.scene)
+        camera = self._setting.scene.camera
+        self._boxes = [caster.view(f).box.grown(BOX_MARGIN_PX, camera) for f in self._setting.frames]
+        self._skies = [self._setting.environment(frame) for frame in self._setting.frames]
+        self._renderer: Renderer | None = None
+
+    def open(self, name: str, options: Mapping[str, Any]) -> Cost:
+        """Replace the renderer that is open; what opening and a first frame cost."""
+        self.close()
+        with measured() as cost:
+            choice = ComponentChoice(name=name, options=dict(options))
+            self._renderer = create(load_plugins().registry, "renderer", choice)
+            self._renderer.open(self._setting.scene)
+            self._render(0, self._boxes[0], seed=9)
+        return cost()
+
+    def cost(self) -> Cost:
+        """Of the craft's box, mean over the frames."""
+        with measured() as cost:
+            for i, box in enumerate(self._boxes):
+                self._render(i, box, seed=0)
+        return Cost(cost().cpu_s / len(self._boxes), cost().wall_s / len(self._boxes))
+
+    def whole_cost(self) -> Cost:
+        """Of the first frame's whole image, which is mostly empty in any frame."""
+        camera = self._setting.scene.camera
+        whole = PixelBox(0, 0, camera.width_px, camera.height_px)
+        with measured() as cost:
+            self._render(0, whole, seed=0)
+        return cost()
+
+    def noise(self) -> float:
+        """Mean over the frames; see the module's text."""
+        return mean(self._frame_noise(i) for i in range(len(self._boxes)))
+
+    def memory(self, count: int) -> tuple[float, float]:
+        """MB in use after the fifth and after the last of ``count`` frames more."""
+        used = []
+        for k in range(count):
+            i = k % len(self._boxes)
+            self._render(i, self._boxes[i], seed=k)
+            used.append(_memory_mb(os.getpid()))
+        return used[min(4, count - 1)], used[-1]
+
+    def labels(self) -> Cost:
+        """What exact geometry and all annotators cost, mean over the frames."""
+        registry = load_plugins().registry
+        scene = self._setting.scene
+        annotators = [registry.create("annotator", name) for name in registry.names("annotator")]
+        caster = RayCaster(scene)
+        with measured() as cost:
+            for frame in self._setting.frames:
+                view = caster.view(frame)
+                for annotator in annotators:
+                    annotator.annotate(scene, frame, view)
+        return Cost(*(value / len(self._boxes) for value in (cost().cpu_s, cost().wall_s)))
+
+    def close(self) -> None:
+        """Free the renderer."""
+        if self._renderer is not None:
+            self._renderer.close()
+        self._renderer = None
+
+    def _render(self, i: int, box: PixelBox, seed: int) -> Radiance:
+        assert self._renderer is not None
+        return self._renderer.render(RenderRequest(self._setting.frames[i], box, self._skies[i], seed))
+
+    def _frame_noise(self, i: int) -> float:
+        white = self._setting.frames[i].sun_irradiance_rgb_w_m2 / np.pi
+        one, other = (self._render(i, self._boxes[i], seed) for seed in (1, 2))
+        covered = (one.coverage > 0.5) & (other.coverage > 0.5)
+        a, b = (_clipped(image, white, covered) for image in (one, other))
+        return float(np.sqrt(((a - b) ** 2).mean() / 2) / ((a + b).mean() / 2))
+
+
+def _clipped(image: Radiance, white_rgb: AnyArray, covered: AnyArray) -> AnyArray:
+    return np.asarray(np.minimum(image.radiance_rgb, white_rgb)[covered].sum(axis=-1), np.float64)
+
+
+def _serve(case: ScenarioCase, pipe: Connection) -> None:
+    """The child: makes a bench, and calls the methods that are asked for."""
+    bench = Bench(case)
+    while (call := pipe.recv()) is not None:
+        method, arguments = call
+        try:
+            pipe.send((getattr(bench, method)(*arguments), None))
+        except PosseError as error:
+            pipe.send((None, str(error)))
+    bench.close()
+
+
+class Remote:
+    """A bench in a process of its own."""
+
+    def __init__(self, case: ScenarioCase) -> None:
+        context = get_context("spawn")
+        self._pipe, theirs = context.Pipe()
+        self._process: BaseProcess = context.Process(target=_serve, args=(case, theirs))
+        self._process.start()
+
+    def ask(self, method: str, *arguments: Any) -> Any:
+        """The method's answer.
+
+        Raises:
+            click.ClickException: the renderer failed.
+        """
+        self._pipe.send((method, arguments))
+        answer, failure = self._pipe.recv()
+        if failure is not None:
+            raise click.ClickException(failure)
+        return answer
+
+    def close(self) -> None:
+        """End the process."""
+        self._pipe.send(None)
+        self._process.join()
+
 
 @dataclass(frozen=True)
 class Row:
-    """One way to render: words, renderer with options, and whether the whole image is rendered."""
+    """A line of the table; ``noise`` and ``spp`` are None where nothing is sampled."""
 
-    words: str
-    choice: ComponentChoice
-    whole: bool = False
-
-
-@dataclass(frozen=True)
-class Measured:
-    """opening_s: open and first frame; memory in MiB after the first and the last frame."""
-
-    opening_s: float
-    frame_s: float
-    noise: float
-    first_mib: float
-    last_mib: float
-    frames: int
+    name: str
+    spp: int | None
+    noise: float | None
+    box: Cost
+    whole: Cost
+    start: Cost
+    memory_mb: tuple[float, float]
 
 
-def rows(spp: int) -> list[Row]:
-    """What is compared; those whose renderer is not installed are left out."""
-    made = [
-        Row("blender, whole image", ComponentChoice(name="blender", options={"spp": spp}), whole=True),
-        Row("blender, box", ComponentChoice(name="blender", options={"spp": spp})),
-        Row("mitsuba llvm", ComponentChoice(name="mitsuba", options={"spp": spp, "variant": "llvm"})),
-        Row(
-            "mitsuba scalar", ComponentChoice(name="mitsuba", options={"spp": spp, "variant": "scalar"})
-        ),
-        Row("raster", ComponentChoice(name="raster")),
-    ]
-    installed = load_plugins().registry.names("renderer")
-    return [row for row in made if row.choice.name in installed]
-
-
-def measure(row: Row, case: ScenarioCase, renders: int) -> Measured:
-    """Render the case's frames with two seeds each, over and over, ``renders`` times in all."""
-    setting = case.build()
-    geometry, camera = Geometry(setting.scene), setting.scene.camera
-    whole = PixelBox(0, 0, camera.width_px, camera.height_px)
-    boxes = [whole if row.whole else geometry.box(frame) for frame in setting.frames]
-    skies = [setting.environment(frame) for frame in setting.frames]
-    requests = [
-        RenderRequest(frame, box, sky, seed)
-        for frame, box, sky in zip(setting.frames, boxes, skies, strict=True)
-        for seed in (1, 2)
-    ]
-    start = time.perf_counter()
-    renderer: Renderer = create(load_plugins().registry, "renderer", row.choice)
-    renderer.open(setting.scene)
-    renderer.render(requests[0])
-    opening_s, first_mib = time.perf_counter() - start, memory_mib(os.getpid())
-    seconds, noises = [], []
-    previous = None
-    for i in range(max(renders, len(requests))):
-        start = time.perf_counter()
-        image = renderer.render(requests[i % len(requests)])
-        seconds.append(time.perf_counter() - start)
-        if previous is not None and i % 2 and i < len(requests):
-            covered = np.asarray(image.coverage > 0)
-            noises.append(noise(previous.radiance_rgb, image.radiance_rgb, covered))
-        previous = image
-    last_mib = memory_mib(os.getpid())
-    renderer.close()
-    return Measured(opening_s, median(seconds), mean(noises), first_mib, last_mib, len(seconds))
-
-
-def memory_mib(pid: int) -> float:
-    """Resident memory of a process and of those that it started (Linux)."""
-    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
-    own = pages * os.sysconf("SC_PAGE_SIZE") / 2**20
-    children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
-    return own + sum(memory_mib(int(child)) for child in children)
+def measure(
+    case: ScenarioCase,
+    title: str,
+    name: str,
+    options: dict[str, Any],
+    count: int,
+    target: float | None = None,
+) -> Row:
+    """One renderer; ``target`` is the noise to reach, None to keep the options' samples."""
+    remote = Remote(case)
+    try:
+        start = remote.ask("open", name, options)
+        noise = spp = None
+        if "spp" in options:
+            spp, noise = options["spp"], remote.ask("noise")
+            if target is not None:
+                spp = max(1, round(spp * (noise / target) ** 2))
+                remote.ask("open", name, {**options, "spp": spp})
+                noise = remote.ask("noise")
+        box, whole = remote.ask("cost"), remote.ask("whole_cost")
+        if spp is not None:
+            remote.ask("open", name, {**options, "spp": MEMORY_SPP})
+        memory_mb = remote.ask("memory", count)
+        return Row(title, spp, noise, box, whole, start, memory_mb)
+    finally:
+        remote.close()
 
 
 @click.command()
 @click.option("--scenario", default="aqua", show_default=True)
-@click.option("--frames", default=5, show_default=True, type=click.IntRange(min=1))
-@click.option("--renders", default=50, show_default=True, help="Renders in all, for the memory.")
-@click.option("--spp", default=64, show_default=True)
-@click.option("--width-px", default=1280, show_default=True)
-def main(scenario: str, frames: int, renders: int, spp: int, width_px: int) -> None:
-    """Measure every renderer that is installed, on frames of the scenario's trajectory."""
-    size: dict[str, object] = {"camera.width_px": width_px, "camera.height_px": width_px * 3 // 4}
-    listed = rows(spp)
-    size["renderer.name"] = listed[0].choice.name
-    checked = load_scenario(scenario, load_plugins().registry, size)
-    case = ScenarioCase(scenario, checked, "trajectory", frames)
-    machine = platform.processor() or platform.machine()
-    print(f"{scenario}, {width_px} x {width_px * 3 // 4} px, {spp} samples a pixel, {frames} frames")
-    print(f"{machine}, {os.cpu_count()} cores; load before {os.getloadavg()[0]:.1f}\n")
-    print(f"{'':<22}{'s/frame':>9}{'noise':>8}{'s at equal noise':>18}{'times':>7}", end="")
-    print(f"{'open + first, s':>17}{'MiB':>7}{'MiB, last':>11}{'frames':>8}", flush=True)
-    first: Measured | None = None
-    for row in listed:
-        with get_context("spawn").Pool(1) as pool:
-            got = pool.apply(measure, (row, case, renders))
-        first = first or got
-        equal_s = got.frame_s * (got.noise / first.noise) ** 2 if got.noise > 0 else got.frame_s
-        print(f"{row.words:<22}{got.frame_s:>9.3f}{got.noise:>8.3f}{equal_s:>18.3f}", end="")
-        print(f"{first.frame_s / equal_s:>7.1f}{got.opening_s:>17.2f}{got.first_mib:>7.0f}", end="")
-        print(f"{got.last_mib:>11.0f}{got.frames:>8}", flush=True)
+@click.option("--frames", default=2, show_default=True, help="Poses of crosscheck at its ranges.")
+@click.option("--memory-frames", default=50, show_default=True, type=click.IntRange(min=1))
+@click.option("--spp", default=64, show_default=True, help="Samples a pixel of the reference.")
+@click.option("--threads", default=1, show_default=True, help="Of each path tracer.")
+def main(scenario: str, frames: int, memory_frames: int, spp: int, threads: int) -> None:
+    """Measure all renderers that are installed, Cycles on the whole frame being the reference."""
+    registry = load_plugins().registry
+    checked = load_scenario(scenario, registry, {"renderer.name": "blender"})
+    case = ScenarioCase(scenario, checked, "random", frames)
+    camera = checked.camera.camera()
+    click.echo(f"{scenario}, {frames} poses, {camera.width_px} x {camera.height_px} px; CPU-seconds")
+    bench = Remote(case)
+    labels: Cost = bench.ask("labels")
+    bench.close()
+    click.echo(f"labels of a frame: {labels.cpu_s:.2f}\n")
+    click.echo(
+        f"{'':<15}{'spp':>5}{'noise':>8}{'box':>8}{'whole':>8}{'box, labels':>13}{'of Cycles':>11}"
+        f"{'box, wall s':>13}{'start':>8}{'MB, frame 5':>13}{f'frame {memory_frames}':>10}"
+    )
+    sampled = {"spp": spp, "threads": threads}
+    reference = measure(case, "blender", "blender", sampled, memory_frames)
+    _tell(reference, reference, labels)
+    for title, name, options in CANDIDATES:
+        if name not in registry.names("renderer"):
+            click.echo(f"{title:<15} is not installed")
+            continue
+        if name in SAMPLED:
+            options = {**sampled, **options}
+        try:
+            _tell(measure(case, title, name, options, memory_frames, reference.noise), reference, labels)
+        except click.ClickException as error:
+            click.echo(f"{title:<15} {error}")
+
+
+def _tell(row: Row, reference: Row, labels: Cost) -> None:
+    """``of Cycles``: the reference's whole frame over this one's box and labels."""
+    sampled = f"{row.spp:>5}{row.noise:>8.3f}" if row.spp is not None else f"{'-':>5}{'-':>8}"
+    with_labels_s = row.box.cpu_s + labels.cpu_s
+    click.echo(
+        f"{row.name:<15}{sampled}{row.box.cpu_s:>8.2f}{row.whole.cpu_s:>8.2f}{with_labels_s:>13.2f}"
+        f"{reference.whole.cpu_s / with_labels_s:>10.1f}x{row.box.wall_s:>13.2f}"
+        f"{row.start.cpu_s:>8.1f}{row.memory_mb[0]:>13.0f}{row.memory_mb[1]:>10.0f}"
+    )
 
 
 if __name__ == "__main__":

@@ -105,6 +105,7 @@ class MitsubaRenderer(Renderer):
 
         assert self._choice is not None
         mi.set_variant(self._choice.variant)
+        mi.set_log_level(mi.LogLevel.Error)  # what it warns of is how samples are rounded
         dr.set_thread_count(self.options.threads or _own_threads())
 
 

@@ -70,10 +70,10 @@ class Wavefront:
         sampler = self._sampler.clone()
         sampler.seed(dr.opaque(mi.UInt32, seed), len(places) * self._spp)
         corner = (places - [self._camera.cx_px, self._camera.cy_px] - 0.5) / self._camera.fx_px
-        pixel: Any = dr.opaque(mi.Float, 1 / self._camera.fx_px)
-        shift = pixel * sampler.next_2d()
+        pixel = dr.opaque(mi.Float, 1 / self._camera.fx_px)
+        shift = sampler.next_2d() * pixel
         x, y = (dr.repeat(mi.Float(np.float32(column)), self._spp) for column in corner.T)
-        across = mi.Vector3f(x + shift.x, y + shift.y, 0.0)
+        across: Any = mi.Vector3f(x + shift.x, y + shift.y, 0.0)
 
         # A ray starts shortly before the craft, so that no digits are lost at large ranges.
         rotation = frame.R_cam_from_body.T

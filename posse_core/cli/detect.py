@@ -56,7 +56,7 @@ def command(
     finder = None if keypoints is None else open_keypoint_finder(keypoints, registry, given)
     intrinsics = None if camera is None else read_camera(camera)
     if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
+        _make_folder(out, files)
     results = []
     for path in files:
         image = read_image(path)
@@ -73,6 +73,17 @@ def command(
             click.echo(f"{path}: {words or 'nothing'}")
     if as_json:
         echo_json(results)
+
+
+def _make_folder(out: Path, files: Sequence[Path]) -> None:
+    stems = [path.stem for path in files]
+    twice = next((stem for stem in stems if stems.count(stem) > 1), None)
+    if twice is not None:
+        raise InputError(f"--out {out}: two images are named {twice!r}; give their folders one by one")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--out {out}: cannot be a folder: {error.strerror}") from None
 
 
 def _files(images: Sequence[Path]) -> list[Path]:

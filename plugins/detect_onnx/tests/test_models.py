@@ -1,20 +1,30 @@
 """ONNX files written by hand: what their graphs tell arrives in the image's pixels."""
 
+import json
+
+import cv2
 import numpy as np
 import onnx
 import pytest
+from click.testing import CliRunner
 from onnx import TensorProto, helper, numpy_helper
+from scipy.spatial.transform import Rotation
 
+from posse_core.cli.detect import command
+from posse_core.dataset import write_camera
 from posse_core.detection.card import ModelCard
+from posse_core.detection.keypoints import square_for
 from posse_core.detection.models import open_detector, open_keypoint_finder
+from posse_core.detection.square import whole_image
 from posse_core.errors import InputError
 from posse_core.interfaces.detector import Detection
+from posse_core.model.camera import Camera
 from posse_core.plugins import load_plugins
 
 CORNERS = {"A1": [0.0, 0, 0], "A2": [1.0, 0, 0]}
 
 
-def write_model(path, task, outputs):
+def write_model(path, task, outputs, plate=CORNERS):
     """A graph that always tells ``outputs``, whatever it sees of 64 × 64 pixels."""
     card = ModelCard(
         net="by-hand",
@@ -24,7 +34,7 @@ def write_model(path, task, outputs):
         dataset_sha256="",
         scenario_sha256="",
         version="0",
-        keypoints_body_m={"brick": {"B1": [0.0, 0, 1]}, "plate": CORNERS},
+        keypoints_body_m={"brick": {"B1": [0.0, 0, 1]}, "plate": plate},
     )
     nodes, values = [], []
     for name, array in outputs.items():
@@ -86,3 +96,39 @@ def test_keypoints_are_those_of_the_class_in_the_image(tmp_path):
 def test_a_model_for_another_task_is_refused(tmp_path):
     with pytest.raises(InputError, match="finds boxes, where a model that finds keypoints"):
         open_keypoint_finder(boxes_model(tmp_path / "m.onnx"), load_plugins().registry, {})
+
+
+def test_from_image_to_pose_by_the_command(tmp_path):
+    """Constant nets that tell the box and the keypoints of a known pose."""
+    camera = Camera(300, 300, 400.0, 400.0, 149.5, 149.5, 0.01)
+    points = np.random.default_rng(2).uniform(-1, 1, (8, 3))
+    attitude = Rotation.from_rotvec([0.3, -0.5, 0.8])
+    t = np.array([0.2, -0.1, 9.0])
+    pixels = camera.project(attitude.apply(points) + t)
+    box = np.concatenate([pixels.min(axis=0), np.ptp(pixels, axis=0)])
+    outputs = {
+        "boxes": whole_image(300, 300, 64).boxes_in(box)[None, None].astype(np.float32),
+        "scores": np.array([[0.9]], np.float32),
+        "labels": np.array([[1]], np.int64),
+    }
+    write_model(tmp_path / "m.onnx", "boxes", outputs)
+    told = np.concatenate([[[0.0, 0]], square_for(box, 64).points_in(pixels)])[None]
+    outputs = {"points": told.astype(np.float32), "sigma": np.ones((1, 9), np.float32)}
+    plate = {f"P{i}": x.tolist() for i, x in enumerate(points)}
+    write_model(tmp_path / "k.onnx", "keypoints", outputs, plate)
+    write_camera(camera, tmp_path / "camera.json")
+    cv2.imwrite(str(tmp_path / "image.png"), np.zeros((300, 300), np.uint8))
+
+    names = {"--model": "m.onnx", "--keypoints": "k.onnx", "--camera": "camera.json"}
+    options = [text for name, file in names.items() for text in (name, str(tmp_path / file))]
+    done = CliRunner().invoke(command, [str(tmp_path / "image.png"), *options, "--json"])
+    assert done.exit_code == 0, done.output
+    (found,) = json.loads(done.stdout)[0]["detections"]
+    assert found["label"] == "plate"
+    np.testing.assert_allclose(found["pose"]["t_body_cam_m"], t, atol=1e-3)
+    q = found["pose"]["q_cam_from_body"]
+    turn = Rotation.from_quat([*q[1:], q[0]]) * attitude.inv()
+    assert turn.magnitude() < 1e-3
+    assert np.linalg.eigvalsh(found["pose"]["covariance"]).min() > 0
+    words = CliRunner().invoke(command, [str(tmp_path / "image.png"), *options]).stdout
+    assert f"{np.linalg.norm(t):.2f} m away" in words

@@ -13,6 +13,7 @@ import torch
 
 from posse_core.dataset import Dataset
 from posse_core.detection.card import card_of, read_card
+from posse_core.selection.partition import write_partition
 from posse_detect_torch.learn import CURVES, LAST, MODEL, learn
 from posse_detect_torch.nano_detector import NanoLesson
 from posse_detect_torch.options import NanoOptions
@@ -210,8 +211,24 @@ def test_bad_input_is_told_in_one_line(posse, dataset, trained, exported, tmp_pa
     )
     refused(["other options"], "train", dataset.folder, "--detector", "nano", "--out", trained.parent)
     refused([".onnx"], "export-onnx", trained, "--dataset", dataset.folder, "--out", tmp_path / "x.bin")
+    refused(
+        ["two images are named"],
+        *("detect", image, image, "--model", exported, "--out", tmp_path / "drawn"),
+    )
     (dataset_less := tmp_path / "undivided").mkdir()
     refused(["not a dataset"], "eval", dataset_less, "--model", exported)
+
+
+def test_parts_may_be_empty_but_not_the_train_part(make_dataset, posse, tmp_path):
+    folder = make_dataset(tmp_path / "d", 10)
+    arguments = ("train", folder, "--detector", "nano", "-o", "input_px=64", "-o", "epochs=1", "--out")
+    write_partition(Dataset(folder), (0, 1, 1), 0, "frame")
+    code, _, error = posse(*arguments, tmp_path / "a")
+    assert code == 2
+    assert "no spacecraft to learn from" in error
+    write_partition(Dataset(folder), (1, 0, 0), 0, "frame")
+    code, _, error = posse(*arguments, tmp_path / "b")
+    assert code == 0, error
 
 
 def test_a_checkpoint_of_another_net_and_unknown_classes_are_refused(

@@ -52,6 +52,8 @@ def cut_pictures(
     squares = [choose(line, camera.height_px, camera.width_px) for line in labels]
     made_of = f"{dataset_hash(dataset)} {size_px} {list(indices)} {squares}"
     path = folder / f"{name}-{hashlib.sha256(made_of.encode()).hexdigest()[:12]}.npy"
+    if not labels:
+        return Pictures([], [], np.zeros((0, size_px, size_px), np.uint8))
     if not path.exists():
         unfinished = path.with_suffix(".part")
         shape = (len(labels), size_px, size_px)

@@ -1,7 +1,7 @@
 """How far each model of relative motion is off, on the thesis' two orbits, against integration.
 
 The target's states are osculating at the epoch; a·δe = a·δi = 100 m. Aqua's two vectors point along y.
-Cluster's point at 132° and 155°: with these the separation from perigee is 121 to 296 m, that of the table
+Cluster's point at 132° and 155°: so its separation from perigee is 121 to 296 m, that of the table
 which this one is compared with, whose own start is not recorded. Every model starts from the same two
 states.
 """

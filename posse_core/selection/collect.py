@@ -82,7 +82,7 @@ def _build(
 ) -> Counter[str]:
     for name in ("images", "truth", "spacecraft"):
         (folder / name).mkdir()
-    log = LabelLog(folder)
+    log = LabelLog(folder, sum(len(dataset.frames) for dataset in sources))
     counts: Counter[str] = Counter({rule.name: 0 for rule in rules})
     trajectories: list[Trajectory] = []
     records: list[dict[str, Any]] = []

@@ -108,20 +108,14 @@ class Bench:
             self._render(0, self._boxes[0], seed=9)
         return cost()
 
-    def cost(self) -> Cost:
-        """Of the craft's box, mean over the frames."""
+    def cost(self, whole: bool) -> Cost:
+        """Of the craft's box or of the whole image, mean over the frames."""
+        camera = self._setting.scene.camera
+        image = PixelBox(0, 0, camera.width_px, camera.height_px)
         with measured() as cost:
             for i, box in enumerate(self._boxes):
-                self._render(i, box, seed=0)
+                self._render(i, image if whole else box, seed=0)
         return Cost(cost().cpu_s / len(self._boxes), cost().wall_s / len(self._boxes))
-
-    def whole_cost(self) -> Cost:
-        """Of the first frame's whole image, which is mostly empty in any frame."""
-        camera = self._setting.scene.camera
-        whole = PixelBox(0, 0, camera.width_px, camera.height_px)
-        with measured() as cost:
-            self._render(0, whole, seed=0)
-        return cost()
 
     def noise(self) -> float:
         """Mean over the frames; see the module's text."""
@@ -242,7 +236,7 @@ def measure(
                 spp = max(1, round(spp * (noise / target) ** 2))
                 remote.ask("open", name, {**options, "spp": spp})
                 noise = remote.ask("noise")
-        box, whole = remote.ask("cost"), remote.ask("whole_cost")
+        box, whole = remote.ask("cost", False), remote.ask("cost", True)
         if spp is not None:
             remote.ask("open", name, {**options, "spp": MEMORY_SPP})
         memory_mb = remote.ask("memory", count)

@@ -66,7 +66,7 @@ def command(
         rows = [_as_json(d, finder, intrinsics) for d in found]
         results.append({"image": str(path), "detections": rows})
         if out is not None:
-            drawn = draw(image, found, sorted({d.label for d in found}))
+            drawn = draw(image, found, detector.classes)
             write_bytes(out / f"{path.stem}.png", cv2.imencode(".png", drawn)[1].tobytes())
         if not as_json:
             words = ", ".join(_words(row) for row in rows)

@@ -18,7 +18,7 @@ from posse_detect_torch.learn import CURVES, LAST, MODEL, learn
 from posse_detect_torch.nano_detector import NanoLesson
 from posse_detect_torch.options import NanoOptions
 
-SETTINGS = ("-o", "input_px=64", "-o", "batch=8", "-o", "augment=false")
+SETTINGS = ("-o", "input_px=64", "-o", "batch=8", "-o", "learning_rate=0.003", "-o", "augment=false")
 
 
 def mean_ap50(posse, dataset: Dataset, model: Path) -> float:
@@ -31,7 +31,7 @@ def mean_ap50(posse, dataset: Dataset, model: Path) -> float:
 def trained(posse, dataset, tmp_path_factory) -> Path:
     out = tmp_path_factory.mktemp("trained")
     arguments = ("train", dataset.folder, "--detector", "nano", "--out", out, *SETTINGS)
-    code, told, error = posse(*arguments, "-o", "epochs=16")
+    code, told, error = posse(*arguments, "-o", "epochs=10")
     assert code == 0, error
     assert told.strip() == str(out / MODEL)
     return out / MODEL
@@ -63,7 +63,7 @@ def test_it_learns(make_dataset, posse, dataset, trained, tmp_path):
 def test_the_model_tells_what_it_learned_from(dataset, trained):
     card = read_card(trained)
     assert card.classes == ("brick", "plate")
-    assert card.epochs == 16
+    assert card.epochs == 10
     assert list(card.keypoints_body_m["brick"]) == ["B1", "B2", "B3", "B4", "T1", "T2", "T3", "T4"]
     assert (
         card.dataset_sha256 == card_of(dataset, net="", task="", input_px=0, version="").dataset_sha256

@@ -20,7 +20,12 @@ class BlenderOptions(Options):
     max_bounces: int = Field(
         2, ge=0, le=1024, description="bounces from surface to surface; 0 is direct light alone"
     )
-    threads: int = Field(0, ge=0, le=1024, description="of the CPU; 0 takes every core")
+    threads: int = Field(
+        0,
+        ge=0,
+        le=1024,
+        description="of the CPU; 0 takes $POSSE_THREADS, the worker's share, else every core",
+    )
     device: Literal["cpu", "cuda", "optix", "hip", "oneapi", "metal"] = Field(
         "cpu", description="what computes; a GPU that is asked for and absent is an error"
     )

@@ -6,6 +6,8 @@ Blender's world is the body frame, so that a frame moves only the camera, the Su
 
 from __future__ import annotations
 
+import os
+
 import bpy
 import cycles
 import numpy as np
@@ -121,9 +123,10 @@ class CyclesScene:
         render.film_transparent = True
         render.use_persistent_data = True
         render.use_compositing = render.use_sequencer = False
-        render.threads_mode = "FIXED" if values["threads"] else "AUTO"
-        if values["threads"]:
-            render.threads = values["threads"]
+        threads = values["threads"] or int(os.environ.get("POSSE_THREADS") or 0)
+        render.threads_mode = "FIXED" if threads else "AUTO"
+        if threads:
+            render.threads = threads
         settings.device = "CPU" if self.device == "cpu" else "GPU"
         settings.samples = values["spp"]
         settings.use_adaptive_sampling = values["adaptive_threshold"] > 0

@@ -26,3 +26,8 @@ class ComponentError(PosseError):
     """A component that the user chose failed, or cannot be loaded on this machine."""
 
     exit_code = 3
+
+
+class WorkerLost(ComponentError):
+    """A process that a component works in has died, maybe by chance: the frame is worth another try
+    with the component made anew."""

@@ -37,7 +37,13 @@ class Renderer(ABC):
 
     @abstractmethod
     def render(self, request: RenderRequest) -> Radiance:
-        """Render one frame's box."""
+        """Render one frame's box.
+
+        Raises:
+            posse_core.errors.ComponentError: it failed; the frame is given up.
+            posse_core.errors.WorkerLost: a process that the renderer works in has died; the renderer
+                is made anew and the frame tried again.
+        """
 
     @abstractmethod
     def close(self) -> None:

@@ -13,6 +13,7 @@ import cv2
 from pebble import ProcessExpired, ProcessPool
 from pydantic import Field
 
+from posse_core.errors import WorkerLost
 from posse_core.interfaces.executor import Executor, FrameResult, FrameWorker, WorkerSetupError
 from posse_core.options import Options
 
@@ -36,7 +37,8 @@ class LocalOptions(Options):
 class LocalExecutor(Executor):
     """A pool of spawned processes (pebble); a dead or hung worker is replaced, its frame tried again.
 
-    An exception that a frame raises is its result: only the loss of a worker is worth another try.
+    An exception that a frame raises is its result: only the loss of a worker, or of a process that its
+    renderer works in, is worth another try.
     """
 
     options: LocalOptions
@@ -96,6 +98,10 @@ class LocalExecutor(Executor):
             if not last:
                 return None
             cause = f"it took over {self.options.frame_time_limit_s:g} s {self.options.tries} times"
+        except WorkerLost as error:
+            if not last:
+                return None
+            cause = f"{error} ({self.options.tries} times)"
         except WorkerSetupError:
             raise
         except Exception as error:  # whatever a component raises ends its frame, not the run
@@ -117,7 +123,12 @@ def _make_frame(make_worker: Callable[[], FrameWorker], index: int) -> Mapping[s
             _worker = make_worker()
         except Exception as error:
             raise WorkerSetupError(str(error)) from error
-    return _worker.make(index)
+    try:
+        return _worker.make(index)
+    except WorkerLost:
+        _worker.close()
+        _worker = None
+        raise
 
 
 def _share_cores(workers: int) -> None:

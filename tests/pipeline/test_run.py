@@ -76,9 +76,10 @@ def test_a_killed_run_is_resumed(workers, undisturbed, posse, start_posse, small
     assert files_of(out) == files_of(undisturbed)
 
 
-def test_a_killed_worker_costs_nothing(undisturbed, posse, small_scenario, tmp_path):
+@pytest.mark.parametrize("fault", ["FLAT_KILL_ONCE", "FLAT_LOSE_ONCE"])
+def test_a_killed_worker_costs_nothing(fault, undisturbed, posse, small_scenario, tmp_path):
     marker = tmp_path / "died"
-    made = posse("run", small_scenario, "--out", "w", env={"FLAT_KILL_ONCE": f"3,{marker}"})
+    made = posse("run", small_scenario, "--out", "w", env={fault: f"3,{marker}"})
     assert made.returncode == 0, made.stderr
     assert marker.exists()
     assert labels_of(tmp_path / "w") == labels_of(undisturbed)

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from posse_core.errors import ComponentError, InputError
+from posse_core.errors import ComponentError, InputError, WorkerLost
 from posse_core.model.camera import PixelBox
 from posse_core.model.scene import RenderRequest, Scene
 from posse_core.model.spacecraft import Material
@@ -162,9 +162,7 @@ def test_a_worker_killed_in_mid_frame(opened: Callable[..., BlenderRenderer]) ->
     assert pid is not None
     killer = threading.Timer(1.0, os.kill, (pid, signal.SIGKILL))
     killer.start()
-    with pytest.raises(
-        ComponentError, match=rf"process {pid}.*SIGKILL while rendering frame 0"
-    ) as caught:
+    with pytest.raises(WorkerLost, match=rf"process {pid}.*SIGKILL while rendering frame 0") as caught:
         renderer.render(request())
     assert "\n" not in str(caught.value)
     with pytest.raises(ComponentError):  # it does not come back by itself

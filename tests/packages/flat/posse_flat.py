@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from posse_core.errors import WorkerLost
 from posse_core.hookspecs import hookimpl
 from posse_core.interfaces.renderer import Renderer
 from posse_core.model.scene import Radiance
@@ -26,7 +27,8 @@ class FlatOptions(Options):
 
 class Flat(Renderer):
     """Environment: FLAT_KILL=FRAME dies there each time; FLAT_KILL_ONCE=FRAME,FILE once, by the file;
-    FLAT_RAISE=FRAME raises there; FLAT_HANG_ONCE=FRAME,FILE never comes back from there, once."""
+    FLAT_RAISE=FRAME raises there; FLAT_HANG_ONCE=FRAME,FILE never comes back from there, once;
+    FLAT_LOSE_ONCE=FRAME,FILE says once that a process of its own has died."""
 
     def open(self, scene):
         self.scene = scene
@@ -40,6 +42,8 @@ class Flat(Renderer):
             os.kill(os.getpid(), signal.SIGKILL)
         if self._first_time("FLAT_HANG_ONCE", index):
             time.sleep(3600)
+        if self._first_time("FLAT_LOSE_ONCE", index):
+            raise WorkerLost("the lamp's process has died")
         if os.environ.get("FLAT_RAISE") == index:
             raise RuntimeError("the lamp is broken")
         shape = (request.box.height, request.box.width)

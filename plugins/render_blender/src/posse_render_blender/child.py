@@ -11,7 +11,7 @@ import tempfile
 from io import FileIO
 from pathlib import Path
 
-from posse_core.errors import ComponentError
+from posse_core.errors import ComponentError, WorkerLost
 from posse_render_blender.interpreter import WAY_OUT, Interpreter
 from posse_render_blender.worker.wire import Message, WireClosed, WireError, receive, send
 
@@ -56,14 +56,15 @@ class Child:
         """Send a request and wait for its answer; ``doing`` says in words what for.
 
         Raises:
-            ComponentError: the worker reports a failure, or has died; it names the end of its log.
+            ComponentError: the worker reports a failure.
+            WorkerLost: it has died; the message has the end of its log.
         """
         self._log_file.truncate(0)  # only this request's lines can explain what happens to it
         try:
             send(self._requests, message)
             answer = receive(self._answers)
         except (BrokenPipeError, WireClosed):
-            raise ComponentError(f"blender: {self._how_it_ended()} while {doing}{self._log()}") from None
+            raise WorkerLost(f"blender: {self._how_it_ended()} while {doing}{self._log()}") from None
         except WireError as error:
             raise ComponentError(f"blender: the worker sent garbage while {doing}: {error}") from None
         if answer.kind == "failed":

@@ -3,12 +3,49 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
-from pydantic import Field, field_validator
+from pydantic import AfterValidator, Field
 
 from posse_core.model.arrays import FloatArray
 from posse_core.options import Options
+
+
+def R_body_from_mesh(axes: str) -> FloatArray:
+    """(3, 3) rotation of ``body_axes``: row k picks the mesh axis, with its sign, for body axis k.
+
+    Raises:
+        ValueError: not three different axes, or a mirror image.
+    """
+    words = axes.lower().split()
+    names = [word.lstrip("+-") for word in words]
+    if sorted(names) != ["x", "y", "z"] or any(
+        len(w) - len(n) > 1 for w, n in zip(words, names, strict=True)
+    ):
+        raise ValueError("body_axes takes three different mesh axes with signs, such as 'x -z y'")
+    R = np.zeros((3, 3))
+    for row, (word, name) in enumerate(zip(words, names, strict=True)):
+        R[row, "xyz".index(name)] = -1.0 if word[0] == "-" else 1.0
+    if np.linalg.det(R) < 0.0:
+        signs = [
+            f"{'' if word[0] == '-' else '-'}{name}" for word, name in zip(words, names, strict=True)
+        ]
+        ways = " or ".join(
+            repr(" ".join(signs[k] if k == row else word for k, word in enumerate(words)))
+            for row in range(3)
+        )
+        raise ValueError(f"body_axes {axes!r} is a mirror image; take {ways}")
+    return R
+
+
+def _checked_axes(text: str) -> str:
+    R_body_from_mesh(text)
+    return text
+
+
+BodyAxes = Annotated[str, AfterValidator(_checked_axes)]
+"""Mesh axes along the body axes, as in ``"x -z y"``: a rotation."""
 
 
 class VariantOptions(Options):
@@ -50,7 +87,7 @@ class MeshOptions(Options):
     scale_m_per_unit: float | None = Field(
         None, gt=0, description="metres that one unit of the file is; no format can be trusted to say it"
     )
-    body_axes: str = Field(
+    body_axes: BodyAxes = Field(
         "x y z",
         description="the mesh axis along each of the body axes X, Y, Z; 'x -z y' turns Y up into Z up",
     )
@@ -63,41 +100,8 @@ class MeshOptions(Options):
         None, description="YAML or JSON: keypoints: {T1: [x, y, z]}, in metres in the body frame"
     )
 
-    @field_validator("body_axes")
-    @classmethod
-    def _axes_turn(cls, text: str) -> str:
-        R_body_from_mesh(text)
-        return text
-
 
 class PackageOptions(Options):
     """A spacecraft package, as 'posse import' makes it."""
 
     package: Path = Field(description="its folder, with spacecraft.yaml and the mesh")
-
-
-def R_body_from_mesh(axes: str) -> FloatArray:
-    """(3, 3) rotation of ``body_axes``: row k picks the mesh axis, with its sign, for body axis k.
-
-    Raises:
-        ValueError: not three different axes, or a mirror image.
-    """
-    words = axes.lower().split()
-    names = [word.lstrip("+-") for word in words]
-    if sorted(names) != ["x", "y", "z"] or any(
-        len(w) - len(n) > 1 for w, n in zip(words, names, strict=True)
-    ):
-        raise ValueError("body_axes takes three different mesh axes with signs, such as 'x -z y'")
-    R = np.zeros((3, 3))
-    for row, (word, name) in enumerate(zip(words, names, strict=True)):
-        R[row, "xyz".index(name)] = -1.0 if word[0] == "-" else 1.0
-    if np.linalg.det(R) < 0.0:
-        signs = [
-            f"{'' if word[0] == '-' else '-'}{name}" for word, name in zip(words, names, strict=True)
-        ]
-        ways = " or ".join(
-            repr(" ".join(signs[k] if k == row else word for k, word in enumerate(words)))
-            for row in range(3)
-        )
-        raise ValueError(f"body_axes {axes!r} is a mirror image; take {ways}")
-    return R

@@ -12,7 +12,7 @@ from posse_core.model.spacecraft import Spacecraft
 from posse_core.options import validated
 from posse_core.spacecraft.keypoint_file import Corner, KeypointModel, Keypoints, Triple, read_mapping
 from posse_core.spacecraft.mesh import spacecraft_from_raw
-from posse_core.spacecraft.options import MeshOptions, PackageOptions, R_body_from_mesh
+from posse_core.spacecraft.options import BodyAxes, MeshOptions, PackageOptions
 from posse_core.spacecraft.reader import read_mesh
 
 DESCRIPTION = "spacecraft.yaml"
@@ -24,17 +24,11 @@ class PackageModel(KeypointModel):
     name: str = Field(pattern=r"^[A-Za-z0-9][\w.-]*$", description="the class name in the labels")
     mesh: str = Field(description="the mesh file, in the package's folder or below")
     scale_m_per_unit: float = Field(gt=0, description="metres that one unit of the mesh file is")
-    body_axes: str = Field(description="the mesh axis along each body axis, as in 'x -z y'")
+    body_axes: BodyAxes = Field(description="the mesh axis along each body axis, as in 'x -z y'")
     centre_of_mass_m: Triple = Field(description="in metres along body axes from the mesh file's origin")
     keypoints: dict[str, Triple | Corner] = Field(
         default_factory=dict, description="as in a keypoint file"
     )
-
-    @field_validator("body_axes")
-    @classmethod
-    def _axes_turn(cls, text: str) -> str:
-        R_body_from_mesh(text)
-        return text
 
     @field_validator("mesh")
     @classmethod

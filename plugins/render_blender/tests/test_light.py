@@ -13,6 +13,7 @@ from posse_core.model.camera import Camera, PixelBox
 from posse_core.model.scene import EnvironmentMap, FrameState, Radiance, RenderRequest
 from posse_core.model.spacecraft import Material
 from posse_core.testing import scenes
+from posse_core.testing.closed_forms import directions
 from posse_render_blender.renderer import BlenderRenderer
 
 WHITE = Material("white", base_color=(0.8, 0.5, 0.2), specular=0.0)
@@ -32,11 +33,7 @@ def shot(
 
 def sky(function: Callable[[FloatArray], FloatArray], height: int = 64) -> EnvironmentMap:
     """A map of ``function``: directions (h, w, 3) in camera axes → radiance (h, w, 3)."""
-    theta = np.pi * (np.arange(height) + 0.5) / height
-    phi = 2 * np.pi * (np.arange(2 * height) + 0.5) / (2 * height) - np.pi
-    theta, phi = np.meshgrid(theta, phi, indexing="ij")
-    d = np.stack([np.sin(theta) * np.sin(phi), -np.cos(theta), np.sin(theta) * np.cos(phi)], axis=-1)
-    return EnvironmentMap(function(d).astype(np.float32))
+    return EnvironmentMap(function(directions(height)).astype(np.float32))
 
 
 def test_a_pixel_not_square_and_a_principal_point_off_the_middle(opened: Open) -> None:

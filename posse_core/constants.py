@@ -12,6 +12,8 @@ PLANCK_J_S = 6.626_070_15e-34
 BOLTZMANN_J_K = 1.380_649e-23
 EARTH_ROTATION_RATE_RAD_S = 7.292_115_146_706_979e-5
 """Rate of the Earth rotation angle (IERS Conventions 2010, eq. 5.15)."""
+THESIS_SOLAR_CONSTANT_W_M2 = 1367.0
+"""Total solar irradiance at 1 au in the POSSE thesis (eq. 3.6)."""
 WGS84_FLATTENING = 1.0 / 298.257_223_563
 
 
@@ -30,7 +32,7 @@ class Constants(BaseModel):
     solar_constant_w_m2: float = Field(
         1361.0,
         gt=0,
-        description="Total solar irradiance at 1 au (IAU 2015 B3); the thesis has 1367.",
+        description="Total solar irradiance at 1 au (IAU 2015 B3); 1367 with propagator thesis.",
     )
     eclipse_flattening: float = Field(
         0.0,

@@ -1,9 +1,8 @@
 """How far each model of relative motion is off, on the thesis' two orbits, against integration.
 
-The target's states are osculating at the epoch; a·δe = a·δi = 100 m. Aqua's two vectors point along y.
-Cluster's point at 132° and 155°: so its separation from perigee is 121 to 296 m, that of the table
-which this one is compared with, whose own start is not recorded. Every model starts from the same two
-states.
+The target's states are osculating at the epoch. Aqua's chaser has a·δe = a·δi = (0, 100) m and stays
+100 to 224 m away, Cluster's a·δe = (30, 80) m and a·δi = (60, 80) m and 121 to 296 m. Every model starts
+from the same two states.
 """
 
 from __future__ import annotations
@@ -21,7 +20,6 @@ from posse_core.dynamics.start import Start, Target
 from posse_core.model.arrays import FloatArray
 from posse_core.propagators.thesis import roe_to_rtn
 
-SIZE_M = 100.0
 _PER_ORBIT = 100
 
 
@@ -31,13 +29,13 @@ class Case:
 
     Attributes:
         keplerian: (6,) a (m), e, i, Ω, ω, M (rad) of the target.
-        directions_deg: polar angles of δe and δi.
+        roe_m: (6,) a times quasi-nonsingular ROE of the chaser.
         gravity: of the truth; orbits: flown.
     """
 
     name: str
     keplerian: FloatArray
-    directions_deg: tuple[float, float]
+    roe_m: FloatArray
     gravity: str
     orbits: int
 
@@ -60,13 +58,15 @@ def cases(constants: Constants) -> list[Case]:
     aqua = orbit(14.571168 * 2 * math.pi / 86400, 8.98e-5, 98.23, 334.40, 52.44, 318.10)
     perigee = orbit(3.21e-5, 0.52, 133.35, 345.92, 195.45, 0.0)
     apogee = orbit(3.21e-5, 0.52, 133.35, 345.92, 195.45, 180.0)
+    beside_aqua = np.array([0.0, 0.0, 0.0, 100.0, 0.0, 100.0])
+    beside_cluster = np.array([0.0, 0.0, 30.0, 80.0, 60.0, 80.0])
     return [
         case
         for gravity in ("two-body", "j2")
         for case in (
-            Case("Aqua", aqua, (90.0, 90.0), gravity, 10),
-            Case("Cluster from perigee", perigee, (132.0, 155.0), gravity, 1),
-            Case("Cluster from apogee", apogee, (132.0, 155.0), gravity, 1),
+            Case("Aqua", aqua, beside_aqua, gravity, 10),
+            Case("Cluster from perigee", perigee, beside_cluster, gravity, 1),
+            Case("Cluster from apogee", apogee, beside_cluster, gravity, 1),
         )
     ]
 
@@ -78,9 +78,7 @@ def errors(case: Case, constants: Constants) -> Errors:
     period_s = 2 * math.pi * math.sqrt(case.keplerian[0] ** 3 / mu)
     t_s = orbits * period_s
     r, v = elements.state_from_keplerian(case.keplerian, mu)
-    e, i = np.radians(case.directions_deg)
-    roe_m = SIZE_M * np.array([0.0, 0.0, np.cos(e), np.sin(e), np.cos(i), np.sin(i)])
-    start = Start(Target(r, v, constants), "model errors", roe_m=roe_m)
+    start = Start(Target(r, v, constants), "model errors", roe_m=case.roe_m)
     truth = _integrated(start, t_s, case.gravity)
     return Errors(
         orbits,

@@ -82,8 +82,9 @@ def check_orbit(
     r = float(np.linalg.norm(r_m))
     if not np.isfinite(r) or r == 0 or not np.all(np.isfinite(v_m_s)):
         raise InputError(f"{where}: this is not an orbit; check the numbers and their units")
-    h2 = float(np.sum(np.cross(r_m, v_m_s) ** 2))
-    energy = float(v_m_s @ v_m_s) / 2 - mu / r
+    v2 = float(v_m_s @ v_m_s)
+    h2 = r**2 * v2 - float(r_m @ v_m_s) ** 2
+    energy = v2 / 2 - mu / r
     e = math.sqrt(max(0.0, 1 + 2 * energy * h2 / mu**2))
     perigee_m = h2 / mu / (1 + e)
     if perigee_m < constants.earth_radius_m:

@@ -63,9 +63,9 @@ class Target:
         return frames.R_eci_from_rtn(self.r_eci_m, self.v_eci_m_s)
 
     @cached_property
-    def spin_rtn_rad_s(self) -> FloatArray:
-        """(3,) angular velocity of the RTN frame."""
-        return np.array([0.0, 0.0, frames.rtn_rate_rad_s(self.r_eci_m, self.v_eci_m_s)])
+    def spin_rad_s(self) -> float:
+        """Angular velocity of the RTN frame about N."""
+        return float(frames.rtn_rate_rad_s(self.r_eci_m, self.v_eci_m_s))
 
 
 class Start:
@@ -103,7 +103,9 @@ class Start:
             self.rtn = rtn
         if apart_eci is None:
             R, r_rtn, v_rtn = target.R_eci_from_rtn, self.rtn[:3], self.rtn[3:]
-            apart_eci = np.concatenate([R @ r_rtn, R @ (v_rtn + np.cross(target.spin_rtn_rad_s, r_rtn))])
+            apart_eci = np.concatenate(
+                [R @ r_rtn, R @ (v_rtn + target.spin_rad_s * np.array([-r_rtn[1], r_rtn[0], 0.0]))]
+            )
         self.dr_eci_m, self.dv_eci_m_s = apart_eci[:3], apart_eci[3:]
         check_orbit(
             target.r_eci_m + self.dr_eci_m,

@@ -45,6 +45,12 @@ class FlightPropagator(Propagator):
     ) -> Flight:
         """The motion at ``after_s`` (F,) seconds after a start that is ``start_s`` after the epoch."""
 
+    def fly_together(
+        self, problem: PropagationProblem, starts: list[Start], t_s: FloatArray
+    ) -> list[Flight]:
+        """The motions from several starts at the epoch beside one target, at ``t_s`` (F,) seconds."""
+        return [self.fly(problem, start, 0.0, t_s) for start in starts]
+
     def propagate(self, problem: PropagationProblem) -> Motion:
         t_s = np.asarray(problem.t_s, dtype=np.float64)
         starts, forced = starts_of(problem, elliptic=self.elliptic), None
@@ -54,7 +60,10 @@ class FlightPropagator(Propagator):
             flight = self.fly(problem, starts[0], 0.0, t_s)
             rtn, sequence = forced
             return _motion(t_s, [Flight(flight.r_target_eci_m, flight.v_target_eci_m_s, rtn)], sequence)
-        flights = [self._fly_plan(problem, start, t_s) for start in starts]
+        if problem.relative.plan is not None:
+            flights = [self._fly_plan(problem, start, t_s) for start in starts]
+        else:
+            flights = self.fly_together(problem, starts, t_s)
         return _motion(t_s, flights, np.repeat(np.arange(len(flights)), len(t_s)))
 
     def _fly_plan(self, problem: PropagationProblem, start: Start, t_s: FloatArray) -> Flight:

@@ -35,7 +35,7 @@ class LinearPropagator(FlightPropagator):
     ) -> Flight:
         rtn = self.rtn(start, after_s)
         e = float(np.hypot(*start.target.equinoctial[2:4]))
-        exact = exact_rtn(start, after_s)
+        exact = exact_rtn([start], after_s)[0]
         warn_if_far_off(self.name, rtn[:, :3], exact[:, :3], f"e = {e:.3g}", self.instead)
         return two_body_flight(start, after_s, rtn)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from posse_core.dynamics.roe import rtn_from_equinoctial_roe
 from posse_core.dynamics.start import Start
 from posse_core.interfaces.propagator import PropagationProblem
@@ -15,14 +17,22 @@ class RoePropagator(FlightPropagator):
     def fly(
         self, problem: PropagationProblem, start: Start, start_s: float, after_s: FloatArray
     ) -> Flight:
-        return two_body_flight(start, after_s, exact_rtn(start, after_s))
+        return self.fly_together(problem, [start], after_s)[0]
+
+    def fly_together(
+        self, problem: PropagationProblem, starts: list[Start], t_s: FloatArray
+    ) -> list[Flight]:
+        states = exact_rtn(starts, t_s)
+        return [two_body_flight(start, t_s, rtn) for start, rtn in zip(starts, states, strict=True)]
 
 
-def exact_rtn(start: Start, t_s: FloatArray) -> FloatArray:
-    """(F,) → (F, 6) the chaser's RTN state, two-body motion without approximation."""
-    return rtn_from_equinoctial_roe(
-        start.target.equinoctial, start.target.sign, start.roe_equinoctial, start.target.mu_m3_s2, t_s
-    )
+def exact_rtn(starts: list[Start], t_s: FloatArray) -> FloatArray:
+    """(F,) → (S, F, 6) RTN states of S chasers of one target, two-body motion without approximation.
+
+    All in one evaluation: a call costs about as much as the states of an orbit.
+    """
+    target, roe = starts[0].target, np.stack([start.roe_equinoctial for start in starts])
+    return rtn_from_equinoctial_roe(target.equinoctial, target.sign, roe[:, None], target.mu_m3_s2, t_s)
 
 
 def two_body_flight(start: Start, t_s: FloatArray, rtn: FloatArray) -> Flight:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from posse_core.constants import Constants
+from posse_core.constants import THESIS_SOLAR_CONSTANT_W_M2, Constants
 from posse_core.model.arrays import FloatArray
 from posse_core.options import Options
 from posse_core.scenario.attitude import AttitudeConfig
@@ -110,6 +110,18 @@ class Scenario(Options):
             if isinstance(raw.get(key), dict) and "name" not in raw[key]:
                 named[key] = {"name": cls.model_fields[key].default.name, **raw[key]}
         return named
+
+    @model_validator(mode="before")
+    @classmethod
+    def _constants_of_the_thesis(cls, raw: Any) -> Any:
+        """Propagator ``thesis`` has its solar constant too, unless the scenario gives one."""
+        if not isinstance(raw, dict) or not isinstance(given := raw.get("constants", {}), dict):
+            return raw
+        propagator = raw.get("propagator")
+        name = propagator.get("name") if isinstance(propagator, dict) else propagator
+        if name != "thesis":
+            return raw
+        return {**raw, "constants": {"solar_constant_w_m2": THESIS_SOLAR_CONSTANT_W_M2, **given}}
 
     @field_validator("annotators", "writers")
     @classmethod

@@ -60,6 +60,23 @@ def test_only_target_and_orbit_are_needed(tmp_path):
     assert (camera.cx_px, camera.cy_px) == (639.5, 479.5)
 
 
+def test_constants_are_the_standards_and_the_thesis_brings_its_own_sun(tmp_path):
+    constants = load(tmp_path, MINIMAL).constants
+    # WGS 84 and EGM96; IAU 2015 resolution B3; IAU 2012 resolution B2.
+    assert constants.mu_earth_m3_s2 == 3.986004418e14
+    assert constants.earth_radius_m == 6378137
+    assert constants.j2 == 1.08262668e-3
+    assert constants.sun_radius_m == 695_700e3
+    assert constants.au_m == 149_597_870.7e3
+    assert constants.solar_constant_w_m2 == 1361
+    assert constants.eclipse_flattening == 0
+    thesis = MINIMAL + "propagator: thesis\n"
+    assert load(tmp_path, thesis).constants == constants.model_copy(update={"solar_constant_w_m2": 1367})
+    given = thesis + "constants: {solar_constant_w_m2: 1362, j2: 0}\n"
+    assert load(tmp_path, given).constants.solar_constant_w_m2 == 1362
+    assert load(tmp_path, given).constants.j2 == 0
+
+
 def test_a_date_stays_text_and_an_exponent_is_a_number(tmp_path):
     elements = load(tmp_path, MINIMAL).orbit.elements
     assert elements.epoch_utc == "2022-01-31T02:02:27.58"

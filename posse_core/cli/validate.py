@@ -25,8 +25,8 @@ SHOWN = 10
 def command(dataset: Path, as_json: bool) -> None:
     """Prove the labels of DATASET: files, checksums, and each label against pose, camera and mesh.
 
-    DATASET is a folder made by POSSE; or labels of any other origin: a COCO or SPEED file, or a BOP
-    folder. Ends with code 1, and names the frames, when a check fails.
+    DATASET is a folder made by POSSE; or labels of any other origin: a COCO or SPEED file, or a BOP or
+    YOLO-pose folder. Ends with code 1, and names the frames, when a check fails.
     """
     report = validate_foreign(dataset) or validate(Dataset(dataset), _progress)
     if as_json:

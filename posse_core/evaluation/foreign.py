@@ -1,18 +1,20 @@
-"""Labels of another origin, in COCO, SPEED or BOP: what can be proven of them by themselves.
+"""Labels of another origin, in COCO, SPEED, BOP or YOLO-pose: what can be proven of them by themselves.
 
-A frame's number in a fault is the image's id (its place in the list for SPEED, from 0). Masks and
-depths that another program made are allowed to differ from the model at the outline.
+A frame's number in a fault is the image's id; where a format has none, its place in the list, from 0
+(SPEED), or among all images by name (YOLO). Masks and depths that another program made are allowed to
+differ from the model at the outline.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import trimesh
+import yaml
 
 from posse_core.dataset import read_camera, read_image, read_json
 from posse_core.errors import InputError
@@ -30,6 +32,7 @@ MASK_SHARE, MASK_PX = 0.9, 4
 model that must be on the mask. So many pixels may be off in any case."""
 DEPTH_MM = 15.0
 """BOP's own tolerance of depths (delta in its calc_gt_info)."""
+_IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 
 
 def validate_foreign(path: Path) -> Report | None:
@@ -38,12 +41,18 @@ def validate_foreign(path: Path) -> Report | None:
     Raises:
         InputError: a file is not JSON, or lacks what its format asks for.
     """
-    is_bop = (path / "models" / "models_info.json").exists()
-    if not is_bop and not path.is_file():
+    prove: Callable[[Path], list[Result]]
+    if (path / "models" / "models_info.json").exists():
+        prove = _bop
+    elif (path / "data.yaml").exists():
+        prove = _yolo
+    elif path.is_file():
+        prove = _json_file
+    else:
         return None
     try:
-        results = _bop(path) if is_bop else _json_file(path)
-    except (KeyError, IndexError, TypeError, ValueError) as error:
+        results = prove(path)
+    except (KeyError, IndexError, OSError, TypeError, ValueError, yaml.YAMLError) as error:
         raise InputError(
             f"{path}: not laid as its format asks: {type(error).__name__}: {error}"
         ) from None
@@ -239,3 +248,72 @@ def _depth_faults(depth_mm: FloatArray, model_mm: FloatArray, mask: BoolArray) -
         off_mm = float(np.median(np.abs(depth_mm - model_mm)[both]))
         if off_mm > DEPTH_MM:
             yield f"depth is {off_mm:.0f} mm from the model in half of the pixels"
+
+
+def _yolo(folder: Path) -> list[Result]:
+    data = yaml.safe_load((folder / "data.yaml").read_text(encoding="utf-8"))
+    root, (count, each) = folder / data.get("path", "."), data["kpt_shape"]
+    classes = set(data["names"] if isinstance(data["names"], dict) else range(len(data["names"])))
+    lists = {part: _yolo_images(root, data[part]) for part in ("train", "val", "test") if data.get(part)}
+    number_of = {image: i for i, image in enumerate(sorted(set().union(*lists.values())))}
+    files = Result("files", "every image is there, and has a text", len(number_of))
+    rows = Result("rows", "rows are of a known class, as long as kpt_shape asks")
+    boxes = Result("boxes", "boxes lie in the image")
+    points = Result("keypoints", "labelled keypoints lie in the image")
+    parts = Result("partition", "no image is in two parts", sum(map(len, lists.values())))
+    for image, number in number_of.items():
+        text = _yolo_text(image)
+        if not image.is_file() or not text.is_file():
+            files.faults.append(Fault(number, f"{(text if image.is_file() else image).name}: missing"))
+            continue
+        for row in text.read_text(encoding="utf-8").splitlines():
+            numbers = np.array(row.split(), dtype=np.float64)
+            rows.checked += 1
+            if len(numbers) != 5 + count * each or int(numbers[0]) not in classes:
+                rows.faults.append(Fault(number, f"{text.name}: {len(numbers)} numbers, or its class"))
+                continue
+            boxes.checked += 1
+            boxes.faults += [Fault(number, f"{text.name}: {x}") for x in _yolo_box_faults(numbers[1:5])]
+            points.checked += 1
+            texts = _yolo_point_faults(np.reshape(numbers[5:], (count, each)))
+            points.faults += [Fault(number, f"{text.name}: {x}") for x in texts]
+    for image in _yolo_shared(lists):
+        parts.faults.append(Fault(number_of[image], f"{image.name}: is in two parts"))
+    return [files, rows, boxes, points, parts]
+
+
+def _yolo_images(root: Path, entry: str) -> set[Path]:
+    """Images of a part: a folder's, or those that a text file lists from its own folder."""
+    if (root / entry).is_dir():
+        return {path for path in (root / entry).rglob("*") if path.suffix.lower() in _IMAGES}
+    names = (root / entry).read_text(encoding="utf-8").split("\n")
+    return {(root / entry).parent / name.strip() for name in names if name.strip()}
+
+
+def _yolo_text(image: Path) -> Path:
+    """Labels lie where the last folder ``images`` of the path is called ``labels``."""
+    before, _, after = str(image.with_suffix(".txt")).rpartition("/images/")
+    return Path(f"{before}/labels/{after}")
+
+
+def _yolo_box_faults(box: FloatArray) -> Iterator[str]:
+    """(4,) centre and size, as shares of the image."""
+    if box[2:].min() <= 0 or np.any(np.abs(box[:2] - 0.5) + box[2:] / 2 > 0.5 + UNIT):
+        yield "the box leaves the image, or has no area"
+
+
+def _yolo_point_faults(points: FloatArray) -> Iterator[str]:
+    """(K, 2) or (K, 3) places as shares of the image, and visibilities; (0, 0) is no place."""
+    labelled = points[:, 2] != NOT_IN_FRAME if points.shape[1] == 3 else points.any(axis=1)
+    if np.any(np.abs(points[labelled, :2] - 0.5) > 0.5 + UNIT):
+        yield "a labelled keypoint is outside the image"
+    if points.shape[1] == 3 and not np.isin(points[:, 2], range(VISIBLE + 1)).all():
+        yield "a visibility is none of 0, 1, 2"
+
+
+def _yolo_shared(lists: dict[str, set[Path]]) -> set[Path]:
+    """In two parts; a dataset that is not divided names all its images in each."""
+    parts = list(lists.values())
+    if all(part == parts[0] for part in parts):
+        return set()
+    return set().union(*(a & b for i, a in enumerate(parts) for b in parts[:i]))

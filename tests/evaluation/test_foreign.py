@@ -15,6 +15,7 @@ from posse_core.evaluation.foreign import validate_foreign
 from posse_core.formats.bop import BopWriter
 from posse_core.formats.coco import CocoWriter
 from posse_core.formats.speed import SpeedWriter
+from posse_core.formats.yolo import YoloWriter
 from posse_core.options import NoOptions
 
 FRAME = 3
@@ -23,7 +24,7 @@ FRAME = 3
 @pytest.fixture
 def away(dataset_folder, tmp_path):
     """Exports in a folder that has images and camera.json, and nothing else of the dataset."""
-    for writer in (BopWriter, CocoWriter, SpeedWriter):
+    for writer in (BopWriter, CocoWriter, SpeedWriter, YoloWriter):
         writer(NoOptions()).write(Dataset(dataset_folder), tmp_path)
     shutil.copytree(dataset_folder / "images", tmp_path / "images")
     shutil.copy(dataset_folder / "camera.json", tmp_path)
@@ -53,7 +54,7 @@ def annotation(value):
     return next(each for each in value["annotations"] if each["image_id"] == FRAME)
 
 
-@pytest.mark.parametrize("name", ["coco.json", "speed.json", "bop"])
+@pytest.mark.parametrize("name", ["coco.json", "speed.json", "bop", "yolo"])
 def test_clean_labels_pass(away, name):
     assert faults(away / name) == set()
     result = CliRunner().invoke(command, [str(away / name)])
@@ -177,6 +178,78 @@ def test_bop_mask_of_another_image(away):
     scene = away / "bop/train/000000/mask_visib"
     shutil.copy(scene / "000001_000000.png", scene / "000003_000000.png")
     assert ("mask", FRAME) in checks(away / "bop")
+
+
+def alter_row(away, change):
+    path = away / "yolo/labels/000003.txt"
+    row = [float(x) for x in path.read_text().split()]
+    change(row)
+    path.write_text(" ".join(map(repr, row)))
+
+
+def test_yolo_row_with_a_keypoint_too_few(away):
+    alter_row(away, lambda row: row.__delitem__(slice(-3, None)))
+    assert_found(away / "yolo", "rows", "26 numbers")
+
+
+def test_yolo_class_that_has_no_name(away):
+    alter_row(away, lambda row: row.__setitem__(0, 1.0))
+    assert_found(away / "yolo", "rows", "its class")
+
+
+def test_yolo_box_by_its_corner(away):
+    alter_row(away, lambda row: row.__setitem__(slice(1, 5), [0.0, 0.4, 0.2, 0.2]))
+    assert_found(away / "yolo", "boxes", "leaves the image")
+
+
+def test_yolo_keypoints_in_pixels(away):
+    alter_row(away, lambda row: row.__setitem__(5, 80.0))
+    assert_found(away / "yolo", "keypoints", "outside the image")
+
+
+def test_yolo_image_without_a_text(away):
+    (away / "yolo/labels/000003.txt").unlink()
+    assert_found(away / "yolo", "files", "000003.txt: missing")
+
+
+def test_yolo_image_in_two_parts(away):
+    (away / "yolo/valid.txt").write_text("./images/000003.png\n")
+    (away / "yolo/test.txt").write_text("")
+    assert_found(away / "yolo", "partition", "000003.png: is in two parts")
+
+
+@pytest.mark.parametrize("layout", ["folders", "lists"])
+def test_yolo_as_ultralytics_lays_it(away, layout):
+    """Parts by folder, names as a list, keypoints without a visibility."""
+    other = away / "other"
+    for kind, suffix in (("images", "png"), ("labels", "txt")):
+        for part, frames in (("train", (0, 1)), ("val", (3,))):
+            (other / kind / part).mkdir(parents=True)
+            for i in frames:
+                shutil.copy(away / f"yolo/{kind}/{i:06d}.{suffix}", other / kind / part)
+    for path in other.glob("labels/*/*.txt"):
+        row = path.read_text().split()
+        path.write_text(" ".join([*row[:5], *(x for i, x in enumerate(row[5:]) if i % 3 < 2)]))
+    parts = "train: images/train\nval: images/val\n"
+    if layout == "lists":
+        (other / "train.txt").write_text(f"{other}/images/train/000000.png\n./images/train/000001.png\n")
+        parts = "train: train.txt\nval: images/val\n"
+    (other / "data.yaml").write_text(f"path: .\n{parts}names: [brick]\nkpt_shape: [8, 2]\n")
+    report = validate_foreign(other)
+    assert report.passed
+    assert [(result.name, result.checked) for result in report.results] == [
+        ("files", 3),
+        ("rows", 3),
+        ("boxes", 3),
+        ("keypoints", 3),
+        ("partition", 3),
+    ]
+
+
+def test_yolo_list_that_is_missing(away):
+    (away / "yolo/train.txt").unlink()
+    with pytest.raises(InputError, match=r"not laid as its format asks: FileNotFoundError.*train\.txt"):
+        validate_foreign(away / "yolo")
 
 
 @pytest.mark.parametrize("name", ["coco.json", "bop"])

@@ -77,7 +77,7 @@ def main() -> None:
     frame = looking(VIEWS["limb"])
     view = sky.look(frame)
     print(f"{'environment map':32}{seconds(lambda: sky.environment(frame)):8.3f} s")
-    print(f"{'expose, mono':32}{seconds(lambda: sensor.expose(view, None, 0, 0)):8.3f} s")
+    print(f"{'expose, mono':32}{seconds(lambda: sensor.expose(view, None, 0.002, 0, 0)):8.3f} s")
     peak_mib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     print(f"{'peak memory of the process':32}{peak_mib:8.0f} MiB")
 

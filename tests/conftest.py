@@ -37,10 +37,11 @@ def start_posse_in(flat_renderer_path: Path):
         folder: Path, *arguments: object, env: dict[str, str] | None = None
     ) -> subprocess.Popen[str]:
         code = "from posse_core.cli.main import main; main()"
+        path = os.pathsep.join([str(flat_renderer_path), os.environ.get("PYTHONPATH", "")])
         return subprocess.Popen(
             [sys.executable, "-c", code, *map(str, arguments)],
             cwd=folder,
-            env={**os.environ, "PYTHONPATH": str(flat_renderer_path), **(env or {})},
+            env={**os.environ, "PYTHONPATH": path.strip(os.pathsep), **(env or {})},
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,

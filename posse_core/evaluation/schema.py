@@ -34,6 +34,7 @@ class FrameLabels(_Record):
     sun_fraction_target: Fraction
     sun_fraction_camera: Fraction
     solar_flux_w_m2: float = Field(ge=0)
+    exposure_s: float | None = Field(None, gt=0)
     box_visible_px: list[int] | None = Field(None, min_length=4, max_length=4)
     box_whole_px: list[float] | None = Field(None, min_length=4, max_length=4)
     mask_rle: RunLengths | None = None

@@ -65,7 +65,7 @@ class FrameMaker:
         frame = frame_state(self._trajectory, index, self._constants)
         view = self._geometry.view(frame)
         labels, arrays = self.annotate(frame, view)
-        image = self.expose(frame, view)
+        image, labels["exposure_s"] = self.expose(frame, view)
         labels["image"] = f"images/{index:06d}.png"
         labels["truth"] = f"truth/{index:06d}.npz" if arrays else None
         write_bytes(self._folder / labels["image"], _png(image))
@@ -107,10 +107,11 @@ class FrameMaker:
         seed = derived_seed(self._seed, frame.index, "renderer")
         return self._renderer.render(RenderRequest(frame, box, environment, seed))
 
-    def expose(self, frame: FrameState, view: View) -> AnyArray:
-        """The image, (H, W) or (H, W, 3) RGB, uint8 or uint16."""
-        craft = self.radiance(frame, view)
-        return self._sensor.expose(self._sky.look(frame), craft, self._seed, frame.index)
+    def expose(self, frame: FrameState, view: View) -> tuple[AnyArray, float]:
+        """The image, (H, W) or (H, W, 3) RGB, uint8 or uint16, and its exposure in seconds."""
+        sky, craft = self._sky.look(frame), self.radiance(frame, view)
+        exposure_s = self._sensor.exposure_s(sky, craft)
+        return self._sensor.expose(sky, craft, exposure_s, self._seed, frame.index), exposure_s
 
     def close(self) -> None:
         """Free the renderer."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from posse_core.options import Options
 
@@ -41,6 +41,27 @@ class PsfConfig(Options):
     diameter_px: float = Field(3.0, gt=0, le=60, description="defocus: diameter of the disc, pixels")
 
 
+class AutoExposureConfig(Options):
+    """The exposure that brings the brighter pixels of a frame to a share of white.
+
+    Metered on the spacecraft's pixels, and on the whole image where it covers less than a thousandth
+    of it. Electrons of light alone count, by the brightest channel.
+    """
+
+    percentile: float = Field(95.0, ge=0, le=100, description="of the metered pixels, by brightness")
+    level: float = Field(
+        0.6, gt=0, le=1, description="where that pixel is put: share of white, the largest linear value"
+    )
+    shortest_s: float = Field(1e-5, gt=0, description="least exposure, s")
+    longest_s: float = Field(1.0, gt=0, description="largest exposure, s; that of a dark image too")
+
+    @model_validator(mode="after")
+    def _in_order(self) -> AutoExposureConfig:
+        if self.shortest_s > self.longest_s:
+            raise ValueError("shortest_s is larger than longest_s")
+        return self
+
+
 class SensorConfig(Options):
     """From light on the lens to digital numbers.
 
@@ -49,6 +70,9 @@ class SensorConfig(Options):
     """
 
     exposure_s: float = Field(0.002, gt=0, description="exposure time, s")
+    auto_exposure: AutoExposureConfig | None = Field(
+        None, description="choose the exposure frame by frame, in place of exposure_s; null for not"
+    )
     f_number: float = Field(16.0, gt=0, description="focal length over the aperture's diameter")
     color: Literal["mono", "rgb"] = Field(
         "mono",

@@ -15,6 +15,8 @@ from posse_core.scenario.sensor import SensorConfig
 from posse_core.sensor.psf import make_psf
 from posse_core.sky.view import SkyView
 
+METERED_SHARE = 1e-3
+"""Share of the image that the spacecraft covers, from which on the exposure is metered on it."""
 POISSON_BELOW_E = 64.0
 """Means above are drawn as a Gaussian of the same mean and variance: 20 times faster."""
 
@@ -36,7 +38,7 @@ class Sensor:
         self._psf = make_psf(config.psf, config.f_number, camera.pixel_pitch_m)
         self._shape = (camera.height_px, camera.width_px)
         photons_j = np.array(BAND_CENTRES_M) / (PLANCK_J_S * SPEED_OF_LIGHT_M_S)
-        electrons_j = photons_j * np.array(config.quantum_efficiency) * config.exposure_s
+        electrons_j = photons_j * np.array(config.quantum_efficiency)
         pixel_m2 = camera.pixel_pitch_m**2
         aperture_m2 = np.pi / 4 * (camera.focal_length_m / config.f_number) ** 2
         per_radiance = np.pi * pixel_m2 / (4 * config.f_number**2) * electrons_j
@@ -51,23 +53,40 @@ class Sensor:
         self._full_well_e = config.full_well_e or FULL_WELL_E_M2 * pixel_m2
         gain_e_dn = config.gain_e_dn or self._full_well_e / self._max_dn
         if config.color == "mono":
-            self._e_per_radiance = per_radiance[:, None]
-            self._e_per_irradiance = per_irradiance[:, None]
+            self._e_s_per_radiance = per_radiance[:, None]
+            self._e_s_per_irradiance = per_irradiance[:, None]
             self._gain_e_dn = np.array([gain_e_dn])
         else:
-            self._e_per_radiance = np.diag(per_radiance)
-            self._e_per_irradiance = np.diag(per_irradiance)
+            self._e_s_per_radiance = np.diag(per_radiance)
+            self._e_s_per_irradiance = np.diag(per_irradiance)
             white_e = per_radiance * SOLAR_BAND_FRACTIONS
             self._gain_e_dn = gain_e_dn * white_e / white_e.sum()
 
-    def mean_electrons(self, sky: SkyView, craft: Radiance | None) -> Float32Array:
+    def exposure_s(self, sky: SkyView, craft: Radiance | None) -> float:
+        """The exposure of a frame: the scenario's, or by its ``auto_exposure`` from the frame's light.
+
+        Raises:
+            ComponentError: the craft's radiance is negative or not finite.
+        """
+        rule = self._config.auto_exposure
+        if rule is None:
+            return self._config.exposure_s
+        white_e = np.minimum(self._gain_e_dn * self._max_dn, self._full_well_e)
+        whites_s = (self.mean_electrons(sky, craft, 1.0) / white_e).max(axis=-1)
+        if craft is not None and (craft.coverage > 0.5).sum() >= METERED_SHARE * whites_s.size:
+            whites_s = whites_s[craft.box.slices][craft.coverage > 0.5]
+        bright_s = float(np.percentile(whites_s, rule.percentile))
+        wanted_s = rule.level / bright_s if bright_s > 0 else rule.longest_s
+        return float(np.clip(wanted_s, rule.shortest_s, rule.longest_s))
+
+    def mean_electrons(self, sky: SkyView, craft: Radiance | None, exposure_s: float) -> Float32Array:
         """Expected photo-electrons of a scene: (H, W, C), C = 1 or 3.
 
         Raises:
             ComponentError: the craft's radiance is negative or not finite.
         """
-        channels = self._e_per_radiance.shape[1]
-        to_e = self._e_per_radiance.astype(np.float32)
+        channels = self._e_s_per_radiance.shape[1]
+        to_e = (self._e_s_per_radiance * exposure_s).astype(np.float32)
         if sky.radiance_rgb is None:
             electrons = np.zeros((*self._shape, channels), dtype=np.float32)
         else:
@@ -84,10 +103,12 @@ class Sensor:
                 electrons *= self._falloff
             electrons = self._psf.blur(electrons)
         if len(sky.points_px):
-            self._add_points(electrons, sky, craft)
+            self._add_points(electrons, sky, craft, exposure_s)
         return electrons
 
-    def expose(self, sky: SkyView, craft: Radiance | None, seed: int, index: int) -> AnyArray:
+    def expose(
+        self, sky: SkyView, craft: Radiance | None, exposure_s: float, seed: int, index: int
+    ) -> AnyArray:
         """Take a frame's image: (H, W) or (H, W, 3) of uint8 or uint16.
 
         craft: None where the spacecraft is out of view. Noise depends on ``seed`` and ``index`` alone.
@@ -97,10 +118,10 @@ class Sensor:
         """
         config = self._config
         random = generator(seed, index, "sensor")
-        electrons = self.mean_electrons(sky, craft)
-        electrons += np.float32(config.noise.dark_e_s * config.exposure_s)
+        electrons = self.mean_electrons(sky, craft, exposure_s)
+        electrons += np.float32(config.noise.dark_e_s * exposure_s)
         if config.noise.hot_pixels:
-            self._heat(electrons, generator(seed, -1, "hot pixels"))
+            self._heat(electrons, exposure_s, generator(seed, -1, "hot pixels"))
         if config.noise.shot:
             electrons = _shot(electrons, random)
         if config.blooming:
@@ -123,17 +144,19 @@ class Sensor:
         image = dn.astype(np.uint8 if config.bit_depth == 8 else np.uint16)
         return image[..., 0] if config.color == "mono" else image
 
-    def _heat(self, electrons: Float32Array, random: np.random.Generator) -> None:
+    def _heat(self, electrons: Float32Array, exposure_s: float, random: np.random.Generator) -> None:
         """Add the dark electrons of hot pixels."""
         noise, pixels = self._config.noise, electrons.reshape(-1)
         hot = random.choice(pixels.size, round(noise.hot_pixels * pixels.size), replace=False)
-        pixels[hot] += random.exponential(noise.hot_e_s * self._config.exposure_s, hot.size)
+        pixels[hot] += random.exponential(noise.hot_e_s * exposure_s, hot.size)
 
-    def _add_points(self, electrons: Float32Array, sky: SkyView, craft: Radiance | None) -> None:
+    def _add_points(
+        self, electrons: Float32Array, sky: SkyView, craft: Radiance | None, exposure_s: float
+    ) -> None:
         """Spread point sources over the pixels around them; the craft hides those behind it."""
         radius = self._psf.radius_px
         pixels = np.floor(sky.points_px + 0.5).astype(np.int64)
-        light_e: FloatArray = sky.points_irradiance_rgb_w_m2 @ self._e_per_irradiance
+        light_e: FloatArray = sky.points_irradiance_rgb_w_m2 @ self._e_s_per_irradiance * exposure_s
         if craft is not None:
             box = craft.box
             x, y = pixels[:, 0] - box.x0, pixels[:, 1] - box.y0

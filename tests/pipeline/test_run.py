@@ -32,6 +32,7 @@ def test_a_run_leaves_a_whole_dataset(undisturbed):
     for line in map(json.loads, lines):
         assert (undisturbed / line["image"]).exists()
         assert (undisturbed / line["truth"]).exists()
+        assert line["exposure_s"] == 0.002
     assert not [name for name in files_of(undisturbed) if Path(name).name.startswith(".")]
 
 

@@ -15,6 +15,7 @@ from posse_core.sensor.sensor import Sensor
 from posse_core.sky.view import SkyView
 
 CAMERA = Camera(65, 49, 40.0, 40.0, 32.0, 24.0, 0.036 * 65 / 1280)
+EXPOSURE_S = 0.002
 QUIET = NoiseConfig(shot=False, read_e=0, dark_e_s=0)
 NOTHING = (np.empty((0, 2)), np.empty((0, 3)))
 SHAPES = [PsfConfig(shape="airy"), PsfConfig(shape="defocus", diameter_px=5.0), PsfConfig(sigma_px=1.2)]
@@ -28,7 +29,7 @@ def _sensor(config: PsfConfig, f_number: float) -> Sensor:
 def _spot(config: PsfConfig, u: float, v: float, f_number: float = 100.0) -> np.ndarray:
     """(65, 49) shares of a star's light; f/100 makes an Airy disc of 4.8 pixels across."""
     electrons = _sensor(config, f_number).mean_electrons(
-        SkyView(None, np.array([[u, v]]), np.ones((1, 3))), None
+        SkyView(None, np.array([[u, v]]), np.ones((1, 3))), None, EXPOSURE_S
     )[..., 0]
     return electrons.astype(float) / electrons.sum(dtype=float)
 
@@ -47,8 +48,8 @@ def test_light_is_the_same_sharp_and_spread(config: PsfConfig) -> None:
     random = np.random.default_rng(1)
     image = random.exponential(1.0, (49, 65, 3)).astype(np.float32)
     sky = SkyView(image, np.array([[30.3, 20.6]]), np.ones((1, 3)))
-    sharp = Sensor(SensorConfig(psf=None, f_number=100), CAMERA).mean_electrons(sky, None)
-    spread = Sensor(SensorConfig(psf=config, f_number=100), CAMERA).mean_electrons(sky, None)
+    sharp = Sensor(SensorConfig(psf=None, f_number=100), CAMERA).mean_electrons(sky, None, EXPOSURE_S)
+    spread = Sensor(SensorConfig(psf=config, f_number=100), CAMERA).mean_electrons(sky, None, EXPOSURE_S)
     assert spread.sum(dtype=float) == pytest.approx(sharp.sum(dtype=float), rel=1e-3)
 
 
@@ -74,14 +75,16 @@ def test_a_defocused_star_is_an_even_disc() -> None:
 def test_vignetting_is_the_cosine_to_the_fourth_and_holds_a_sources_light() -> None:
     """Flat light falls as cos⁴; a small source keeps E A cos θ, as a star of its irradiance does."""
     sensor = Sensor(SensorConfig(noise=QUIET, psf=None, vignetting="cos4"), CAMERA)
-    flat = sensor.mean_electrons(SkyView(np.ones((49, 65, 3), np.float32), *NOTHING), None)[..., 0]
+    flat = sensor.mean_electrons(SkyView(np.ones((49, 65, 3), np.float32), *NOTHING), None, EXPOSURE_S)[
+        ..., 0
+    ]
     assert flat[0, 0] / flat[24, 32] == pytest.approx((1 + (32**2 + 24**2) / 40**2) ** -2, rel=1e-5)
     patch = np.zeros((49, 65, 3), np.float32)
     patch[4, 60] = 1.0
     cosine = (1 + ((60 - 32) ** 2 + (4 - 24) ** 2) / 40**2) ** -0.5
     star = SkyView(None, np.array([[60.0, 4.0]]), np.full((1, 3), cosine**3 / 40**2))
-    by_patch = sensor.mean_electrons(SkyView(patch, *NOTHING), None).sum()
-    assert sensor.mean_electrons(star, None).sum() == pytest.approx(by_patch, rel=1e-5)
+    by_patch = sensor.mean_electrons(SkyView(patch, *NOTHING), None, EXPOSURE_S).sum()
+    assert sensor.mean_electrons(star, None, EXPOSURE_S).sum() == pytest.approx(by_patch, rel=1e-5)
 
 
 def test_blooming_runs_along_the_column_and_loses_nothing_inside() -> None:
@@ -90,14 +93,18 @@ def test_blooming_runs_along_the_column_and_loses_nothing_inside() -> None:
     noise = NoiseConfig(shot=False, read_e=0, dark_e_s=0)
     common = {"noise": noise, "psf": None, "bit_depth": 16, "full_well_e": 65535.0, "f_number": 60.0}
     sky = SkyView(image, *NOTHING)
-    mean = Sensor(SensorConfig(**common), CAMERA).mean_electrons(sky, None).sum(dtype=float)
-    bloomed = Sensor(SensorConfig(blooming=True, **common), CAMERA).expose(sky, None, 0, 0).astype(float)
+    mean = Sensor(SensorConfig(**common), CAMERA).mean_electrons(sky, None, EXPOSURE_S).sum(dtype=float)
+    bloomed = (
+        Sensor(SensorConfig(blooming=True, **common), CAMERA)
+        .expose(sky, None, EXPOSURE_S, 0, 0)
+        .astype(float)
+    )
     assert mean > 5 * 65535
     assert bloomed.sum() == pytest.approx(mean, rel=1e-4)
     rows, columns = np.nonzero(bloomed)
     assert set(columns) == {30}
     assert rows.mean() == pytest.approx(20, abs=0.5)
-    cut = Sensor(SensorConfig(**common), CAMERA).expose(sky, None, 0, 0)
+    cut = Sensor(SensorConfig(**common), CAMERA).expose(sky, None, EXPOSURE_S, 0, 0)
     assert cut.sum() == 65535
 
 
@@ -105,7 +112,10 @@ def test_hot_pixels_stay_where_they_are_for_a_seed() -> None:
     noise = NoiseConfig(hot_pixels=0.01, hot_e_s=1e8, read_e=0, dark_e_s=0)
     sensor = Sensor(SensorConfig(noise=noise, bit_depth=16), CAMERA)
     dark = SkyView(None, *NOTHING)
-    hot = [sensor.expose(dark, None, seed, index) > 0 for seed, index in ((0, 0), (0, 7), (1, 0))]
+    hot = [
+        sensor.expose(dark, None, EXPOSURE_S, seed, index) > 0
+        for seed, index in ((0, 0), (0, 7), (1, 0))
+    ]
     assert hot[0].sum() == round(0.01 * 49 * 65)
     np.testing.assert_array_equal(hot[0], hot[1])
     assert (hot[0] != hot[2]).any()

@@ -16,6 +16,7 @@ from posse_core.sensor.sensor import Sensor
 from posse_core.sky.view import SkyView
 
 CAMERA = Camera(64, 48, 32.0, 32.0, 31.5, 23.5, 0.036 * 64 / 1280)
+EXPOSURE_S = 0.002
 QUIET = NoiseConfig(shot=False, read_e=0, dark_e_s=0)
 SUN_RGB = 1361.0 * SOLAR_BAND_FRACTIONS
 NO_POINTS = (np.empty((0, 2)), np.empty((0, 3)))
@@ -31,7 +32,7 @@ def _plate_electrons(albedo: float, config: SensorConfig) -> float:
     """E A t λ QE / (4 N² h c), band by band: the radiance of the plate is albedo E / π."""
     bands = np.array([650e-9, 550e-9, 450e-9])
     area_m2 = (0.036 / 1280) ** 2
-    photons = albedo * SUN_RGB * area_m2 * config.exposure_s * bands / HC / (4 * config.f_number**2)
+    photons = albedo * SUN_RGB * area_m2 * EXPOSURE_S * bands / HC / (4 * config.f_number**2)
     return float(np.sum(photons * np.array(config.quantum_efficiency)))
 
 
@@ -39,7 +40,9 @@ def _plate_electrons(albedo: float, config: SensorConfig) -> float:
 @pytest.mark.parametrize("albedo", [0.18, 0.5, 1.0])
 def test_a_white_plate_has_the_documented_dn(albedo: float, color: str) -> None:
     config = SensorConfig(noise=QUIET, bit_depth=16, color=color)
-    image = Sensor(config, CAMERA).expose(_flat(albedo * SUN_RGB / np.pi), None, seed=0, index=0)
+    image = Sensor(config, CAMERA).expose(
+        _flat(albedo * SUN_RGB / np.pi), None, EXPOSURE_S, seed=0, index=0
+    )
     expected = 65535 * _plate_electrons(albedo, config) / 1e6
     assert image.shape == ((48, 64) if color == "mono" else (48, 64, 3))
     np.testing.assert_allclose(image, expected, atol=1.0)
@@ -48,15 +51,22 @@ def test_a_white_plate_has_the_documented_dn(albedo: float, color: str) -> None:
 def test_a_smaller_image_of_the_same_sensor_is_as_bright() -> None:
     coarse = replace(CAMERA, sensor_width_m=4 * CAMERA.sensor_width_m)  # pixels of four times the width
     config = SensorConfig(noise=QUIET, bit_depth=16)
-    images = [Sensor(config, c).expose(_flat(SUN_RGB / np.pi), None, 0, 0) for c in (CAMERA, coarse)]
+    images = [
+        Sensor(config, c).expose(_flat(SUN_RGB / np.pi), None, EXPOSURE_S, 0, 0)
+        for c in (CAMERA, coarse)
+    ]
     np.testing.assert_allclose(images[0], images[1], atol=1)
 
 
 def test_the_defaults_expose_white_just_below_saturation() -> None:
-    image = Sensor(SensorConfig(noise=QUIET), CAMERA).expose(_flat(SUN_RGB / np.pi), None, 0, 0)
+    image = Sensor(SensorConfig(noise=QUIET), CAMERA).expose(
+        _flat(SUN_RGB / np.pi), None, EXPOSURE_S, 0, 0
+    )
     assert image.dtype == np.uint8
     assert 235 <= image.min() <= image.max() <= 250
-    half = Sensor(SensorConfig(noise=QUIET), CAMERA).expose(_flat(0.5 * SUN_RGB / np.pi), None, 0, 0)
+    half = Sensor(SensorConfig(noise=QUIET), CAMERA).expose(
+        _flat(0.5 * SUN_RGB / np.pi), None, EXPOSURE_S, 0, 0
+    )
     assert np.unique(half) == [123]  # the number that docs/sensor.md states
 
 
@@ -66,10 +76,10 @@ def test_a_star_gives_its_flux_at_its_place(psf, place) -> None:
     irradiance = np.array([[3e-5, 2e-5, 1e-5]])
     config = SensorConfig(noise=QUIET, psf=psf)
     sky = SkyView(None, np.array([place]), irradiance)
-    electrons = Sensor(config, CAMERA).mean_electrons(sky, None)[..., 0].astype(float)
+    electrons = Sensor(config, CAMERA).mean_electrons(sky, None, EXPOSURE_S)[..., 0].astype(float)
     aperture_m2 = np.pi / 4 * (32 * 0.036 / 1280 / config.f_number) ** 2
     bands = np.array([650e-9, 550e-9, 450e-9])
-    expected = np.sum(irradiance * aperture_m2 * 0.002 * bands / HC * config.quantum_efficiency)
+    expected = np.sum(irradiance * aperture_m2 * EXPOSURE_S * bands / HC * config.quantum_efficiency)
     assert electrons.sum() == pytest.approx(expected, rel=1e-4)
     if psf is not None:
         v, u = np.mgrid[:48, :64]
@@ -84,8 +94,10 @@ def test_extended_and_point_light_agree_on_the_axis() -> None:
     image = np.zeros((49, 65, 3), dtype=np.float32)
     image[24, 32] = (1.0, 2.0, 3.0)
     star = SkyView(None, np.array([[32.0, 24.0]]), np.array([[1.0, 2.0, 3.0]]) / 320.0**2)
-    extended = sensor.mean_electrons(SkyView(image, *NO_POINTS), None).sum(dtype=float)
-    assert sensor.mean_electrons(star, None).sum(dtype=float) == pytest.approx(extended, rel=1e-4)
+    extended = sensor.mean_electrons(SkyView(image, *NO_POINTS), None, EXPOSURE_S).sum(dtype=float)
+    assert sensor.mean_electrons(star, None, EXPOSURE_S).sum(dtype=float) == pytest.approx(
+        extended, rel=1e-4
+    )
 
 
 @given(st.integers(0, 2**31), st.floats(0.3, 4.0))
@@ -94,8 +106,10 @@ def test_blurring_conserves_light(seed: int, sigma_px: float) -> None:
     image = random.exponential(1.0, (48, 64, 3)).astype(np.float32)
     image[0, 0] = image[47, 30] = 1e4
     sky = SkyView(image, *NO_POINTS)
-    blurred = Sensor(SensorConfig(psf=PsfConfig(sigma_px=sigma_px)), CAMERA).mean_electrons(sky, None)
-    sharp = Sensor(SensorConfig(psf=None), CAMERA).mean_electrons(sky, None)
+    blurred = Sensor(SensorConfig(psf=PsfConfig(sigma_px=sigma_px)), CAMERA).mean_electrons(
+        sky, None, EXPOSURE_S
+    )
+    sharp = Sensor(SensorConfig(psf=None), CAMERA).mean_electrons(sky, None, EXPOSURE_S)
     assert blurred.sum(dtype=float) == pytest.approx(sharp.sum(dtype=float), rel=1e-4)
 
 
@@ -116,7 +130,7 @@ def test_photon_transfer_curve(mean_dn, gain_e_dn, read_e, gaussian_dn, seed) ->
     albedo = (electrons - 100 * 0.002) / _plate_electrons(1.0, config)
     sensor = Sensor(config, Camera(320, 240, 32.0, 32.0, 31.5, 23.5, 0.036 * 320 / 1280))
     flat = np.broadcast_to((albedo * SUN_RGB / np.pi).astype(np.float32), (240, 320, 3))
-    image = sensor.expose(SkyView(flat, *NO_POINTS), None, seed, 0).astype(float)
+    image = sensor.expose(SkyView(flat, *NO_POINTS), None, EXPOSURE_S, seed, 0).astype(float)
     variance = (electrons + read_e**2) / gain_e_dn**2 + gaussian_dn**2 + 1 / 12
     # Five standard errors of the mean and of the variance of 76,800 draws, and float32's rounding.
     assert image.mean() - 1000 == pytest.approx(
@@ -132,7 +146,7 @@ def test_few_photons_are_poisson(mean_e: float) -> None:
         gain_e_dn=1.0, psf=None, bit_depth=16, noise=NoiseConfig(read_e=0, dark_e_s=mean_e / 0.002)
     )
     sky = SkyView(None, *NO_POINTS)
-    frames = [Sensor(config, CAMERA).expose(sky, None, 1, index) for index in range(40)]
+    frames = [Sensor(config, CAMERA).expose(sky, None, EXPOSURE_S, 1, index) for index in range(40)]
     counts = np.stack(frames).astype(float)
     n = counts.size
     assert counts.mean() == pytest.approx(mean_e, abs=5 * np.sqrt(mean_e / n))
@@ -143,10 +157,12 @@ def test_few_photons_are_poisson(mean_e: float) -> None:
 
 def test_full_well_and_range_bound_the_image() -> None:
     bright = _flat(100 * SUN_RGB)
-    assert (Sensor(SensorConfig(), CAMERA).expose(bright, None, 0, 0) >= 254).all()
+    assert (Sensor(SensorConfig(), CAMERA).expose(bright, None, EXPOSURE_S, 0, 0) >= 254).all()
     low = SensorConfig(full_well_e=1000, gain_e_dn=10, noise=QUIET)
-    assert (Sensor(low, CAMERA).expose(bright, None, 0, 0) == 100).all()
-    assert (Sensor(SensorConfig(), CAMERA).expose(SkyView(None, *NO_POINTS), None, 0, 0) <= 1).all()
+    assert (Sensor(low, CAMERA).expose(bright, None, EXPOSURE_S, 0, 0) == 100).all()
+    assert (
+        Sensor(SensorConfig(), CAMERA).expose(SkyView(None, *NO_POINTS), None, EXPOSURE_S, 0, 0) <= 1
+    ).all()
 
 
 def test_the_craft_covers_sky_and_stars() -> None:
@@ -157,7 +173,7 @@ def test_the_craft_covers_sky_and_stars() -> None:
     craft = Radiance(box, coverage[..., None] * np.float32([3.0, 3.0, 3.0]), coverage)
     sky = _flat((1.0, 1.0, 1.0))
     sensor = Sensor(SensorConfig(noise=QUIET, psf=None), CAMERA)
-    electrons = sensor.mean_electrons(sky, craft)[..., 0]
+    electrons = sensor.mean_electrons(sky, craft, EXPOSURE_S)[..., 0]
     unit = electrons[0, 0]
     np.testing.assert_allclose(electrons[8:24, 10:19], unit, rtol=1e-5)
     np.testing.assert_allclose(electrons[8:24, 19], 2 * unit, rtol=1e-5)
@@ -165,7 +181,9 @@ def test_the_craft_covers_sky_and_stars() -> None:
     np.testing.assert_allclose(electrons[24:], unit, rtol=1e-5)
     stars = np.array([[12.0, 10.0], [19.2, 10.0], [25.0, 10.0], [50.0, 40.0]])
     points = sensor.mean_electrons(
-        SkyView(None, stars, np.ones((4, 3))), Radiance(box, 0 * craft.radiance_rgb, coverage)
+        SkyView(None, stars, np.ones((4, 3))),
+        Radiance(box, 0 * craft.radiance_rgb, coverage),
+        EXPOSURE_S,
     )
     open_sky = points[40, 50, 0]
     assert open_sky > 0
@@ -176,10 +194,12 @@ def test_the_craft_covers_sky_and_stars() -> None:
 def test_noise_depends_on_seed_and_index_alone(seed: int, index: int) -> None:
     config = SensorConfig(bit_depth=16, color="rgb")
     sky = SkyView(_flat(0.3 * SUN_RGB).radiance_rgb, np.array([[5.3, 60.2]]), np.ones((1, 3)))
-    first = Sensor(config, CAMERA).expose(sky, None, seed, index)
-    np.testing.assert_array_equal(first, Sensor(config, CAMERA).expose(sky, None, seed, index))
-    assert (first != Sensor(config, CAMERA).expose(sky, None, seed, index + 1)).any()
-    assert (first != Sensor(config, CAMERA).expose(sky, None, seed + 1, index)).any()
+    first = Sensor(config, CAMERA).expose(sky, None, EXPOSURE_S, seed, index)
+    np.testing.assert_array_equal(
+        first, Sensor(config, CAMERA).expose(sky, None, EXPOSURE_S, seed, index)
+    )
+    assert (first != Sensor(config, CAMERA).expose(sky, None, EXPOSURE_S, seed, index + 1)).any()
+    assert (first != Sensor(config, CAMERA).expose(sky, None, EXPOSURE_S, seed + 1, index)).any()
 
 
 @pytest.mark.parametrize("value", [-0.1, np.nan, np.inf])
@@ -189,7 +209,7 @@ def test_a_renderer_that_makes_no_light_is_told_so(value: float) -> None:
     light[2, 1, 0] = value
     craft = Radiance(box, light, np.ones((4, 4), dtype=np.float32))
     with pytest.raises(ComponentError, match="negative or not finite"):
-        Sensor(SensorConfig(), CAMERA).expose(SkyView(None, *NO_POINTS), craft, 0, 0)
+        Sensor(SensorConfig(), CAMERA).expose(SkyView(None, *NO_POINTS), craft, EXPOSURE_S, 0, 0)
 
 
 def test_the_srgb_response_is_the_standards_curve() -> None:
@@ -197,5 +217,5 @@ def test_the_srgb_response_is_the_standards_curve() -> None:
     for share, coded in ((0.21404, 0.5), (0.0025, 0.0323), (2.0, 1.0)):
         light = share / 0.961123 * SUN_RGB / np.pi
         config = SensorConfig(noise=QUIET, response="srgb", bit_depth=16)
-        image = Sensor(config, CAMERA).expose(_flat(light), None, 0, 0)
+        image = Sensor(config, CAMERA).expose(_flat(light), None, EXPOSURE_S, 0, 0)
         np.testing.assert_allclose(image / 65535, coded, atol=1e-4)

@@ -21,9 +21,9 @@ from posse_core.evaluation.crosscheck.page import (
     RENDERER_COLUMNS,
     columns_in_use,
     make_page,
-    number,
 )
 from posse_core.evaluation.crosscheck.settings import Case, Poses, ScenarioCase
+from posse_core.evaluation.pages import number
 from posse_core.files import write_bytes
 from posse_core.interfaces.executor import Executor, FrameResult
 from posse_core.options import nearest, validated

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -10,8 +11,12 @@ import click
 from posse_core.cli.common import echo_json, echo_table, net_options, options_from
 from posse_core.dataset import Dataset
 from posse_core.detection.card import dataset_hash
-from posse_core.detection.evaluate import Group, evaluate, frames_of
+from posse_core.detection.evaluate import evaluate, frames_of
+from posse_core.detection.groups import Group, columns, groups
 from posse_core.detection.models import open_detector, open_keypoint_finder
+from posse_core.detection.page import make_page
+from posse_core.errors import InputError
+from posse_core.files import write_bytes
 from posse_core.plugins import load_plugins
 
 
@@ -20,6 +25,7 @@ from posse_core.plugins import load_plugins
 @click.option("--model", type=click.Path(path_type=Path), required=True, help="Finds spacecraft.")
 @click.option("--keypoints", type=click.Path(path_type=Path), help="Model that finds keypoints.")
 @click.option("--part", default="test", show_default=True, help="Part of the dataset, or 'all'.")
+@click.option("--out", type=click.Path(path_type=Path), help="Write a page with plots: an HTML file.")
 @click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
 @net_options
 def command(
@@ -27,30 +33,41 @@ def command(
     model: Path,
     keypoints: Path | None,
     part: str,
+    out: Path | None,
     as_json: bool,
     overrides: tuple[str, ...],
 ) -> None:
     """Measure a model on a part of DATASET: COCO's averages, box overlap; with --keypoints, poses."""
+    if out is not None and not out.absolute().parent.is_dir():
+        raise InputError(f"--out {out}: its folder does not exist; make it, or name another")
     registry = load_plugins().registry
     given = options_from(overrides)
     source = Dataset(dataset)
     indices = frames_of(source, part)
     detector = open_detector(model, registry, given)
     finder = None if keypoints is None else open_keypoint_finder(keypoints, registry, given)
-    groups = evaluate(source, indices, detector, finder)
+    judged = evaluate(source, indices, detector, finder)
+    result = groups(source, judged, poses=finder is not None)
+    digest = dataset_hash(source)
+    if out is not None:
+        models = " and ".join(path.name for path in (model, keypoints) if path is not None)
+        title = f"{models} on {source.folder.resolve().name}, part {part}"
+        write_bytes(
+            out, make_page(title, f"Dataset's SHA-256: {digest}", source, judged, result).encode()
+        )
     if as_json:
-        data = {"dataset": str(dataset), "dataset_sha256": dataset_hash(source), "part": part}
-        echo_json({**data, "model": str(model), "groups": [asdict(group) for group in groups]})
+        data = {"dataset": str(dataset), "dataset_sha256": digest, "part": part, "model": str(model)}
+        echo_json({**data, "groups": [asdict(group) for group in result]})
         return
-    click.echo(f"{dataset}, part {part}, sha256 {dataset_hash(source)}")
-    _echo_groups(groups)
+    click.echo(f"{dataset}, part {part}, sha256 {digest}")
+    for names in columns(result):
+        if names:
+            _echo_groups(result, names)
 
 
-def _echo_groups(groups: list[Group]) -> None:
-    names = list(dict.fromkeys(name for group in groups for name in group.metrics))
-    header = ("", "frames", *names)
+def _echo_groups(result: Sequence[Group], names: Sequence[str]) -> None:
     rows = [
         (g.name, str(g.frames), *(f"{g.metrics[n]:.4f}" if n in g.metrics else "-" for n in names))
-        for g in groups
+        for g in result
     ]
-    echo_table(header, rows)
+    echo_table(("", "frames", *names), rows)

@@ -1,4 +1,4 @@
-"""How right detections are: COCO's averages by COCO's tool, box overlap, SPEED's scores.
+"""How right detected boxes are: COCO's averages by COCO's tool, and overlap.
 
 COCO's metrics are those of its own evaluation code, which faster-coco-eval repeats to the digit.
 """
@@ -9,18 +9,13 @@ import contextlib
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from posse_core.errors import ComponentError
-from posse_core.frames import matrix_from_quaternion
 from posse_core.interfaces.detector import Detection
 from posse_core.model.arrays import FloatArray
-
-SpeedVersion = Literal["2019", "2021", "2023"]
-_T_FLOOR = 0.002173  # of SPEED+'s calibration: what the testbed's own truth is worth
-_Q_FLOOR_RAD = np.deg2rad(0.169)
 
 
 @dataclass(frozen=True)
@@ -87,74 +82,34 @@ def proposal_recall(
     return {"AR100": _mean(recall[0, :, 0, 1]), "AR1k": _mean(recall[0, :, 0, 2])}
 
 
-def overlap_metrics(
-    truths: Sequence[Sequence[Truth]], detections: Sequence[Sequence[Detection]]
-) -> dict[str, float]:
-    """Mean and median overlap of each craft with the best detection of its class, 0 if there is none."""
-    overlaps = [
-        next((float(box_iou(d.box_px, truth.box_px)) for d in found if d.label == truth.label), 0.0)
-        for image, found in zip(truths, detections, strict=True)
-        for truth in image
+def best_overlaps(truths: Sequence[Truth], detections: Sequence[Detection]) -> list[float]:
+    """Overlap of each craft of an image with the best detection of its class, 0 if there is none.
+
+    Args:
+        detections: best first.
+    """
+    return [
+        next((float(box_iou(d.box_px, truth.box_px)) for d in detections if d.label == truth.label), 0.0)
+        for truth in truths
     ]
-    if not overlaps:
-        return {}
-    return {"box IoU mean": float(np.mean(overlaps)), "box IoU median": float(np.median(overlaps))}
 
 
-def pose_errors(
-    R_cam_from_body: FloatArray,
-    t_body_cam_m: FloatArray,
-    R_found: FloatArray,
-    t_found_m: FloatArray,
-    symmetries: Sequence[FloatArray] = (),
-) -> tuple[float, float]:
-    """SPEED's errors of one pose.
+def precision_by_recall(
+    truths: Sequence[Sequence[Truth]],
+    detections: Sequence[Sequence[Detection]],
+    classes: Sequence[str],
+) -> dict[str, dict[float, FloatArray]]:
+    """COCO's curves: class → overlap (0.5, 0.75, 0.9) → (101,) precision at a recall of 0, 0.01, … 1.
 
-    Args:
-        R_cam_from_body, t_body_cam_m: (3, 3) and (3,), the truth.
-        R_found, t_found_m: the estimate.
-        symmetries: (3, 3) turns of the body that leave its looks; the nearest counts.
-
-    Returns:
-        e_t = |t − t_found| / |t|, and e_q in radians, the angle between the attitudes.
+    A class that no image shows has no curve.
     """
-    t = np.asarray(t_body_cam_m, np.float64)
-    e_t = float(np.linalg.norm(t - t_found_m) / np.linalg.norm(t))
-    turns = [np.eye(3), *symmetries]
-    return e_t, min(_angle(R_cam_from_body @ S, R_found) for S in turns)
-
-
-def _angle(R_a: FloatArray, R_b: FloatArray) -> float:
-    R = np.asarray(R_a).T @ np.asarray(R_b)
-    sine = np.linalg.norm([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    return float(np.arctan2(sine, np.trace(R) - 1))
-
-
-def quaternion_pose_errors(
-    q: FloatArray, t_m: FloatArray, q_found: FloatArray, t_found_m: FloatArray
-) -> tuple[float, float]:
-    """:func:`pose_errors` of scalar-first quaternions."""
-    return pose_errors(matrix_from_quaternion(q), t_m, matrix_from_quaternion(q_found), t_found_m)
-
-
-def speed_score(e_t: FloatArray, e_q_rad: FloatArray, version: SpeedVersion) -> float:
-    """The score of poses; lower is better.
-
-    ``2019``: mean of e_t + e_q (Kisantal et al. 2020). ``2021``: SPEED+, where a pose better than the
-    calibration in both counts as exact. ``2023``: SPEED+ since, where each error better than the
-    calibration counts as none by itself (Park et al. 2023).
-
-    Args:
-        e_t: (N,) relative error of the place.
-        e_q_rad: (N,) error of the attitude.
-    """
-    e_t, e_q = np.asarray(e_t, np.float64), np.asarray(e_q_rad, np.float64)
-    fine_t, fine_q = e_t < _T_FLOOR, e_q < _Q_FLOOR_RAD
-    if version == "2021":
-        fine_t = fine_q = fine_t & fine_q
-    if version != "2019":
-        e_t, e_q = np.where(fine_t, 0.0, e_t), np.where(fine_q, 0.0, e_q)
-    return float(np.mean(e_t + e_q))
+    precision = _coco(truths, detections, classes, max_detections=(1, 10, 100)).eval["precision"]
+    shown = {truth.label for image in truths for truth in image}
+    return {
+        name: {iou: precision[row, :, place, 0, -1] for iou, row in ((0.5, 0), (0.75, 5), (0.9, 8))}
+        for place, name in enumerate(classes)
+        if name in shown
+    }
 
 
 def _mean(values: FloatArray) -> float:

@@ -7,8 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial import ConvexHull
-from scipy.spatial.distance import pdist
 
 from posse_core import frames
 from posse_core.dataset import PARTS, Dataset, read_image, read_json
@@ -88,7 +86,7 @@ def _write_models(dataset: Dataset, objects: dict[str, int], folder: Path) -> No
         low, size = vertices_mm.min(axis=0), np.ptp(vertices_mm, axis=0)
         infos[str(id_)] = {
             "name": name,
-            "diameter": _diameter(vertices_mm),
+            "diameter": 1e3 * mesh.diameter_m,
             **{f"min_{axis}": low[i] for i, axis in enumerate("xyz")},
             **{f"size_{axis}": size[i] for i, axis in enumerate("xyz")},
         }
@@ -103,11 +101,6 @@ def _write_ply(vertices_mm: FloatArray, mesh: Mesh, path: Path) -> None:
     faces["count"], faces["vertices"] = 3, mesh.faces
     header = _PLY_HEADER.format(vertices=len(vertices_mm), faces=len(faces))
     write_bytes(path, header.encode() + vertices_mm.astype("<f4").tobytes() + faces.tobytes())
-
-
-def _diameter(vertices: FloatArray) -> float:
-    """Largest distance of two vertices; "QJ" lets a flat mesh have a hull too."""
-    return float(pdist(vertices[ConvexHull(vertices, qhull_options="QJ").vertices]).max())
 
 
 def _homogeneous(R: FloatArray) -> list[float]:

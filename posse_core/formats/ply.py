@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import ConvexHull
+from scipy.spatial.distance import pdist
 
 from posse_core.errors import InputError
 from posse_core.files import write_bytes
@@ -40,6 +43,12 @@ class Mesh:
     vertices_body_m: FloatArray
     faces: IntArray
     part_id: IntArray
+
+    @cached_property
+    def diameter_m(self) -> float:
+        """Largest distance of two vertices; "QJ" lets a flat mesh have a hull too."""
+        hull = ConvexHull(self.vertices_body_m, qhull_options="QJ")
+        return float(pdist(self.vertices_body_m[hull.vertices]).max())
 
 
 def write_mesh(mesh: Mesh, path: Path) -> None:

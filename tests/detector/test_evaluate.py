@@ -1,24 +1,32 @@
 """A detector that reads the labels scores full marks, and one that errs by a known amount loses them."""
 
+import base64
+import re
+from dataclasses import replace
 from pathlib import Path
+from xml.etree import ElementTree
 
 import cuboid
+import cv2
 import numpy as np
 import pytest
 
 from posse_core.dataset import Dataset
 from posse_core.detection.card import KEY, ModelCard, card_of, dataset_hash, read_card
 from posse_core.detection.evaluate import evaluate, frames_of
+from posse_core.detection.groups import groups
+from posse_core.detection.page import make_page
 from posse_core.errors import InputError
 from posse_core.interfaces.detector import Detection, Detector, KeypointFinder
 from posse_core.model.arrays import AnyArray
 
 pytest.importorskip("faster_coco_eval")
+PLATE = np.array([1.4, 1.4, 0.1])
 
 
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
-    crafts = (("brick", cuboid.HALF), ("plate", np.array([1.4, 1.4, 0.1])))
+    crafts = (("brick", cuboid.HALF), ("plate", PLATE))
     return Dataset(cuboid.write_dataset(tmp_path_factory.mktemp("d") / "d", crafts))
 
 
@@ -66,24 +74,89 @@ class Points(KeypointFinder):
         return [Detection(d.label, d.score, d.box_px, points, np.ones(len(points))) for d in detections]
 
 
+def measured(dataset, detector, finder=None):
+    judged = evaluate(dataset, frames_of(dataset, "all"), detector, finder)
+    return groups(dataset, judged, poses=finder is not None)
+
+
 def test_the_labels_score_full_marks(dataset):
-    groups = evaluate(dataset, frames_of(dataset, "all"), Labels(dataset), Points(dataset))
-    whole = groups[0]
+    found = measured(dataset, Labels(dataset), Points(dataset))
+    whole = found[0]
     assert (whole.name, whole.frames) == ("all", 12)
-    assert [g.name for g in groups[1:3]] == ["brick", "plate"]
-    assert sum(g.frames for g in groups if g.name.endswith(" m")) == 12
-    assert sum(g.frames for g in groups if g.name.startswith("phase")) == 12
+    assert [g.name for g in found[1:3]] == ["brick", "plate"]
+    assert sum(g.frames for g in found if g.name.endswith(" m")) == 12
+    assert sum(g.frames for g in found if g.name.startswith("phase")) == 12
     for name in ("mAP", "mAP50", "mAR", "AP.brick", "AP.plate", "box IoU mean", "poses found"):
         assert whole.metrics[name] == pytest.approx(1), name
+    for name in ("ADD < 0.1 d", "ADI < 0.1 d"):
+        assert whole.metrics[name] == 1, name
     assert whole.metrics["e_t median"] < 1e-6
     assert whole.metrics["e_q median, deg"] < 1e-4
     assert whole.metrics["SPEED 2023"] == pytest.approx(0, abs=1e-5)
+    assert whole.metrics["ADD median, d"] < 1e-5
+    assert whole.metrics["ADI median, d"] < 1e-5
+
+
+def test_a_turn_about_a_symmetry_counts_for_add_alone(dataset):
+    """The cuboids look alike when turned by half a turn about x; each corner goes to the one across."""
+
+    class Turned(Points):
+        def find(self, image, detections):
+            half = {"brick": cuboid.HALF, "plate": PLATE}[detections[0].label]
+            order = [7 - i ^ 1 for i in range(8)]  # corner (x, y, z) to (x, −y, −z)
+            swapped = cuboid.corners(half)[order]
+            assert (swapped == cuboid.corners(half) * [1, -1, -1]).all()
+            (told,) = super().find(image, detections)
+            return [replace(told, keypoints_px=told.keypoints_px[order])]
+
+    for name, half in (("brick", cuboid.HALF), ("plate", PLATE)):
+        indices = [i for i in range(12) if dataset.frame(i)["spacecraft"] == name]
+        judged = evaluate(dataset, indices, Labels(dataset), Turned(dataset))
+        poses = [j.pose for j in judged if j.pose is not None]
+        assert len(poses) == 5
+        across = np.linalg.norm(half[1:]) / np.linalg.norm(half)
+        for pose in poses:
+            assert pose.add == pytest.approx(across, rel=1e-4)
+            assert pose.adi < 1e-4
+            assert pose.e_q_rad < 1e-4  # the craft's symmetry is one of its package
+        metrics = groups(dataset, judged, poses=True)[0].metrics
+        assert (metrics["ADD < 0.1 d"], metrics["ADI < 0.1 d"]) == (0, 1)
 
 
 def test_boxes_too_far_off_score_nothing(dataset):
-    metrics = evaluate(dataset, frames_of(dataset, "all"), Labels(dataset, shift_px=500))[0].metrics
+    metrics = measured(dataset, Labels(dataset, shift_px=500))[0].metrics
     assert metrics["mAP"] == 0
     assert metrics["box IoU median"] == 0
+    assert "poses found" not in metrics
+
+
+def test_the_page_shows_what_was_measured(dataset):
+    """It needs nothing from elsewhere, is well formed, and has the numbers of the table."""
+
+    class Late(Points):
+        def find(self, image, detections):
+            (told,) = super().find(image, detections)
+            random = np.random.default_rng(int(told.box_px.sum()))
+            return [replace(told, keypoints_px=told.keypoints_px + random.normal(0, 1, (8, 2)))]
+
+    judged = evaluate(dataset, frames_of(dataset, "all"), Labels(dataset, shift_px=3), Late(dataset))
+    found = groups(dataset, judged, poses=True)
+    text = make_page("a <model> on d", "summary", dataset, judged, found)
+    assert "a &lt;model&gt; on d" in text
+    assert not re.search(r'(?:src|href)="(?!data:)', text)
+    assert f"<td>{found[0].metrics['mAP']:.4g}</td>" in text
+    assert f"<td>{found[0].metrics['ADD median, d']:.4g}</td>" in text
+    plots = [ElementTree.fromstring(svg) for svg in re.findall(r"<svg.*?</svg>", text, re.S)]
+    assert len(plots) == 2 + 4  # a curve for each class; overlap, place, attitude, ADD by range
+    assert [len(plot.findall("polyline")) for plot in plots] == [3, 3, 0, 0, 0, 0]
+    assert [len(plot.findall(".//circle")) for plot in plots] == [0, 0, 10, 10, 10, 10]
+    worst = re.findall(r"frame (\d+), IoU ([\d.]+)</figcaption>", text)
+    assert [float(iou) for _, iou in worst] == sorted(float(iou) for _, iou in worst)
+    overlaps = {str(j.labels["index"]): j.overlaps[0] for j in judged if j.truths}
+    assert {index: f"{overlaps[index]:.2f}" for index, _ in worst} == dict(worst)
+    for data in re.findall(r'src="data:image/jpeg;base64,([^"]+)"', text):
+        picture = cv2.imdecode(np.frombuffer(base64.b64decode(data), np.uint8), cv2.IMREAD_COLOR)
+        assert picture.shape == (240, 320, 3)
 
 
 def test_what_cannot_be_measured_is_refused(dataset):

@@ -1,4 +1,4 @@
-"""Metrics against COCO's own code, closed forms and vectors worked out by hand."""
+"""Metrics of boxes against COCO's own code and counted pixels."""
 
 import contextlib
 import io
@@ -9,17 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pycocotools.coco import COCO
 from pycocotools.cocoeval import COCOeval
-from scipy.spatial.transform import Rotation
 
 from posse_core.evaluation.metrics import (
     Truth,
+    best_overlaps,
     box_iou,
     coco_metrics,
-    overlap_metrics,
-    pose_errors,
+    precision_by_recall,
     proposal_recall,
-    quaternion_pose_errors,
-    speed_score,
 )
 from posse_core.interfaces.detector import Detection
 
@@ -73,7 +70,7 @@ def by_pycocotools(truths, found):
         evaluation.evaluate()
         evaluation.accumulate()
         evaluation.summarize()
-    return evaluation.stats
+    return evaluation
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -81,17 +78,22 @@ def test_averages_are_those_of_pycocotools(seed):
     truths, found = random_case(seed)
     if not any(truths) or not any(found):
         return
-    theirs = by_pycocotools(truths, found)
+    evaluation = by_pycocotools(truths, found)
+    theirs = evaluation.stats
     ours = coco_metrics(truths, found, CLASSES)
     for name, place in (("mAP", 0), ("mAP50", 1), ("mAP75", 2), ("mAR", 8)):
         assert ours[name] == pytest.approx(theirs[place], abs=1e-12)
+    for name, curves in precision_by_recall(truths, found, CLASSES).items():
+        for row, iou in ((0, 0.5), (5, 0.75), (8, 0.9)):
+            expected = evaluation.eval["precision"][row, :, CLASSES.index(name), 0, 2]
+            np.testing.assert_allclose(curves[iou], expected, atol=1e-12)
 
 
 def test_nothing_found_scores_nothing():
     truths = [[Truth("aqua", np.array([1.0, 2, 30, 40]))]]
     assert coco_metrics(truths, [[]], CLASSES)["mAP"] == 0
-    assert overlap_metrics(truths, [[]]) == {"box IoU mean": 0, "box IoU median": 0}
-    assert overlap_metrics([[]], [[]]) == {}
+    assert best_overlaps(truths[0], []) == [0]
+    assert best_overlaps([], []) == []
 
 
 def test_only_a_thousand_proposals_reach_the_truth():
@@ -111,46 +113,3 @@ def test_overlap_counts_pixels(a, b):
         mask[y : y + h, x : x + w] = True
     expected = (masks[0] & masks[1]).sum() / (masks[0] | masks[1]).sum()
     assert box_iou(np.array(a, float), np.array(b, float)) == pytest.approx(expected)
-
-
-@given(st.integers(0, 2**32 - 1), st.floats(0, np.pi), st.floats(0, 2))
-def test_speed_errors_are_the_angle_and_the_relative_distance(seed, angle, share):
-    random = np.random.default_rng(seed)
-    attitude = Rotation.random(random_state=random)
-    axis = random.normal(size=3)
-    other = attitude * Rotation.from_rotvec(angle * axis / np.linalg.norm(axis))
-    t, away = random.normal((0, 0, 10), 1), random.normal(size=3)
-    found = t + share * np.linalg.norm(t) * away / np.linalg.norm(away)
-    q, q_other = (np.roll(r.as_quat(), 1) for r in (attitude, other))
-    e_t, e_q = quaternion_pose_errors(q, t, q_other, found)
-    assert e_t == pytest.approx(share, abs=1e-9)
-    assert e_q == pytest.approx(angle, abs=1e-7)
-    assert e_q == pytest.approx(2 * np.arccos(min(abs(q @ q_other), 1)), abs=1e-6)
-    assert quaternion_pose_errors(q, t, -q_other, found)[1] == pytest.approx(e_q, abs=1e-9)
-
-
-def test_a_symmetry_costs_nothing():
-    turn = np.diag([1.0, -1.0, -1.0])
-    R = Rotation.random(random_state=1).as_matrix()
-    t = np.array([0.0, 0, 5])
-    assert pose_errors(R, t, R @ turn, t)[1] == pytest.approx(np.pi)
-    assert pose_errors(R, t, R @ turn, t, [turn])[1] == pytest.approx(0, abs=1e-7)
-
-
-@pytest.mark.parametrize(
-    ("version", "expected"),
-    [
-        # poses: both fine; only e_t fine; only e_q fine; none fine
-        ("2019", [0.002 + np.deg2rad(0.1), 0.002 + np.deg2rad(1), 0.01 + np.deg2rad(0.1), 0.5 + np.pi]),
-        ("2021", [0.0, 0.002 + np.deg2rad(1), 0.01 + np.deg2rad(0.1), 0.5 + np.pi]),
-        ("2023", [0.0, np.deg2rad(1), 0.01, 0.5 + np.pi]),
-    ],
-)
-def test_the_three_speed_scores(version, expected):
-    e_t = np.array([0.002, 0.002, 0.01, 0.5])
-    e_q = np.array([np.deg2rad(0.1), np.deg2rad(1), np.deg2rad(0.1), np.pi])
-    for place, value in enumerate(expected):
-        assert speed_score(e_t[place : place + 1], e_q[place : place + 1], version) == pytest.approx(
-            value
-        )
-    assert speed_score(e_t, e_q, version) == pytest.approx(np.mean(expected))

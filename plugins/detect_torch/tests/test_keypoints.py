@@ -86,6 +86,7 @@ def test_from_image_to_pose_with_and_without_torch(posse, trained, tmp_path):
     folder, model = trained
     from posse_core.dataset import Dataset
     from posse_core.detection.evaluate import evaluate
+    from posse_core.detection.groups import groups
     from posse_core.detection.models import open_keypoint_finder
     from posse_core.interfaces.detector import Detection, Detector
     from posse_core.plugins import load_plugins
@@ -113,7 +114,10 @@ def test_from_image_to_pose_with_and_without_torch(posse, trained, tmp_path):
     registry = load_plugins().registry
     finders = [open_keypoint_finder(path, registry, {}) for path in (model, exported)]
     places = list(range(20))
-    results = [evaluate(dataset, places, Labels(None), finder)[0].metrics for finder in finders]
+    results = [
+        groups(dataset, evaluate(dataset, places, Labels(None), finder), poses=True)[0].metrics
+        for finder in finders
+    ]
     assert results[0]["mAP"] == 1
     assert results[0]["poses found"] > 0.5
     for name, value in results[0].items():

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import base64
 import html
 from collections.abc import Iterable, Mapping, Sequence
-from importlib import resources
-from string import Template
 
 import numpy as np
 
 from posse_core.evaluation.crosscheck.checks import Verdict
 from posse_core.evaluation.crosscheck.compare import Comparison, FrameMeasures
+from posse_core.evaluation.pages import number, page, strip, table
 
 RENDERER_COLUMNS = {
     "frames": "frames",
@@ -48,16 +46,8 @@ def make_page(comparisons: Sequence[Comparison], verdicts: Sequence[Verdict]) ->
     broken = [verdict for verdict in verdicts if not verdict.passed]
     summary = f"{len(verdicts) - len(broken)} of {len(verdicts)} thresholds hold."
     body = [_verdicts(verdicts), *(_case(comparison) for comparison in comparisons)]
-    template = Template((resources.files(__package__) / "page.html").read_text("utf-8"))
     title = "Crosscheck of " + ", ".join(comparison.name for comparison in comparisons)
-    return template.substitute(
-        title=html.escape(title), summary=html.escape(summary), body="\n".join(body)
-    )
-
-
-def number(value: float | None) -> str:
-    """Four digits, or a dash."""
-    return "–" if value is None else f"{value:.4g}"
+    return page(title, summary, body)
 
 
 def columns_in_use(
@@ -75,7 +65,8 @@ def _verdicts(verdicts: Sequence[Verdict]) -> str:
         (v.case, v.who, v.what, number(v.value), number(v.limit), "holds" if v.passed else "broken")
         for v in verdicts
     ]
-    return _table(("case", "who", "what", "value", "limit", ""), rows)
+    broken = [place for place, verdict in enumerate(verdicts) if not verdict.passed]
+    return table(("case", "who", "what", "value", "limit", ""), rows, broken)
 
 
 def _case(comparison: Comparison) -> str:
@@ -91,7 +82,7 @@ def _case(comparison: Comparison) -> str:
         for what, ratios in (("material", comparison.materials), ("part", comparison.parts)):
             names = list(next(iter(ratios.values())))
             rows = [[name, *(number(ratios[pair][name]) for pair in ratios)] for name in names]
-            out.append(_table((f"radiance ratio by {what}", *ratios), rows))
+            out.append(table((f"radiance ratio by {what}", *ratios), rows))
     out.append(
         "<p>Pictures: each renderer, to the power 1/2.2, the brightest per cent white. Then light as a"
         " ratio: blue half, red twice, grey too dark to say. Then coverage minus the exact one: blue a"
@@ -107,13 +98,7 @@ def _strip(frame: FrameMeasures) -> str:
         f"{pair} {number(v['radiance_ratio'])} (SSIM {number(v['ssim'])})"
         for pair, v in frame.pairs.items()
     ]
-    figures = [
-        f'<figure><img alt="{html.escape(caption)}" src="data:image/jpeg;base64,'
-        f'{base64.b64encode(jpeg).decode()}"><figcaption>{html.escape(caption)}</figcaption></figure>'
-        for caption, jpeg in zip(frame.pictures.captions, frame.pictures.jpegs, strict=True)
-    ]
-    heading = html.escape("; ".join([words, *ratios]))
-    return f'<p>{heading}</p><div class="strip">{"".join(figures)}</div>'
+    return strip("; ".join([words, *ratios]), frame.pictures.captions, frame.pictures.jpegs)
 
 
 def _numbers(
@@ -121,13 +106,4 @@ def _numbers(
 ) -> str:
     used = columns_in_use(rows.values(), columns)
     cells = [[name, *(number(row.get(key)) for key in used)] for name, row in rows.items()]
-    return _table((title, *used.values()), cells)
-
-
-def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    def row(cells: Sequence[str], tag: str) -> str:
-        broken = ' class="broken"' if cells[-1] == "broken" else ""
-        inside = "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells)
-        return f"<tr{broken}>{inside}</tr>"
-
-    return f"<table>{row(header, 'th')}{''.join(row(cells, 'td') for cells in rows)}</table>"
+    return table((title, *used.values()), cells)

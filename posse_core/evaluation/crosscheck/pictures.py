@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from posse_core.errors import ComponentError
 from posse_core.evaluation.crosscheck.light import displayed
 from posse_core.evaluation.crosscheck.shots import Shot
 from posse_core.evaluation.crosscheck.silhouette import Exact
+from posse_core.evaluation.pages import jpeg
 from posse_core.model.arrays import AnyArray, BoolArray
 
 WIDTH_PX = 240
@@ -48,7 +48,10 @@ class FramePictures:
         for name, shot in shots.items():
             error = (shot.coverage - exact.coverage) / _FULL_COVERAGE
             made[f"{name} edges"] = diverging(error, np.ones(error.shape, dtype=bool))
-        return cls(tuple(made), tuple(_jpeg(_scaled(image)) for image in made.values()))
+        return cls(
+            tuple(made),
+            tuple(jpeg(cv2.cvtColor(_scaled(image), cv2.COLOR_RGB2BGR)) for image in made.values()),
+        )
 
 
 def diverging(value: AnyArray, known: BoolArray) -> AnyArray:
@@ -71,11 +74,3 @@ def _scaled(image: AnyArray) -> AnyArray:
     size = (max(1, round(width * scale)), max(1, round(height * scale)))
     method = cv2.INTER_NEAREST if scale > 1 else cv2.INTER_AREA
     return np.asarray(cv2.resize(image.astype(np.uint8), size, interpolation=method))
-
-
-def _jpeg(image_rgb: AnyArray) -> bytes:
-    options = [cv2.IMWRITE_JPEG_QUALITY, 85]
-    ok, data = cv2.imencode(".jpg", cv2.cvtColor(image_rgb, cv2.COLOR_RGB2BGR), options)
-    if not ok:
-        raise ComponentError("a picture could not be coded as JPEG")
-    return bytes(data)

@@ -1,12 +1,12 @@
-"""One dataset out of several, less the frames that rules drop (the thesis' ``generator.py``)."""
+"""One dataset out of several, less the frames that rules drop (the thesis' ``generator.py``), and
+balanced."""
 
 from __future__ import annotations
 
 import shutil
 import tempfile
-from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import fields, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from posse_core.files import sha256, write_json
 from posse_core.formats.images import place
 from posse_core.model.trajectory import Trajectory
 from posse_core.pipeline.shards import CHECKSUMS, LabelLog
+from posse_core.selection.balance import Balance, Bin, balanced
 from posse_core.selection.rules import Rule, first_that_drops
 from posse_core.trajectory import load_trajectory, save_trajectory
 
@@ -29,16 +30,42 @@ Progress = Callable[[Iterable[dict[str, Any]], int], Iterable[dict[str, Any]]]
 """Wraps the labels of a dataset's frames to show how far it is: (labels, how many)."""
 
 
+BALANCE, KEPT = "balance", "kept"
+"""Among the counts by rule: frames dropped for balance' sake, and those that are left."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Which frames are kept.
+
+    Attributes:
+        kept: for each source, indices of its frames, ascending.
+        dropped: by rule, and by balance.
+        selection: the same for the manifest, with reasons and bins.
+    """
+
+    kept: Sequence[Sequence[int]]
+    dropped: Mapping[str, int]
+    selection: Sequence[dict[str, Any]]
+
+
 def collect(
-    sources: Sequence[Dataset], rules: Sequence[Rule], out: Path, progress: Progress
-) -> Counter[str]:
+    sources: Sequence[Dataset],
+    rules: Sequence[Rule],
+    balance: Balance | None,
+    out: Path,
+    progress: Progress,
+) -> dict[str, int]:
     """Write the frames that no rule drops as one dataset, numbered anew in the order of the sources.
 
     Times count from the first source's epoch; sequences are numbered on. A label line keeps where it
     came from as ``origin: [folder, index]``. Files are linked where that can be done.
 
+    Args:
+        balance: of the frames that the rules leave; None for all of these.
+
     Returns:
-        Frames by rule that dropped them, and ``kept``.
+        Frames by rule that dropped them, and :data:`KEPT`.
 
     Raises:
         InputError: the folder exists, the sources' cameras or spacecraft differ, a file is not as it
@@ -47,16 +74,48 @@ def collect(
     if out.exists():
         raise InputError(f"{out}: exists already; name a new folder")
     _check_alike(sources)
+    choice = _choose(sources, rules, balance, progress)
+    kept = sum(map(len, choice.kept))
+    if kept == 0:
+        raise InputError(f"{out}: no frame is left by {', '.join(rule.name for rule in rules)}")
     out.parent.mkdir(parents=True, exist_ok=True)
     building = Path(tempfile.mkdtemp(dir=out.parent, prefix=f".{out.name}."))
     try:
-        counts = _build(sources, rules, building, out, progress)
+        _build(sources, choice, building, progress)
         building.chmod(0o755)
         building.rename(out)
     except BaseException:
         shutil.rmtree(building, ignore_errors=True)
         raise
-    return counts
+    return {**choice.dropped, KEPT: kept}
+
+
+def _choose(
+    sources: Sequence[Dataset], rules: Sequence[Rule], balance: Balance | None, progress: Progress
+) -> Choice:
+    dropped = {rule.name: 0 for rule in rules}
+    left: list[tuple[int, int]] = []
+    bins: list[Bin] = []
+    for number, dataset in enumerate(sources):
+        for labels in progress(dataset.frames, len(dataset.frames)):
+            rule = first_that_drops(rules, dataset, labels)
+            if rule is not None:
+                dropped[rule.name] += 1
+                continue
+            left.append((number, labels["index"]))
+            if balance is not None:
+                bins.append(balance.bin_of(str(dataset.folder), labels))
+    selection = [{"rule": rule.name, "why": rule.why, "dropped": dropped[rule.name]} for rule in rules]
+    if balance is not None:
+        places = balanced(bins, balance.frames, balance.seed)
+        dropped[BALANCE] = len(left) - len(places)
+        counts = list(balance.counts(bins, places))
+        selection.append(
+            {"rule": BALANCE, "why": balance.why, "dropped": dropped[BALANCE], "bins": counts}
+        )
+        left = [left[place] for place in places]
+    kept = [[index for source, index in left if source == number] for number in range(len(sources))]
+    return Choice(kept, dropped, selection)
 
 
 def _check_alike(sources: Sequence[Dataset]) -> None:
@@ -77,39 +136,30 @@ def _check_alike(sources: Sequence[Dataset]) -> None:
                 raise InputError(f"{dataset.folder}: its {name!r} is not that of {other.folder}")
 
 
-def _build(
-    sources: Sequence[Dataset], rules: Sequence[Rule], folder: Path, out: Path, progress: Progress
-) -> Counter[str]:
+def _build(sources: Sequence[Dataset], choice: Choice, folder: Path, progress: Progress) -> None:
     for name in ("images", "truth", "spacecraft"):
         (folder / name).mkdir()
-    log = LabelLog(folder, sum(len(dataset.frames) for dataset in sources))
-    counts: Counter[str] = Counter({rule.name: 0 for rule in rules})
+    frames = sum(map(len, choice.kept))
+    log = LabelLog(folder, frames)
     trajectories: list[Trajectory] = []
     records: list[dict[str, Any]] = []
     epoch: Epoch | None = None
-    first_sequence = 0
-    for number, dataset in enumerate(sources):
+    index = first_sequence = 0
+    for number, (dataset, kept) in enumerate(zip(sources, choice.kept, strict=True)):
         trajectory = load_trajectory(dataset.folder / "trajectory.npz")
         epoch = epoch or Epoch.from_iso(trajectory.epoch_utc)
         later_s = _seconds_between(epoch, Epoch.from_iso(trajectory.epoch_utc))
-        kept: list[int] = []
-        for labels in progress(dataset.frames, len(dataset.frames)):
-            rule = first_that_drops(rules, dataset, labels)
-            counts["kept" if rule is None else rule.name] += 1
-            if rule is None:
-                kept.append(labels["index"])
-                _take(dataset, labels, folder, counts["kept"] - 1, first_sequence, later_s, log)
+        for labels in progress(map(dataset.frame, kept), len(kept)):
+            _take(dataset, labels, folder, index, first_sequence, later_s, log)
+            index += 1
         sequences = trajectory.sequence + first_sequence
         first_sequence = int(sequences.max()) + 1
         moved = replace(trajectory, t_s=trajectory.t_s + later_s, sequence=sequences)
         trajectories.append(_rows(moved, kept))
         records.append(_record(dataset, number, folder))
-    if counts["kept"] == 0:
-        raise InputError(f"{out}: no frame is left by {', '.join(rule.name for rule in rules)}")
     save_trajectory(_joined(trajectories), folder / "trajectory.npz")
     shutil.copyfile(sources[0].folder / "camera.json", folder / "camera.json")
-    _write_manifest(folder, records, counts, rules)
-    return counts
+    _write_manifest(folder, records, frames, choice)
 
 
 def _take(
@@ -144,9 +194,11 @@ def _seconds_between(start: Epoch, end: Epoch) -> float:
     return float(((b1 - a1) + (b2 - a2)) * SECONDS_PER_DAY)
 
 
-def _rows(trajectory: Trajectory, rows: list[int]) -> Trajectory:
+def _rows(trajectory: Trajectory, rows: Sequence[int]) -> Trajectory:
     arrays = {
-        f.name: getattr(trajectory, f.name)[rows] for f in fields(trajectory) if f.name != "epoch_utc"
+        f.name: getattr(trajectory, f.name)[list(rows)]
+        for f in fields(trajectory)
+        if f.name != "epoch_utc"
     }
     return replace(trajectory, **arrays)
 
@@ -174,22 +226,18 @@ def _record(dataset: Dataset, number: int, folder: Path) -> dict[str, Any]:
     }
 
 
-def _write_manifest(
-    folder: Path, records: list[dict[str, Any]], counts: Counter[str], rules: Sequence[Rule]
-) -> None:
+def _write_manifest(folder: Path, records: list[dict[str, Any]], frames: int, choice: Choice) -> None:
     files = [path for path in sorted(folder.glob("*")) if path.is_file() and path.name != CHECKSUMS]
     files += sorted([*folder.glob("spacecraft/*"), *folder.glob("labels/*")])
     manifest = {
         "format": "posse-dataset",
         "format_version": 1,
         "state": "complete",
-        "frames": counts["kept"],
+        "frames": frames,
         "failed_frames": {},
         "versions": {"posse-core": __version__},
         "sources": records,
-        "selection": [
-            {"rule": rule.name, "why": rule.why, "dropped": counts[rule.name]} for rule in rules
-        ],
+        "selection": choice.selection,
         "sha256": {str(path.relative_to(folder)): sha256(path) for path in files},
         "frame_checksums": CHECKSUMS,
     }

@@ -7,6 +7,7 @@ peak memory of the process that keeps the books, and how long a resumed run take
 
 from __future__ import annotations
 
+import hashlib
 import platform
 import resource
 import tempfile
@@ -32,16 +33,17 @@ TENTHS = 10
 
 
 class NullWorker:
-    """Writes a frame's files and returns its labels, all of them made up."""
+    """Writes a frame's files and returns its labels, all made up."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
 
     def make(self, index: int) -> Mapping[str, Any]:
         image, truth = f"images/{index:06d}.png", f"truth/{index:06d}.npz"
-        write_bytes(self._folder / image, b"image of frame %d" % index)
-        write_bytes(self._folder / truth, b"truth of frame %d" % index)
-        return {
+        files = {image: b"image of frame %d" % index, truth: b"truth of frame %d" % index}
+        for name, data in files.items():
+            write_bytes(self._folder / name, data)
+        labels = {
             "index": index,
             "t_s": 10.0 * index,
             "epoch_utc": "2022-01-31T02:02:27.580416",
@@ -58,6 +60,8 @@ class NullWorker:
             "t_body_cam_m": [0.0, 0.0, 30.0],
             "range_m": 30.0,
         }
+        digests = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
+        return {"labels": labels, "sha256": digests}
 
     def close(self) -> None:
         """Nothing to free."""

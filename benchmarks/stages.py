@@ -66,11 +66,11 @@ class InThisProcess(Executor):
         for index in indices:
             self._clock.seconds = dict.fromkeys(STAGES, 0.0)
             start = time.perf_counter()
-            labels = worker.make(index)
+            made = worker.make(index)
             total = time.perf_counter() - start
             inside = sum(self._clock.seconds.values())
             self.frames.append({**self._clock.seconds, "write": total - inside, "total": total})
-            yield FrameResult(index, labels)
+            yield FrameResult(index, made)
         worker.close()
 
 

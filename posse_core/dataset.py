@@ -187,7 +187,8 @@ class Dataset:
         """Image or array file → its SHA-256 when it was written; ``sha256sum`` reads the list too."""
         path = self.folder / str(self.manifest.get("frame_checksums", "checksums.sha256"))
         rows = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
-        return {name: digest for digest, _, name in (row.partition("  ") for row in rows)}
+        files = (row.partition("  ") for row in rows if not row.startswith("#"))
+        return {name: digest for digest, _, name in files}
 
     def frame(self, index: int) -> dict[str, Any]:
         """Labels of the frame with this index.

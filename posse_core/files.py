@@ -50,7 +50,10 @@ def write_json(path: Path, value: Any) -> None:
 def sha256(path: Path | str) -> str:
     """Hexadecimal SHA-256 of a file."""
     digest = hashlib.sha256()
-    with open(path, "rb", buffering=0) as stream:
-        while part := stream.read(_PART_BYTES):
+    descriptor = os.open(path, os.O_RDONLY)  # Python's own files take half as long again to open
+    try:
+        while part := os.read(descriptor, _PART_BYTES):
             digest.update(part)
+    finally:
+        os.close(descriptor)
     return digest.hexdigest()

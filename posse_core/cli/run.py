@@ -111,7 +111,7 @@ def _events(
     _emit("started", dataset=str(folder), frames=frames, done=done)
     for result in results:
         yield result
-        if result.labels is None:
+        if result.made is None:
             _emit("failed", frame=result.index, error=result.error)
         else:
             _emit("frame", frame=result.index)

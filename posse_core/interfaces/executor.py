@@ -16,7 +16,7 @@ class FrameWorker(Protocol):
     """Makes frames in one worker; lives as long as the worker."""
 
     def make(self, index: int) -> Mapping[str, Any]:
-        """Make frame ``index``, write its files, return its labels."""
+        """Make frame ``index``, write its files, return what the run is to know of it."""
         ...
 
     def close(self) -> None:
@@ -26,10 +26,10 @@ class FrameWorker(Protocol):
 
 @dataclass(frozen=True)
 class FrameResult:
-    """What became of one frame: labels, or the error that it ended with after all tries."""
+    """What became of one frame: what its worker returned, or the error that ended the last try."""
 
     index: int
-    labels: Mapping[str, Any] | None
+    made: Mapping[str, Any] | None
     error: str = ""
 
 

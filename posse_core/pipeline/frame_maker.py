@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 import zipfile
 from collections.abc import Mapping
@@ -61,17 +62,20 @@ class FrameMaker:
         write_json(folder / RENDERER_FILE, dict(self._renderer.describe()))
 
     def make(self, index: int) -> Mapping[str, Any]:
-        """Make one frame, write its files, return its labels."""
+        """Make one frame and write its files; its ``labels``, and ``sha256``: a digest a file."""
         frame = frame_state(self._trajectory, index, self._constants)
         view = self._geometry.view(frame)
         labels, arrays = self.annotate(frame, view)
         image, labels["exposure_s"] = self.expose(frame, view)
         labels["image"] = f"images/{index:06d}.png"
         labels["truth"] = f"truth/{index:06d}.npz" if arrays else None
-        write_bytes(self._folder / labels["image"], _png(image))
+        files = {labels["image"]: _png(image)}
         if arrays:
-            write_bytes(self._folder / labels["truth"], _npz(arrays))
-        return labels
+            files[labels["truth"]] = _npz(arrays)
+        for name, data in files.items():
+            write_bytes(self._folder / name, data)
+        digests = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
+        return {"labels": labels, "sha256": digests}
 
     def annotate(self, frame: FrameState, view: View) -> tuple[dict[str, Any], dict[str, AnyArray]]:
         """Labels of a frame, and its full-size arrays (H, W, ...) by name."""

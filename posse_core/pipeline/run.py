@@ -144,11 +144,12 @@ class _Run:
         return path.exists() and json.loads(path.read_text("utf-8"))["state"] == COMPLETE
 
     def _enter(self, result: FrameResult) -> None:
-        if result.labels is None:
+        if result.made is None:
             self._failed[result.index] = result.error
             return
-        self._log.append(result.labels)
-        self._plugins.notify("posse_frame_completed", index=result.index, labels=result.labels)
+        labels = result.made["labels"]
+        self._log.append(labels, result.made["sha256"])
+        self._plugins.notify("posse_frame_completed", index=result.index, labels=labels)
 
     def _finish(self) -> None:
         """Labels in order, exports, then the manifest: the last file of a run."""

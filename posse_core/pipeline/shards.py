@@ -1,7 +1,10 @@
 """The labels on disk: append-only shards of JSON lines, and the checksums of the frames' files.
 
-A frame is done when its line stands whole in a shard. Its files and their checksums are written
-before that, so a run that is cut at any point leaves at most one torn line, which is dropped.
+A frame is done when its line stands whole in a shard. Before that its files are written, and then a
+block of checksums: a row a file, and a seal over these rows and the line. So a run that is cut at any
+point leaves at most one torn line, which is dropped, and a bit that changes later is found, in lines
+as in files, without a line being parsed.
+
 Lines hold labels alone. They are appended as frames are done, and sorted at the end of the run: so they
 are the same to the bit whichever renderer made the pictures, with any number of workers, and whatever
 the run went through.
@@ -9,8 +12,10 @@ the run went through.
 
 from __future__ import annotations
 
+import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping
+import re
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -20,17 +25,16 @@ from posse_core.files import sha256, write_bytes
 
 FRAMES_PER_SHARD = 1000
 CHECKSUMS = "checksums.sha256"
-"""In the format of the tool ``sha256sum``: ``sha256sum -c checksums.sha256`` checks a dataset."""
+"""In the format of the tool ``sha256sum``, to which a row that starts with ``#`` is a remark:
+``sha256sum -c checksums.sha256`` checks a dataset's files."""
+
+_LINE_START = re.compile(rb'\{"index":(\d{1,15}),')
+_SEAL = re.compile(rb"# [0-9a-f]{64}  frame (\d{1,15})\n")
 
 
 def shard_path(folder: Path, index: int) -> Path:
     """The shard that holds the line of frame ``index``."""
     return folder / "labels" / f"shard-{index // FRAMES_PER_SHARD:05d}.jsonl"
-
-
-def frame_files(labels: Mapping[str, Any]) -> list[str]:
-    """Relative paths of a frame's files, from its labels."""
-    return [labels[key] for key in ("image", "truth") if labels.get(key)]
 
 
 def whole_lines(path: Path) -> Iterator[bytes]:
@@ -43,12 +47,6 @@ def whole_lines(path: Path) -> Iterator[bytes]:
                 yield line
 
 
-def append_line(path: Path, line: str) -> None:
-    """Add one line in a single write."""
-    with open(path, "ab") as stream:
-        stream.write(line.encode() + b"\n")
-
-
 class LabelLog:
     """Appends finished frames to the shards of one dataset."""
 
@@ -57,12 +55,14 @@ class LabelLog:
         self._shards = [shard_path(folder, first) for first in range(0, frames, FRAMES_PER_SHARD)]
         (folder / "labels").mkdir(exist_ok=True)
 
-    def append(self, labels: Mapping[str, Any]) -> None:
-        """Enter a frame whose files are complete."""
-        for name in frame_files(labels):
-            append_line(self._folder / CHECKSUMS, f"{sha256(self._folder / name)}  {name}")
-        text = json.dumps(labels, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-        append_line(shard_path(self._folder, labels["index"]), text)
+    def append(self, labels: Mapping[str, Any], digests: Mapping[str, str]) -> None:
+        """Enter a frame whose files are complete; ``digests`` maps each to its SHA-256."""
+        index = labels["index"]
+        values = {"index": index, **labels}
+        line = json.dumps(values, ensure_ascii=False, allow_nan=False, separators=(",", ":")) + "\n"
+        rows = "".join(f"{digest}  {name}\n" for name, digest in digests.items())
+        _append(self._folder / CHECKSUMS, _sealed(index, rows.encode(), line.encode()))
+        _append(shard_path(self._folder, index), line.encode())
 
     def recover(self) -> set[int]:
         """Find the frames that are done; drop torn lines, and frames whose files are not as entered.
@@ -71,71 +71,84 @@ class LabelLog:
             Indices of frames that are complete.
         """
         path = self._folder / CHECKSUMS
-        digests: dict[str, str] = {}
-        for row in whole_lines(path):
-            digest, _, name = row.decode(errors="replace").rstrip("\n").partition("  ")
-            digests[name] = digest
-        done: set[int] = set()
-        kept: set[str] = set()
+        blocks = _blocks(path)
         # Reading and hashing leave Python to the other threads.
         with ThreadPoolExecutor() as threads:
-            for intact in threads.map(partial(self._mend, digests), range(len(self._shards))):
-                for index, names in intact.items():
-                    done.add(index)
-                    kept.update(names)
-        text = "".join(f"{digest}  {name}\n" for name, digest in digests.items() if name in kept)
-        if path.exists() and path.read_bytes() != text.encode():
-            write_bytes(path, text.encode())
+            intact = threads.map(partial(self._mend, blocks), range(len(self._shards)))
+            done = set().union(*intact)
+        text = b"".join(block for index, block in blocks.items() if index in done)
+        if path.exists() and path.read_bytes() != text:
+            write_bytes(path, text)
         return done
 
-    def _mend(self, digests: Mapping[str, str], shard: int) -> dict[int, list[str]]:
-        """Drop what is not whole from a shard; files of the frames that are left, by index."""
+    def _mend(self, blocks: Mapping[int, bytes], shard: int) -> set[int]:
+        """Drop what is not whole from a shard; the frames that are left."""
         path = self._shards[shard]
-        intact: dict[int, list[str]] = {}
+        intact: set[int] = set()
         lines: list[bytes] = []
         for line in whole_lines(path):
-            labels = _labels(line)
-            if labels is None or labels["index"] in intact:
+            index = _index(line)
+            if index in intact or index // FRAMES_PER_SHARD != shard or index not in blocks:
                 continue
-            if labels["index"] // FRAMES_PER_SHARD != shard:
-                continue
-            names = frame_files(labels)
-            if all(self._is_intact(name, digests) for name in names):
-                intact[labels["index"]] = names
+            if self._is_intact(index, line, blocks[index]):
+                intact.add(index)
                 lines.append(line)
         if path.exists() and sum(map(len, lines)) != path.stat().st_size:
             write_bytes(path, b"".join(lines))
         return intact
 
-    def _is_intact(self, name: str, digests: Mapping[str, str]) -> bool:
+    def _is_intact(self, index: int, line: bytes, block: bytes) -> bool:
+        rows = block[: block.rindex(b"# ")]
+        if _sealed(index, rows, line) != block:
+            return False
         try:
-            return name in digests and sha256(f"{self._folder}/{name}") == digests[name]
+            for row in rows.decode().splitlines():
+                digest, _, name = row.partition("  ")
+                if sha256(f"{self._folder}/{name}") != digest:
+                    return False
         except OSError:
             return False
+        return True
 
     def put_in_order(self) -> None:
         """Sort the lines by frame where workers were done out of turn, and the checksums likewise."""
         for path in self._shards:
-            _sort(path, lambda line: json.loads(line)["index"])
-        _sort(self._folder / CHECKSUMS, _place_of_row)
+            lines = list(whole_lines(path))
+            _rewrite(path, lines, sorted(lines, key=_index))
+        blocks = _blocks(self._folder / CHECKSUMS)
+        ordered = [blocks[index] for index in sorted(blocks)]
+        _rewrite(self._folder / CHECKSUMS, list(blocks.values()), ordered)
 
 
-def _sort(path: Path, key: Callable[[bytes], Any]) -> None:
-    lines = list(whole_lines(path))
-    ordered = sorted(lines, key=key)
-    if ordered != lines:
+def _append(path: Path, text: bytes) -> None:
+    """Add text in a single write."""
+    with open(path, "ab") as stream:
+        stream.write(text)
+
+
+def _rewrite(path: Path, parts: list[bytes], ordered: list[bytes]) -> None:
+    if ordered != parts:
         write_bytes(path, b"".join(ordered))
 
 
-def _place_of_row(row: bytes) -> tuple[int, bytes]:
-    """``digest  images/000012.png`` → (12, b"images")."""
-    folder, _, name = row.split(b"  ", 1)[1].rpartition(b"/")
-    return int(name.split(b".")[0]), folder
+def _index(line: bytes) -> int:
+    """Frame of a label line; −1 where it does not start as one."""
+    match = _LINE_START.match(line)
+    return int(match[1]) if match else -1
 
 
-def _labels(line: bytes) -> dict[str, Any] | None:
-    try:
-        labels = json.loads(line.decode())
-    except ValueError:
-        return None
-    return labels if isinstance(labels, dict) and isinstance(labels.get("index"), int) else None
+def _sealed(index: int, rows: bytes, line: bytes) -> bytes:
+    """A frame's block of checksums: the rows of its files, and the seal over them and its line."""
+    return b"%b# %b  frame %d\n" % (rows, hashlib.sha256(rows + line).hexdigest().encode(), index)
+
+
+def _blocks(path: Path) -> dict[int, bytes]:
+    """Frame → its block of checksums, in the order of the file."""
+    blocks: dict[int, bytes] = {}
+    rows: list[bytes] = []
+    for row in whole_lines(path):
+        rows.append(row)
+        if match := _SEAL.fullmatch(row):
+            blocks[int(match[1])] = b"".join(rows)
+            rows.clear()
+    return blocks

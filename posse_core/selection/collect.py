@@ -178,14 +178,16 @@ def _take(
         "sequence": labels["sequence"] + first_sequence,
         "origin": [dataset.folder.resolve().name, labels["index"]],
     }
+    digests: dict[str, str] = {}
     for key in ("image", "truth"):
         if labels[key] is not None:
             source = dataset.folder / labels[key]
             if not source.is_file() or dataset.digests.get(labels[key]) != sha256(source):
                 raise InputError(f"{source}: missing, or not as it was written; see 'posse validate'")
             taken[key] = f"{Path(labels[key]).parent}/{index:06d}{source.suffix}"
+            digests[taken[key]] = dataset.digests[labels[key]]
             place(source, folder / taken[key])
-    log.append(taken)
+    log.append(taken, digests)
 
 
 def _seconds_between(start: Epoch, end: Epoch) -> float:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -43,7 +44,8 @@ def test_checksums_are_those_of_the_standard_tool(undisturbed):
         ["sha256sum", "-c", "--quiet", "checksums.sha256"], cwd=undisturbed, capture_output=True
     )
     assert checked.returncode == 0, checked.stderr
-    assert len((undisturbed / "checksums.sha256").read_text().splitlines()) == 2 * FRAMES
+    rows = (undisturbed / "checksums.sha256").read_text().splitlines()
+    assert len([row for row in rows if not row.startswith("#")]) == 2 * FRAMES
 
 
 def test_two_workers_make_what_one_makes(undisturbed, posse, small_scenario, tmp_path):
@@ -114,7 +116,8 @@ def test_a_frame_that_always_fails_is_named_and_can_be_made_later(
 
 
 @pytest.mark.parametrize(
-    "damage", ["image lost", "image cut", "image flipped", "line torn", "checksum lost"]
+    "damage",
+    ["image lost", "image cut", "image flipped", "line torn", "digit flipped", "checksum lost"],
 )
 def test_damage_is_found_and_mended_on_resume(damage, undisturbed, posse, tmp_path):
     out = tmp_path / "damaged"
@@ -131,6 +134,11 @@ def test_damage_is_found_and_mended_on_resume(damage, undisturbed, posse, tmp_pa
         image.write_bytes(whole)
     elif damage == "line torn":
         shard.write_bytes(shard.read_bytes()[:-30])
+    elif damage == "digit flipped":
+        one, other = re.search(rb'"index":5,"t_s":(\d)', shard.read_bytes()).span(1)
+        whole = bytearray(shard.read_bytes())
+        whole[one:other] = b"1" if whole[one:other] != b"1" else b"2"
+        shard.write_bytes(whole)
     else:
         sums = (out / "checksums.sha256").read_text().splitlines(keepends=True)
         (out / "checksums.sha256").write_text("".join(s for s in sums if "000005.png" not in s))

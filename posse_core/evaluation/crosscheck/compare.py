@@ -126,11 +126,11 @@ def compare(
         try:
             done = shoot(case, choice, folder / name, executor, jobs)
             for job in progress(done, len(jobs), f"{case.name}: {name}"):
-                if job.labels is None:
+                if job.made is None:
                     result.failures.setdefault(name, f"frame {job.index}: {job.error}")
                 else:
-                    said[name][job.index] = job.labels
-                    result.versions[name] = job.labels["describe"]
+                    said[name][job.index] = job.made
+                    result.versions[name] = job.made["describe"]
         except ComponentError as error:
             result.failures[name] = str(error)
     sums = {name: _Sums() for name in choices}

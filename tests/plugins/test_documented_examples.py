@@ -75,7 +75,7 @@ def test_the_executor_makes_all_frames(load) -> None:
             pass
 
     executor = load("posse_executors").registry.create("executor", "here")
-    assert [result.labels["index"] for result in executor.run(Worker, [0, 2, 1])] == [0, 2, 1]
+    assert [result.made["index"] for result in executor.run(Worker, [0, 2, 1])] == [0, 2, 1]
 
 
 def test_the_observers_hear(load) -> None:

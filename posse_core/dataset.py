@@ -292,7 +292,8 @@ def write_camera(camera: Camera, path: Path) -> None:
     """Write the intrinsics with the keys of SPEED+'s ``camera.json``.
 
     ``ppx``, ``ppy`` are the pixel's width and height and ``fx``, ``fy`` the focal length, in metres;
-    ``cameraMatrix`` is in pixels, with the centre of the top-left pixel at (0, 0).
+    ``cameraMatrix`` is in pixels, with the centre of the top-left pixel at (0, 0). ``lineTime_s`` is
+    ours.
     """
     focal_m = camera.focal_length_m
     value = {
@@ -303,6 +304,7 @@ def write_camera(camera: Camera, path: Path) -> None:
         "fx": focal_m,
         "fy": focal_m,
         "cameraMatrix": camera.matrix.tolist(),
+        "lineTime_s": camera.line_time_s,
         "distCoeffs": [0.0] * 5,
     }
     write_json(path, value)
@@ -325,6 +327,7 @@ def read_camera(path: Path) -> Camera:
             cx_px=float(K[0][2]),
             cy_px=float(K[1][2]),
             sensor_width_m=float(value["ppx"] * value["Nu"]),
+            line_time_s=float(value.get("lineTime_s", 0)),
         )
     except (KeyError, IndexError, TypeError, ValueError) as error:
         raise InputError(f"{path}: not a camera file: {type(error).__name__}: {error}") from None

@@ -161,6 +161,21 @@ def matrix_from_rotation_vector(rotation_rad: FloatArray) -> FloatArray:
     return matrix_from_quaternion(q)
 
 
+def turned(x: FloatArray, omega_rad_s: FloatArray, after_s: FloatArray) -> FloatArray:
+    """Vectors turned at one rate for times of their own: (..., 3), (3,), (...) → (..., 3).
+
+    Rodrigues' formula; its bits depend on no BLAS.
+    """
+    rate = float(np.sqrt(np.sum(omega_rad_s * omega_rad_s)))
+    if rate == 0:
+        return np.asarray(x)
+    axis = omega_rad_s / rate
+    angle = (rate * np.asarray(after_s))[..., None]
+    along = np.sum(axis * x, axis=-1, keepdims=True)
+    cosine = np.cos(angle)
+    return np.asarray(x * cosine + np.cross(axis, x) * np.sin(angle) + axis * along * (1 - cosine))
+
+
 def rotation_vector_from_matrix(R: FloatArray) -> FloatArray:
     """(..., 3, 3) → (..., 3) axis times angle, right-handed, angle 0 … π."""
     q = quaternion_from_matrix(R)

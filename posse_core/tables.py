@@ -1,8 +1,9 @@
 """Arrays over time, by name, in a file: ``.npz`` or ``.csv``.
 
-Names say the shape: ``r_…`` and ``v_…`` are vectors (F, 3), ``q_…`` quaternions (F, 4) with the scalar
-first, all others (F,). In a CSV file, with a row an instant, a vector's columns end in ``_x _y _z`` and
-a quaternion's in ``_w _x _y _z``. ``epoch_utc`` is the instant of t_s = 0; a CSV repeats it in each row.
+Names say the shape: ``r_…``, ``v_…`` and ``omega_…`` are vectors (F, 3), ``q_…`` quaternions (F, 4) with
+the scalar first, all others (F,). In a CSV file, with a row an instant, a vector's columns end in
+``_x _y _z`` and a quaternion's in ``_w _x _y _z``. ``epoch_utc`` is the instant of t_s = 0; a CSV has
+it in each row.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ from posse_core.errors import InputError
 from posse_core.files import atomic_file
 from posse_core.model.arrays import AnyArray, FloatArray
 
-_SUFFIXES = {"q": ("_w", "_x", "_y", "_z"), "r": ("_x", "_y", "_z"), "v": ("_x", "_y", "_z")}
+_VECTOR = ("_x", "_y", "_z")
+_SUFFIXES = {"q": ("_w", *_VECTOR), "r": _VECTOR, "v": _VECTOR, "omega": _VECTOR}
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -26,13 +27,18 @@ from posse_core.frames import (
     eci_from_rtn,
     matrix_from_quaternion,
     quaternion_from_matrix,
+    rotation_vector_from_matrix,
+    rtn_rate_rad_s,
 )
 from posse_core.interfaces.propagator import PropagationProblem, Propagator
-from posse_core.model.arrays import AnyArray
-from posse_core.model.scene import FrameState
+from posse_core.model.arrays import AnyArray, FloatArray
+from posse_core.model.scene import FrameState, Rates
 from posse_core.model.trajectory import Trajectory
 from posse_core.scenario.attitude import AttitudeConfig
 from posse_core.tables import read_table, write_table
+
+_RATE_STEP_S = 1e-3
+"""Half the step of rates of turn; a steady turn comes out exact, whatever the step."""
 
 
 def build_trajectory(
@@ -63,6 +69,12 @@ def build_trajectory(
         r_sun_eci_m=r_sun,
         r_sun_epoch_eci_m=sun_eci_m(*epoch.tdb(np.zeros(()))),
         r_chaser_rtn_m=motion.r_chaser_rtn_m,
+    )
+    R_eci_body, omega_body = _turning(
+        lambda near: R_eci_from_body(attitude.target, near), around, motion.v_chaser_rtn_m_s
+    )
+    R_eci_camera, omega_camera = _turning(
+        lambda near: R_eci_from_camera(attitude.camera, near, seed), around, motion.v_chaser_rtn_m_s
     )
     tt = epoch.tt(motion.t_s)
     pole = R_cirs_from_gcrf(*tt)[..., 2, :]
@@ -99,8 +111,10 @@ def build_trajectory(
         v_chaser_rtn_m_s=motion.v_chaser_rtn_m_s,
         r_chaser_eci_m=r_chaser,
         v_chaser_eci_m_s=v_chaser,
-        q_eci_from_body=quaternion_from_matrix(R_eci_from_body(attitude.target, around)),
-        q_eci_from_camera=quaternion_from_matrix(R_eci_from_camera(attitude.camera, around, seed)),
+        q_eci_from_body=quaternion_from_matrix(R_eci_body),
+        q_eci_from_camera=quaternion_from_matrix(R_eci_camera),
+        omega_body_rad_s=omega_body,
+        omega_camera_rad_s=omega_camera,
         r_sun_eci_m=r_sun,
         r_moon_eci_m=moon_eci_m(*tdb),
         sun_fraction_target=fraction(r_target),
@@ -112,6 +126,27 @@ def build_trajectory(
     )
 
 
+def _turning(
+    law: Callable[[Surroundings], FloatArray], around: Surroundings, v_chaser_rtn_m_s: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Attitude (F, 3, 3) by a law, and its rate (F, 3) in its own axes, by a central difference.
+
+    What a law draws at random stays as it is: a camera's jitter is between frames, not within one.
+    """
+
+    def near(after_s: float) -> FloatArray:
+        moved = dataclasses.replace(
+            around,
+            t_s=around.t_s + after_s,
+            r_target_eci_m=around.r_target_eci_m + after_s * around.v_target_eci_m_s,
+            r_chaser_rtn_m=around.r_chaser_rtn_m + after_s * v_chaser_rtn_m_s,
+        )
+        return law(moved)
+
+    turn = np.swapaxes(near(-_RATE_STEP_S), -1, -2) @ near(_RATE_STEP_S)
+    return law(around), rotation_vector_from_matrix(turn) / (2 * _RATE_STEP_S)
+
+
 def frame_state(trajectory: Trajectory, index: int, constants: Constants) -> FrameState:
     """What a renderer and the sky need of frame ``index``, 0 … F−1."""
     t_s = trajectory.t_s[index]
@@ -119,14 +154,17 @@ def frame_state(trajectory: Trajectory, index: int, constants: Constants) -> Fra
     tt = epoch.tt(t_s)
     r_target, r_sun = trajectory.r_target_eci_m[index], trajectory.r_sun_eci_m[index]
     R_eci_from_cam = matrix_from_quaternion(trajectory.q_eci_from_camera[index])
-    R_rtn_to_eci = R_eci_from_rtn(r_target, trajectory.v_target_eci_m_s[index])
+    v_target, r_rtn = trajectory.v_target_eci_m_s[index], trajectory.r_chaser_rtn_m[index]
+    R_cam_from_rtn = R_eci_from_cam.T @ R_eci_from_rtn(r_target, v_target)
+    omega_rtn = np.array([0.0, 0.0, float(rtn_rate_rad_s(r_target, v_target))])
+    v_rtn = trajectory.v_chaser_rtn_m_s[index] + np.cross(omega_rtn, r_rtn)
     return FrameState(
         index=index,
         t_s=float(t_s),
         epoch_jd_tt=float(tt[0] + tt[1]),
         R_cam_from_body=R_eci_from_cam.T @ matrix_from_quaternion(trajectory.q_eci_from_body[index]),
         # Not from the difference of the ECI positions, whose rounding is planetary.
-        t_body_cam_m=-R_eci_from_cam.T @ R_rtn_to_eci @ trajectory.r_chaser_rtn_m[index],
+        t_body_cam_m=-R_cam_from_rtn @ r_rtn,
         R_cam_from_eci=R_eci_from_cam.T,
         R_ecef_from_eci=R_itrf_from_gcrf(*tt, *epoch.ut1(t_s)),
         r_camera_eci_m=trajectory.r_chaser_eci_m[index],
@@ -137,6 +175,12 @@ def frame_state(trajectory: Trajectory, index: int, constants: Constants) -> Fra
         sun_fraction_target=float(trajectory.sun_fraction_target[index]),
         sun_fraction_camera=float(trajectory.sun_fraction_camera[index]),
         sun_angular_radius_rad=float(sun_angular_radius_rad(r_target, r_sun, constants.sun_radius_m)),
+        rates=Rates(
+            v_body_cam_m_s=-R_cam_from_rtn @ v_rtn,
+            omega_body_rad_s=trajectory.omega_body_rad_s[index],
+            omega_camera_rad_s=trajectory.omega_camera_rad_s[index],
+            v_camera_eci_m_s=trajectory.v_chaser_eci_m_s[index],
+        ),
     )
 
 

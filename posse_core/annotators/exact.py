@@ -85,8 +85,9 @@ class KeypointsAnnotator(Annotator):
 
 
 class PoseAnnotator(Annotator):
-    """``q_cam_from_body``, ``t_body_cam_m``, ``range_m``, ``phase_angle_rad`` and
-    ``sun_direction_body``."""
+    """``q_cam_from_body``, ``t_body_cam_m``, ``range_m``, ``phase_angle_rad``,
+    ``sun_direction_body``, and the rates ``v_body_cam_m_s``, ``omega_body_rad_s``,
+    ``omega_camera_rad_s``."""
 
     def annotate(self, scene: Scene, frame: FrameState, view: View) -> Labels:
         sun, camera = frame.sun_direction_cam, -frame.t_body_cam_m
@@ -99,5 +100,8 @@ class PoseAnnotator(Annotator):
                 "range_m": frame.range_m,
                 "phase_angle_rad": float(phase_rad),
                 "sun_direction_body": frame.sun_direction_body.tolist(),
+                "v_body_cam_m_s": frame.rates.v_body_cam_m_s.tolist(),
+                "omega_body_rad_s": frame.rates.omega_body_rad_s.tolist(),
+                "omega_camera_rad_s": frame.rates.omega_camera_rad_s.tolist(),
             }
         )

@@ -24,13 +24,14 @@ from posse_core.tables import read_table
 
 _INERTIAL = ("GCRF", "ICRF", "EME2000", "J2000")
 _OFF_UNIT = 1e-3
-_SAME_INSTANT_S = 1e-6
+_BEYOND_S = 0.01
 
 
 def recorded_attitude(path: Path, name: str, epoch: Epoch, t_s: FloatArray) -> FloatArray:
     """R_eci_from_body or R_eci_from_camera at ``t_s``: (F,) → (F, 3, 3).
 
-    Between two recorded attitudes the turn is about one axis, by the shorter way, at an even rate.
+    Between two recorded attitudes the turn is about one axis, by the shorter way, at an even rate;
+    the first and the last turn go on for 0.01 s beyond the record, where rates of turn look.
 
     Args:
         name: the array in ``.npz`` and ``.csv``, such as ``q_eci_from_body``.
@@ -48,7 +49,7 @@ def recorded_attitude(path: Path, name: str, epoch: Epoch, t_s: FloatArray) -> F
         times, R = _read_aem(path, epoch)
     if np.any(np.diff(times) <= 0):
         raise InputError(f"{path}: its times do not increase; sort them, and keep one of each")
-    outside = (t_s < times[0] - _SAME_INSTANT_S) | (t_s > times[-1] + _SAME_INSTANT_S)
+    outside = (t_s < times[0] - _BEYOND_S) | (t_s > times[-1] + _BEYOND_S)
     if np.any(outside):
         raise InputError(
             f"{path}: reaches from {times[0]:.6g} s to {times[-1]:.6g} s after the epoch, and frame"
@@ -58,7 +59,7 @@ def recorded_attitude(path: Path, name: str, epoch: Epoch, t_s: FloatArray) -> F
     after = np.minimum(before + 1, len(times) - 1)
     turn = rotation_vector_from_matrix(np.swapaxes(R[before], -1, -2) @ R[after])
     span = np.where(after > before, times[after] - times[before], 1.0)
-    share = np.clip((t_s - times[before]) / span, 0.0, 1.0)
+    share = (t_s - times[before]) / span
     return np.asarray(R[before] @ matrix_from_rotation_vector(share[:, None] * turn))
 
 

@@ -6,16 +6,19 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from posse_core import frames
 from posse_core.dataset import Dataset, SpacecraftInfo, read_arrays
 from posse_core.errors import InputError
-from posse_core.evaluation.raster import depth_of_mesh
+from posse_core.evaluation.raster import depth_by_rows, depth_of_mesh
+from posse_core.formats.ply import Mesh
 from posse_core.formats.rle import decode_rle
 from posse_core.model.arrays import AnyArray, BoolArray, FloatArray
 
 ARRAYS = {"part_id": ("iu", ()), "depth_m": ("f", ()), "normal_cam": ("f", (3,))}
 """Arrays by name: kinds of their type, and their axes beyond rows and columns."""
+_ROW_TRIALS = 8
 
 
 class Case:
@@ -69,10 +72,35 @@ class Case:
         """(3, 3) from the pose."""
         return frames.matrix_from_quaternion(np.array(self.labels["q_cam_from_body"], dtype=np.float64))
 
-    def in_camera(self, x_body_m: FloatArray, R_cam_from_body: FloatArray | None = None) -> FloatArray:
-        """(N, 3) body → (N, 3) camera axes by the labelled pose, or with another rotation."""
+    def in_camera(
+        self,
+        x_body_m: FloatArray,
+        R_cam_from_body: FloatArray | None = None,
+        after_s: FloatArray | float = 0.0,
+    ) -> FloatArray:
+        """(N, 3) body → (N, 3) camera axes by the labelled pose, or with another rotation; moved on
+        by the labelled rates for a time, one for all or (N,)."""
         R = self.R_cam_from_body if R_cam_from_body is None else R_cam_from_body
-        return np.asarray(x_body_m @ R.T + np.array(self.labels["t_body_cam_m"]))
+        after_s = np.broadcast_to(np.asarray(after_s)[..., None], (len(x_body_m), 1))
+        body, camera, v = (
+            after_s * np.array(self.labels.get(key, np.zeros(3)))
+            for key in ("omega_body_rad_s", "omega_camera_rad_s", "v_body_cam_m_s")
+        )
+        x_m = Rotation.from_rotvec(body).apply(x_body_m) @ R.T + np.array(self.labels["t_body_cam_m"])
+        return np.asarray(Rotation.from_rotvec(-camera).apply(x_m + v))
+
+    def row_s(self, row_px: FloatArray | float) -> FloatArray:
+        """When rows are exposed, against the frame's instant; beyond the image, as at its border."""
+        last = self.camera.height_px - 1
+        return np.asarray((np.clip(row_px, 0, last) - last / 2) * self.camera.line_time_s)
+
+    def seen_by_rows(self, x_body_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(N, 3) body → (N, 3) camera axes when the row that sees a point is exposed; (N,) when."""
+        after_s = np.zeros(len(x_body_m))
+        for _ in range(_ROW_TRIALS if self.camera.line_time_s > 0 else 0):
+            v_px = self.camera.project(self.in_camera(x_body_m, after_s=after_s))[:, 1]
+            after_s = self.row_s(np.nan_to_num(v_px))
+        return self.in_camera(x_body_m, after_s=after_s), after_s
 
     @cached_property
     def keypoints(self) -> tuple[FloatArray, AnyArray]:
@@ -88,22 +116,32 @@ class Case:
 
     @cached_property
     def keypoints_cam_m(self) -> FloatArray:
-        """(K, 3) the craft's keypoints in camera axes by the labelled pose."""
-        return self.in_camera(self.points_body_m)
+        """(K, 3) the craft's keypoints in camera axes by the labelled pose, when their rows see them."""
+        return self.seen_by_rows(self.points_body_m)[0]
 
     @cached_property
     def vertices_cam_m(self) -> FloatArray:
-        """(V, 3) the mesh in camera axes by the labelled pose."""
-        return self.in_camera(self.dataset.mesh(self.craft.name).vertices_body_m)
+        """(V, 3) the mesh in camera axes by the labelled pose, when its vertices' rows see them."""
+        return self.seen_by_rows(self.mesh.vertices_body_m)[0]
+
+    @cached_property
+    def mesh(self) -> Mesh:
+        """The craft's triangles."""
+        return self.dataset.mesh(self.craft.name)
 
     @cached_property
     def mesh_depth_m(self) -> FloatArray:
         """(H, W) planar depth of the mesh by the labelled pose, infinite off it."""
-        faces = self.dataset.mesh(self.craft.name).faces
-        return depth_of_mesh(self.camera, self.vertices_cam_m, faces)
+        if self.camera.line_time_s == 0:
+            return depth_of_mesh(self.camera, self.vertices_cam_m, self.mesh.faces)
+        return depth_by_rows(
+            self.camera,
+            lambda row: self.in_camera(self.mesh.vertices_body_m, after_s=float(self.row_s(row))),
+            self.mesh.faces,
+        )
 
     @cached_property
     def size_m(self) -> float:
         """Longest side of the craft's axis-aligned box in the body frame."""
-        vertices = self.dataset.mesh(self.craft.name).vertices_body_m
+        vertices = self.mesh.vertices_body_m
         return float(np.max(np.ptp(vertices, axis=0)))

@@ -170,10 +170,15 @@ def _meets(uv: FloatArray, expected: FloatArray) -> bool:
 
 def _visibility(case: Case) -> Iterator[str]:
     visibility = case.keypoints[1]
-    rays = RayMeeting(case.vertices_cam_m[case.dataset.mesh(case.craft.name).faces])
     names = list(case.craft.keypoints_body_m)
+    after_s = case.seen_by_rows(case.points_body_m)[1]
+    moment_s, rays = np.nan, None
     for i in np.flatnonzero(visibility != NOT_IN_FRAME):
         point = case.keypoints_cam_m[i]
+        if after_s[i] != moment_s or rays is None:
+            moment_s = after_s[i]
+            vertices = case.in_camera(case.mesh.vertices_body_m, after_s=moment_s)
+            rays = RayMeeting(vertices[case.mesh.faces])
         before_m = point[2] - rays.depth_m(point / point[2])
         if visibility[i] == VISIBLE and before_m > SEEN_SHARE * case.size_m:
             yield f"{names[i]} is labelled seen, and the mesh is {before_m:.3g} m before it"

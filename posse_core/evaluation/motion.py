@@ -60,3 +60,6 @@ def _faults(labels: dict[str, Any], trajectory: Trajectory, i: int) -> Iterator[
         sun = frames.unit(R_eci_from_body.T @ (trajectory.r_sun_eci_m[i] - r_target_m))
         if np.abs(np.array(labels["sun_direction_body"]) - sun).max() > ANGLE:
             yield "sun_direction_body is not by the trajectory's Sun and attitude"
+    for key in ("omega_body_rad_s", "omega_camera_rad_s"):
+        if labels.get(key) is not None and labels[key] != getattr(trajectory, key)[i].tolist():
+            yield f"{key} is not the trajectory's"

@@ -7,6 +7,8 @@ edges (Möller and Trumbore 1997 in homogeneous form), so triangles behind the c
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -16,6 +18,27 @@ from posse_core.model.camera import Camera
 
 _PAIRS = 1 << 20
 """Pairs of pixel and triangle that are tried at once."""
+
+
+def depth_by_rows(
+    camera: Camera, vertices_cam_m: Callable[[float], FloatArray], faces: IntArray
+) -> FloatArray:
+    """:func:`depth_of_mesh` of a mesh that moves from row to row.
+
+    vertices_cam_m: row → (V, 3) in its moment.
+    """
+    rows = np.linspace(0, camera.height_px - 1, 5)
+    v_px = np.stack([camera.project(vertices_cam_m(row))[:, 1] for row in rows])
+    behind = np.isnan(v_px).any(axis=0)
+    low = np.where(behind, -np.inf, v_px.min(axis=0) - 1)[faces].min(axis=1)
+    high = np.where(behind, np.inf, v_px.max(axis=0) + 1)[faces].max(axis=1)
+    depth = np.full((camera.height_px, camera.width_px), np.inf)
+    for row in range(camera.height_px):
+        near = faces[(low <= row) & (high >= row)]
+        if len(near):
+            line = replace(camera, height_px=1, cy_px=camera.cy_px - row)
+            depth[row] = depth_of_mesh(line, vertices_cam_m(row), near)[0]
+    return depth
 
 
 def depth_of_mesh(camera: Camera, vertices_cam_m: FloatArray, faces: IntArray) -> FloatArray:

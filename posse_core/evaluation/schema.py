@@ -48,6 +48,9 @@ class FrameLabels(_Record):
     range_m: float | None = Field(None, gt=0)
     phase_angle_rad: float | None = Field(None, ge=0, le=3.1415926535897936)
     sun_direction_body: list[float] | None = Field(None, min_length=3, max_length=3)
+    v_body_cam_m_s: list[float] | None = Field(None, min_length=3, max_length=3)
+    omega_body_rad_s: list[float] | None = Field(None, min_length=3, max_length=3)
+    omega_camera_rad_s: list[float] | None = Field(None, min_length=3, max_length=3)
 
 
 def schema_fault(labels: dict[str, Any]) -> str | None:

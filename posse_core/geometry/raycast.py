@@ -17,6 +17,7 @@ from posse_core.model.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from posse_core.model.camera import Camera, PixelBox
 from posse_core.model.labels import NOT_IN_FRAME, OCCLUDED, VISIBLE, View
 from posse_core.model.scene import FrameState, Scene
+from posse_core.model.shutter import LABEL_STEP_PX, Moment, fastest_px_s, moments
 
 KEYPOINT_TOLERANCE = 0.055 / 16.7
 """How far behind the surface a keypoint still counts as seen, over the craft's longest side: the
@@ -28,6 +29,10 @@ SILHOUETTE_RAYS = 1 << 18
 _CHUNK = 1 << 13
 """Rays cast at once: their arrays stay in the processor's cache."""
 _NO_BOX = PixelBox(0, 0, 0, 0)
+_NEAREST = 0.01
+"""Depth over the craft's size at which motion is measured where a part reaches behind the camera."""
+_ROW_TRIALS = 8
+"""Trials to find the row that sees a point; each errs by the rows that the last one's error moves it."""
 
 
 class RayCaster:
@@ -42,41 +47,122 @@ class RayCaster:
         self._keypoints_body_m = np.array([*craft.keypoints_body_m.values()], float).reshape(-1, 3).T
 
     def view(self, frame: FrameState) -> View:
-        """The spacecraft as the camera's rays meet it in one frame."""
-        vertices_cam_m = _in_camera(frame, self._vertices_body_m)
-        z_m = vertices_cam_m[2]
-        uv_px = self._camera.project(vertices_cam_m.T)
-        low_px, high_px = uv_px.min(axis=0), uv_px.max(axis=0)  # NaN where a vertex is behind
-        box, field = _boxes(self._camera, low_px, high_px) if (z_m > 0).any() else (_NO_BOX, _NO_BOX)
-        look = _Look.at(self._tracer, self._camera, frame, float(z_m.min()))
-        part_id, depth_m, normal_cam, lit = look.pixels(box)
-        keypoints_px = self._camera.project(_in_camera(frame, self._keypoints_body_m).T)
+        """The spacecraft as the camera's rays meet it in one frame, each row at its own time."""
+        camera = self._camera
+        low_px, high_px = self._bounds(self._seen(frame, self._vertices_body_m))
+        bands = [self._band(frame, moment) for moment in self.moments(frame, LABEL_STEP_PX)]
+        box = PixelBox.around(band.box for band in bands)
+        keypoints_px = camera.project(self._seen(frame, self._keypoints_body_m).T)
+        visibility = np.full(len(keypoints_px), NOT_IN_FRAME, dtype=np.int8)
+        size_px = np.array([camera.width_px, camera.height_px])
+        inside = ((keypoints_px >= -0.5) & (keypoints_px < size_px - 0.5)).all(axis=1)
+        pixels = []
+        beyond_px = 0
+        for band in bands:
+            first, rows = band.moment.first_row, band.moment.rows
+            pixels.append(band.look.pixels(box.within_rows(first, rows)))
+            beyond_px += band.look.count_beyond(band.box, band.field)
+            row = np.floor(keypoints_px[:, 1] + 0.5)
+            here = np.flatnonzero(inside & (row >= first) & (row < first + rows))
+            visibility[here] = self._visibility(band, here)
+        part_id, depth_m, normal_cam, lit = (
+            np.concatenate(parts) for parts in zip(*pixels, strict=True)
+        )
         return View(
             box=box,
             part_id=part_id,
             depth_m=depth_m,
             normal_cam=normal_cam,
             lit=lit,
-            silhouette_px=int((part_id >= 0).sum()) + look.count_beyond(box, field),
+            silhouette_px=int((part_id >= 0).sum()) + beyond_px,
             keypoints_px=keypoints_px,
-            keypoints_visibility=self._visibility(look, frame, keypoints_px),
+            keypoints_visibility=visibility,
             whole_box_px=np.concatenate([low_px, high_px - low_px]),
         )
 
-    def _visibility(self, look: _Look, frame: FrameState, keypoints_px: FloatArray) -> IntArray:
-        """(K,) int8; see :class:`View`."""
-        visibility = np.full(len(keypoints_px), NOT_IN_FRAME, dtype=np.int8)
-        size_px = np.array([self._camera.width_px, self._camera.height_px])
-        inside = np.flatnonzero(((keypoints_px >= -0.5) & (keypoints_px < size_px - 0.5)).all(axis=1))
-        body_m = self._keypoints_body_m[:, inside]
-        depth_m = _in_camera(frame, body_m)[2]
+    def moments(
+        self, frame: FrameState, step_px: float, exposure_s: float = 0.0, instants: int = 1
+    ) -> list[Moment]:
+        """Moments in which the spacecraft moves by ``step_px`` at most: see :func:`moments`."""
+        box = self.box(frame)
+        if box.is_empty:
+            box = PixelBox(0, 0, self._camera.width_px, self._camera.height_px)
+        vertices_z_m = _in_camera(frame, self._vertices_body_m)[2]
+        far_m = max(float(vertices_z_m.max()), _NEAREST * self._tracer.triangles.size_m)
+        near_m = max(float(vertices_z_m.min()), _NEAREST * self._tracer.triangles.size_m)
+        omega, v = frame.rates.relative(frame.R_cam_from_body, frame.t_body_cam_m)
+        speed_px_s = fastest_px_s(self._camera, box, v, omega, near_m, far_m)
+        return moments(self._camera, speed_px_s, step_px, exposure_s, instants)
+
+    def box(self, frame: FrameState) -> PixelBox:
+        """Pixels of the image that the spacecraft may touch, were all rows exposed at once."""
+        return self._boxes(_in_camera(frame, self._vertices_body_m))[0]
+
+    def _seen(self, frame: FrameState, points_body_m: FloatArray) -> FloatArray:
+        """(3, N) body axes → (3, N) camera axes, each at the time of the row that sees it."""
+        points_cam_m = _in_camera(frame, points_body_m)
+        if self._camera.line_time_s == 0:
+            return points_cam_m
+        for _ in range(_ROW_TRIALS):
+            row_px = np.nan_to_num(self._camera.project(points_cam_m.T)[:, 1])
+            after_s = self._camera.row_after_s(row_px)
+            points_cam_m = frame.body_in_camera(points_body_m.T, after_s).T
+        return points_cam_m
+
+    def _bounds(self, points_cam_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(3, N) → lowest and highest projection, (2,) each, NaN where a point is behind."""
+        uv_px = self._camera.project(points_cam_m.T)
+        return uv_px.min(axis=0), uv_px.max(axis=0)
+
+    def _boxes(self, vertices_cam_m: FloatArray) -> tuple[PixelBox, PixelBox]:
+        """Boxes in the image and in the silhouette's field, were all rows exposed at once."""
+        if not (vertices_cam_m[2] > 0).any():
+            return _NO_BOX, _NO_BOX
+        return _boxes(self._camera, *self._bounds(vertices_cam_m))
+
+    def _band(self, frame: FrameState, moment: Moment) -> _Band:
+        pose = frame.after(moment.after_s)
+        vertices_cam_m = _in_camera(pose, self._vertices_body_m)
+        box, field = self._boxes(vertices_cam_m)
+        # Beyond the image, the first and the last row's time go on.
+        last_row = moment.first_row + moment.rows
+        top = moment.first_row if moment.first_row > 0 else field.y0
+        bottom = last_row if last_row < self._camera.height_px else field.y0 + field.height
+        return _Band(
+            moment=moment,
+            box=box.within_rows(moment.first_row, moment.rows),
+            field=field.within_rows(top, max(0, bottom - top)),
+            pose=pose,
+            look=_Look.at(self._tracer, self._camera, pose, float(vertices_cam_m[2].min())),
+        )
+
+    def _visibility(self, band: _Band, keypoints: IntArray) -> IntArray:
+        """(k,) int8 of the keypoints, by number, that the band's rows see; see :class:`View`."""
+        body_m = self._keypoints_body_m[:, keypoints]
+        depth_m = _in_camera(band.pose, body_m)[2]
         centre_body_m = self._tracer.triangles.centre_body_m
-        directions = (body_m - (centre_body_m + look.camera_m)[:, None]) / depth_m
-        _, z_m = look.first(directions)
+        directions = (body_m - (centre_body_m + band.look.camera_m)[:, None]) / depth_m
+        _, z_m = band.look.first(directions)
         behind_m = (depth_m - z_m) * np.sqrt(dot(directions, directions))
         hidden = behind_m > KEYPOINT_TOLERANCE * self._tracer.triangles.size_m
-        visibility[inside] = np.where(hidden, OCCLUDED, VISIBLE)
-        return visibility
+        return np.where(hidden, OCCLUDED, VISIBLE)
+
+
+@dataclass(frozen=True)
+class _Band:
+    """Rows that are exposed together.
+
+    Attributes:
+        box, field: the pixels that the spacecraft may touch in these rows: in the image, and in the
+            field of the silhouette.
+        pose: the frame at their moment.
+    """
+
+    moment: Moment
+    box: PixelBox
+    field: PixelBox
+    pose: FrameState
+    look: _Look
 
 
 @dataclass(frozen=True)

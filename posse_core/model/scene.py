@@ -6,10 +6,12 @@ single precision could be lost.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from posse_core.constants import EARTH_ROTATION_RATE_RAD_S
+from posse_core.frames import matrix_from_rotation_vector, turned
 from posse_core.model.arrays import Float32Array, FloatArray
 from posse_core.model.bands import SOLAR_BAND_FRACTIONS
 from posse_core.model.camera import Camera, PixelBox
@@ -22,6 +24,36 @@ class Scene:
 
     spacecraft: Spacecraft
     camera: Camera
+
+
+@dataclass(frozen=True)
+class Rates:
+    """How a frame changes while the shutter is open; all of it is constant then.
+
+    Attributes:
+        v_body_cam_m_s: (3,) velocity of the spacecraft's origin relative to the camera, against GCRF
+            axes; in camera axes at the frame's instant.
+        omega_body_rad_s: (3,) the spacecraft's rate of turn against GCRF axes, body axes.
+        omega_camera_rad_s: (3,) the camera's, camera axes.
+        v_camera_eci_m_s: (3,) geocentric velocity of the camera, GCRF axes.
+    """
+
+    v_body_cam_m_s: FloatArray
+    omega_body_rad_s: FloatArray
+    omega_camera_rad_s: FloatArray
+    v_camera_eci_m_s: FloatArray
+
+    def relative(
+        self, R_cam_from_body: FloatArray, t_body_cam_m: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """(3,) ω and (3,) v of the motion ω × x + v that the camera sees of the craft's points x."""
+        omega_body_cam_rad_s = R_cam_from_body @ self.omega_body_rad_s
+        v_m_s = self.v_body_cam_m_s - np.cross(omega_body_cam_rad_s, t_body_cam_m)
+        return omega_body_cam_rad_s - self.omega_camera_rad_s, v_m_s
+
+
+AT_REST = Rates(*np.zeros((4, 3)))
+"""Nothing moves."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +73,7 @@ class FrameState:
         sun_fraction_target: share of the Sun's disc that the Earth leaves free, seen by the target.
         sun_fraction_camera: the same, seen by the camera.
         sun_angular_radius_rad: of the disc, seen by the target.
+        rates: how all this changes around the frame's instant.
     """
 
     index: int
@@ -58,6 +91,37 @@ class FrameState:
     sun_fraction_target: float
     sun_fraction_camera: float
     sun_angular_radius_rad: float
+    rates: Rates = AT_REST
+
+    def after(self, after_s: float) -> FrameState:
+        """The frame a moment later, or earlier, by its rates."""
+        if after_s == 0:
+            return self
+        rates = self.rates
+        R_then_from_now = matrix_from_rotation_vector(-after_s * rates.omega_camera_rad_s)
+        R_body_turn = matrix_from_rotation_vector(after_s * rates.omega_body_rad_s)
+        earth_turn = matrix_from_rotation_vector(np.array([0, 0, -after_s * EARTH_ROTATION_RATE_RAD_S]))
+        moved_m = after_s * rates.v_camera_eci_m_s
+        return replace(
+            self,
+            t_s=self.t_s + after_s,
+            epoch_jd_tt=self.epoch_jd_tt + after_s / 86400,
+            R_cam_from_body=R_then_from_now @ self.R_cam_from_body @ R_body_turn,
+            t_body_cam_m=R_then_from_now @ (self.t_body_cam_m + after_s * rates.v_body_cam_m_s),
+            R_cam_from_eci=R_then_from_now @ self.R_cam_from_eci,
+            R_ecef_from_eci=earth_turn @ self.R_ecef_from_eci,
+            r_camera_eci_m=self.r_camera_eci_m + moved_m,
+            r_target_eci_m=self.r_target_eci_m + moved_m,  # but for metres
+        )
+
+    def body_in_camera(self, x_body_m: FloatArray, after_s: FloatArray) -> FloatArray:
+        """Points of the spacecraft at times of their own: (..., 3), (...) → (..., 3) camera axes."""
+        rates = self.rates
+        turned_body_m = turned(x_body_m, rates.omega_body_rad_s, after_s)
+        R, t = self.R_cam_from_body, self.t_body_cam_m
+        x_m = np.stack([np.sum(row * turned_body_m, axis=-1) for row in R], axis=-1) + t
+        x_m = x_m + np.asarray(after_s)[..., None] * rates.v_body_cam_m_s
+        return turned(x_m, -rates.omega_camera_rad_s, after_s)
 
     @property
     def sun_direction_cam(self) -> FloatArray:

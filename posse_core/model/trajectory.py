@@ -38,6 +38,8 @@ class Trajectory:
         r_target_eci_m, v_target_eci_m_s, r_chaser_eci_m, v_chaser_eci_m_s: (F, 3) GCRF axes.
         r_chaser_rtn_m, v_chaser_rtn_m_s: (F, 3) relative to the target; rotating-frame derivative.
         q_eci_from_body, q_eci_from_camera: (F, 4) unit, scalar first, w ≥ 0.
+        omega_body_rad_s, omega_camera_rad_s: (F, 3) rate of turn against GCRF axes, in the axes of
+            the body and of the camera.
         r_sun_eci_m, r_moon_eci_m: (F, 3) geocentric, geometric.
         sun_fraction_target, sun_fraction_camera: (F,) share of the Sun's disc in view, 0 … 1.
         solar_flux_w_m2: (F,) at the target, of the whole disc.
@@ -57,6 +59,8 @@ class Trajectory:
     v_chaser_eci_m_s: FloatArray
     q_eci_from_body: FloatArray
     q_eci_from_camera: FloatArray
+    omega_body_rad_s: FloatArray
+    omega_camera_rad_s: FloatArray
     r_sun_eci_m: FloatArray
     r_moon_eci_m: FloatArray
     sun_fraction_target: FloatArray

@@ -21,20 +21,18 @@ from posse_core.interfaces.renderer import Renderer
 from posse_core.model.arrays import AnyArray
 from posse_core.model.camera import Camera
 from posse_core.model.labels import View
-from posse_core.model.scene import FrameState, Radiance, RenderRequest, Scene
+from posse_core.model.scene import FrameState, Radiance, Scene
+from posse_core.pipeline.light import CraftLight
 from posse_core.plugins import load_plugins
-from posse_core.randomness import derived_seed
 from posse_core.registry import Registry
 from posse_core.scenario.component import ComponentChoice
 from posse_core.scenario.load import load_scenario
 from posse_core.sensor.sensor import Sensor
-from posse_core.sky.sky import Sky
+from posse_core.sky.sky import Sky, SkyView
 from posse_core.trajectory import frame_state, load_trajectory
 
 RENDERER_FILE = "renderer.json"
 """What the renderer says of itself, for the manifest."""
-BOX_MARGIN_PX = 1
-"""Pixels around the geometry's box that are rendered too: the craft may cover a part of them."""
 
 
 class FrameMaker:
@@ -56,9 +54,11 @@ class FrameMaker:
             create(registry, "annotator", choice) for choice in scenario.annotators
         ]
         self._sky = Sky(scenario.sky, camera, scenario.seed)
+        self._shutter = scenario.sensor
         self._sensor = Sensor(scenario.sensor, camera)
         self._renderer: Renderer = create(registry, "renderer", scenario.renderer)
         self._renderer.open(self._scene)
+        self._craft = CraftLight(self._renderer, self._geometry, self._sky, camera, scenario.seed)
         write_json(folder / RENDERER_FILE, dict(self._renderer.describe()))
 
     def make(self, index: int) -> Mapping[str, Any]:
@@ -66,7 +66,7 @@ class FrameMaker:
         frame = frame_state(self._trajectory, index, self._constants)
         view = self._geometry.view(frame)
         labels, arrays = self.annotate(frame, view)
-        image, labels["exposure_s"] = self.expose(frame, view)
+        image, labels["exposure_s"] = self.expose(frame)
         labels["image"] = f"images/{index:06d}.png"
         labels["truth"] = f"truth/{index:06d}.npz" if arrays else None
         files = {labels["image"]: _png(image)}
@@ -101,21 +101,24 @@ class FrameMaker:
                 arrays[name] = _full_size(array, view, self._scene.camera)
         return labels, arrays
 
-    def radiance(self, frame: FrameState, view: View) -> Radiance | None:
-        """The renderer's light of the craft; None where no ray meets it."""
-        camera = self._scene.camera
-        box = view.box.grown(BOX_MARGIN_PX, camera)
-        if box.is_empty:
-            return None
-        environment = self._sky.environment(frame)
-        seed = derived_seed(self._seed, frame.index, "renderer")
-        return self._renderer.render(RenderRequest(frame, box, environment, seed))
-
-    def expose(self, frame: FrameState, view: View) -> tuple[AnyArray, float]:
+    def expose(self, frame: FrameState) -> tuple[AnyArray, float]:
         """The image, (H, W) or (H, W, 3) RGB, uint8 or uint16, and its exposure in seconds."""
-        sky, craft = self._sky.look(frame), self.radiance(frame, view)
-        exposure_s = self._sensor.exposure_s(sky, craft)
-        return self._sensor.expose(sky, craft, exposure_s, self._seed, frame.index), exposure_s
+        config, exposure_s, light = self._shutter, self._shutter.exposure_s, None
+        if config.auto_exposure is not None:
+            light = self._light(frame, 0.0)
+            exposure_s = self._sensor.metered_s(*light, config.auto_exposure)
+        if light is None or config.motion_blur is not None:
+            light = self._light(frame, exposure_s)
+        return self._sensor.expose(*light, exposure_s, self._seed, frame.index), exposure_s
+
+    def _light(self, frame: FrameState, exposure_s: float) -> tuple[SkyView, Radiance | None]:
+        """Sky and craft over an exposure; in one instant, if motion is not to blur."""
+        blur = self._shutter.motion_blur
+        instants = 1 if blur is None else blur.instants
+        return (
+            self._sky.look(frame, exposure_s, instants),
+            self._craft.gather(frame, exposure_s, instants),
+        )
 
     def close(self) -> None:
         """Free the renderer."""

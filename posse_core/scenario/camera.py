@@ -20,6 +20,12 @@ class CameraConfig(Options):
     height_px: int = Field(960, ge=1, le=16384, description="image height, pixels")
     hfov_deg: float = Field(90.0, gt=0, lt=180, description="horizontal field of view, degrees")
     sensor_width_mm: float = Field(36.0, gt=0, description="width of the sensor, mm")
+    line_time_s: float = Field(
+        0.0,
+        ge=0,
+        description="time from one row's exposure to the next one's, top row first: a rolling shutter;"
+        " 0 for a global one",
+    )
 
     def camera(self) -> Camera:
         """The intrinsics in pixels and metres."""
@@ -32,4 +38,5 @@ class CameraConfig(Options):
             cx_px=(self.width_px - 1) / 2,
             cy_px=(self.height_px - 1) / 2,
             sensor_width_m=self.sensor_width_mm * 1e-3,
+            line_time_s=self.line_time_s,
         )

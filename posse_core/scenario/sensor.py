@@ -62,6 +62,18 @@ class AutoExposureConfig(Options):
         return self
 
 
+class MotionBlurConfig(Options):
+    """Motion while the shutter is open; labels are those of the middle of the exposure."""
+
+    instants: int = Field(
+        8,
+        ge=2,
+        le=1024,
+        description="at which the scene is rendered and drawn, at most; fewer where nothing moves by"
+        " more than 0.2 pixels between them",
+    )
+
+
 class SensorConfig(Options):
     """From light on the lens to digital numbers.
 
@@ -72,6 +84,9 @@ class SensorConfig(Options):
     exposure_s: float = Field(0.002, gt=0, description="exposure time, s")
     auto_exposure: AutoExposureConfig | None = Field(
         None, description="choose the exposure frame by frame, in place of exposure_s; null for not"
+    )
+    motion_blur: MotionBlurConfig | None = Field(
+        None, description="average the picture over the exposure; null for that of one instant"
     )
     f_number: float = Field(16.0, gt=0, description="focal length over the aperture's diameter")
     color: Literal["mono", "rgb"] = Field(

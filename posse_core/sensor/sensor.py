@@ -11,7 +11,7 @@ from posse_core.model.bands import BAND_CENTRES_M, SOLAR_BAND_FRACTIONS
 from posse_core.model.camera import Camera, PixelBox
 from posse_core.model.scene import Radiance
 from posse_core.randomness import generator
-from posse_core.scenario.sensor import SensorConfig
+from posse_core.scenario.sensor import AutoExposureConfig, SensorConfig
 from posse_core.sensor.psf import make_psf
 from posse_core.sky.view import SkyView
 
@@ -62,15 +62,12 @@ class Sensor:
             white_e = per_radiance * SOLAR_BAND_FRACTIONS
             self._gain_e_dn = gain_e_dn * white_e / white_e.sum()
 
-    def exposure_s(self, sky: SkyView, craft: Radiance | None) -> float:
-        """The exposure of a frame: the scenario's, or by its ``auto_exposure`` from the frame's light.
+    def metered_s(self, sky: SkyView, craft: Radiance | None, rule: AutoExposureConfig) -> float:
+        """The exposure that a rule chooses for a frame's light.
 
         Raises:
             ComponentError: the craft's radiance is negative or not finite.
         """
-        rule = self._config.auto_exposure
-        if rule is None:
-            return self._config.exposure_s
         white_e = np.minimum(self._gain_e_dn * self._max_dn, self._full_well_e)
         whites_s = (self.mean_electrons(sky, craft, 1.0) / white_e).max(axis=-1)
         if craft is not None and (craft.coverage > 0.5).sum() >= METERED_SHARE * whites_s.size:

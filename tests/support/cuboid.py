@@ -161,6 +161,8 @@ def trajectory(lines: list[dict[str, Any]]) -> Trajectory:
         v_chaser_eci_m_s=v,
         q_eci_from_body=eci_from_body.as_quat(canonical=True)[:, [3, 0, 1, 2]],
         q_eci_from_camera=eci_from_camera.as_quat(canonical=True)[:, [3, 0, 1, 2]],
+        omega_body_rad_s=np.zeros((count, 3)),
+        omega_camera_rad_s=np.zeros((count, 3)),
         r_sun_eci_m=r + 1.5e11 * eci_from_body.apply(SUN_BODY),
         r_moon_eci_m=4e8 * _directions(random, count),
         sun_fraction_target=np.array([line["sun_fraction_target"] for line in lines]),

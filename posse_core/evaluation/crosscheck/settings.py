@@ -93,7 +93,7 @@ class ScenarioCase:
         """
         scenario = self.scenario
         registry = load_plugins().registry
-        camera = scenario.camera.camera()
+        camera = replace(scenario.camera.camera(), line_time_s=0.0)  # a renderer draws an instant
         scene = Scene(create(registry, "scene", scenario.target).build(), camera)
         trajectory = make_trajectory(scenario, registry)
         if self.poses == "random":

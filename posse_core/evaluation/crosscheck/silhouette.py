@@ -11,7 +11,7 @@ from posse_core.geometry.raycast import RayCaster
 from posse_core.model.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from posse_core.model.camera import Camera, PixelBox
 from posse_core.model.scene import FrameState, Scene
-from posse_core.pipeline.frame_maker import BOX_MARGIN_PX
+from posse_core.pipeline.light import BOX_MARGIN_PX
 
 FINE = 8
 """Rays across a pixel, and down it, that exact coverage is counted with."""

@@ -1,0 +1,77 @@
+"""Motion blur against the ramp and the streak of an even motion."""
+
+import numpy as np
+import pytest
+from moving_plate import (
+    DISTANCE_M,
+    FOCAL_PX,
+    PlateRenderer,
+    camera,
+    moving,
+    plate,
+)
+
+from posse_core.geometry.raycast import RayCaster
+from posse_core.pipeline.light import CraftLight
+from posse_core.scenario.sky import SkyConfig
+from posse_core.sky.sky import Sky
+
+MIDDLE = camera().matrix[:2, 2]
+DARK = SkyConfig(earth=False, stars=None, sun_disc=False)
+STARS = SkyConfig(earth=False, sun_disc=False)
+
+
+def gathered(v_m_s: float, exposure_s: float, instants: int):
+    scene, renderer = plate(), PlateRenderer(None)
+    renderer.open(scene)
+    light = CraftLight(renderer, RayCaster(scene), Sky(DARK, scene.camera, 0), scene.camera, 0)
+    return light.gather(moving(v_m_s=(v_m_s, 0, 0)), exposure_s, instants)
+
+
+@pytest.mark.parametrize("v_m_s", [6.0, -15.0])
+def test_a_moving_edge_is_a_ramp_as_wide_as_it_moves(v_m_s):
+    exposure_s = 0.05
+    ramp_px = abs(v_m_s) * exposure_s * FOCAL_PX / DISTANCE_M
+    craft = gathered(v_m_s, exposure_s, 64)
+    line = craft.coverage[craft.box.height // 2].astype(float)
+    pixels = craft.box.x0 + np.arange(craft.box.width)
+    edge_px = MIDDLE[0] - FOCAL_PX * 2.03 / DISTANCE_M
+    # The ramp's mean over a pixel, by the ramp's integral.
+    integral = lambda x: np.clip((x - edge_px) / ramp_px + 0.5, 0, None) ** 2 / 2 * ramp_px  # noqa: E731
+    beyond = lambda x: np.clip((x - edge_px) / ramp_px - 0.5, 0, None) ** 2 / 2 * ramp_px  # noqa: E731
+    expected = [np.subtract(*(integral(x) - beyond(x) for x in (p + 0.5, p - 0.5))) for p in pixels]
+    left = pixels < MIDDLE[0]
+    np.testing.assert_allclose(line[left], np.array(expected)[left], atol=0.01)
+
+
+def test_blur_keeps_the_light_and_the_place():
+    sharp, blurred = gathered(12.0, 0.05, 1), gathered(12.0, 0.05, 32)
+    assert blurred.radiance_rgb.sum(dtype=float) == pytest.approx(
+        sharp.radiance_rgb.sum(dtype=float), rel=1e-5
+    )
+    centroids = [
+        (c.coverage.sum(axis=0) * (c.box.x0 + np.arange(c.box.width))).sum() / c.coverage.sum()
+        for c in (sharp, blurred)
+    ]
+    assert centroids[0] == pytest.approx(centroids[1], abs=1e-3)
+    assert blurred.box.width > sharp.box.width + 5
+
+
+def test_a_star_is_a_streak_of_the_cameras_turn_and_keeps_its_light():
+    turn_rad_s, exposure_s = 0.8, 0.2
+    frame = moving(omega_camera=(0, turn_rad_s, 0))
+    sky = Sky(STARS, camera(), 0)
+    sharp, streaked = sky.look(frame), sky.look(frame, exposure_s, 8)
+    central = int(np.argmin(np.linalg.norm(sharp.points_px - MIDDLE, axis=1)))
+    # Points of one star have its colour and share, which no other has.
+    ratio = streaked.points_irradiance_rgb_w_m2 / sharp.points_irradiance_rgb_w_m2[central]
+    least_points = FOCAL_PX * turn_rad_s * exposure_s / 0.2
+    own = np.ptp(ratio, axis=1) < 1e-9 * ratio[:, 0]
+    own &= np.abs(ratio[:, 0] * np.round(1 / ratio[:, 0]) - 1) < 1e-9
+    own &= ratio[:, 0] < 1 / least_points
+    streak = streaked.points_px[own]
+    assert ratio[own].sum(axis=0) == pytest.approx([1, 1, 1], rel=1e-9)
+    u0 = (sharp.points_px[central, 0] - MIDDLE[0]) / FOCAL_PX
+    ends = FOCAL_PX * np.tan(np.arctan(u0) - turn_rad_s * exposure_s * np.array([-0.5, 0.5]))
+    assert np.ptp(streak[:, 0]) == pytest.approx(np.ptp(ends), abs=0.25)
+    assert np.hypot(*np.diff(streak, axis=0).T).max() < 0.25

@@ -1,0 +1,48 @@
+"""A dataset of a spinning craft under a rolling shutter, with blur: made, proven, and spoilt."""
+
+import json
+import shutil
+
+import pytest
+from small_run import SCENARIO
+
+OPTIONS = (
+    "target={name: cubesat}",
+    "renderer.seconds=0",
+    "attitude.target={law: spin, body_axis: +z, rate_rpm: 60}",
+    "camera.line_time_s=0.004",
+    "camera.hfov_deg=5",
+    "sensor.motion_blur={instants: 4}",
+    "sensor.auto_exposure={level: 0.5}",
+    "annotators=[box, mask, parts, depth, normals, keypoints, pose]",
+    "times={t_s: [0, 40]}",
+)
+
+
+@pytest.fixture(scope="module")
+def rolling(posse_in, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("rolling")
+    (folder / "small.yaml").write_text(SCENARIO)
+    options = [word for option in OPTIONS for word in ("-o", option)]
+    done = posse_in(folder, "run", "small.yaml", "--out", "d", *options)
+    assert done.returncode == 0, done.stderr
+    return folder / "d"
+
+
+def test_it_is_proven_row_by_row(posse, rolling):
+    proof = posse("validate", rolling)
+    assert proof.returncode == 0, proof.stdout
+    assert json.loads((rolling / "camera.json").read_text())["lineTime_s"] == 0.004
+    lines = [json.loads(x) for x in (rolling / "labels/shard-00000.jsonl").read_text().splitlines()]
+    assert all(abs(line["omega_body_rad_s"][2] - 6.283185) < 1e-5 for line in lines)
+    assert lines[0]["exposure_s"] > 0
+
+
+def test_as_a_global_shutter_its_labels_are_refuted(posse, rolling, tmp_path):
+    shutil.copytree(rolling, tmp_path / "d")
+    camera = json.loads((tmp_path / "d/camera.json").read_text())
+    (tmp_path / "d/camera.json").write_text(json.dumps({**camera, "lineTime_s": 0.0}))
+    proof = posse("validate", "d", "--json")
+    assert proof.returncode == 1
+    failed = {c["name"] for c in json.loads(proof.stdout)["checks"] if c["faults"]}
+    assert {"keypoints", "whole-box", "mask", "depth"} <= failed

@@ -125,7 +125,13 @@ class Dataset:
         if not self.folder.is_dir():
             raise InputError(f"{folder}: there is no such folder; name one made by 'posse run'")
         if not (self.folder / "labels").is_dir():
-            raise InputError(f"{folder}: not a dataset (no labels/); name one made by 'posse run'")
+            within = sorted(path.parent.name for path in self.folder.glob("*/labels"))
+            way_out = (
+                f"name one of those in it ({', '.join(within)}), or join them by 'posse collect'"
+                if within
+                else "name one made by 'posse run'"
+            )
+            raise InputError(f"{folder}: not a dataset (no labels/); {way_out}")
         self.camera = read_camera(self.folder / "camera.json")
         crafts = sorted((self.folder / "spacecraft").glob("*.json"))
         if not crafts:

@@ -60,8 +60,8 @@ def command(
     if resume and out is None:
         raise InputError("--resume: name the folder of the run by --out")
     source = scenario or DEFAULT_SCENARIO
-    if resume and scenario is None and out is not None and (out / "scenario.yaml").exists():
-        source = str(out / "scenario.yaml")
+    if resume and scenario is None and out is not None:
+        source = _started_in(out)
     named = {"renderer.name": renderer, "seed": seed, "frames": frames}
     pool = _executor(plugins, executor, workers, frame_time_limit)
     members = scenario_members(source)
@@ -82,6 +82,16 @@ def command(
     for result in results:
         _tell(result, to_stdout=not as_json)
     return 3 if any(result.failed for result in results) else 0
+
+
+def _started_in(folder: Path) -> str:
+    """The scenario of the run in a folder."""
+    path = folder / "scenario.yaml"
+    if not path.exists():
+        raise InputError(
+            f"--resume: {folder} has no scenario.yaml; name the scenario that was run into it"
+        )
+    return str(path)
 
 
 def _executor(plugins: Plugins, name: str, workers: int, frame_time_limit_s: float | None) -> Executor:

@@ -61,6 +61,7 @@ def test_bad_arguments(posse, tmp_path):
     _refused(posse("describe", "renderers"), ["renderers", "did you mean 'renderer'"])
     _refused(posse("propagate", "aqua", "--out", "x.txt", "-o", "renderer.name=flat"), [".npz or .csv"])
     _refused(posse("run", "--resume"), ["--out"])
+    _refused(posse("run", "--resume", "--out", "new"), ["new has no scenario.yaml", "name the scenario"])
     assert list(tmp_path.iterdir()) == []
 
 

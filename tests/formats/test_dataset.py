@@ -146,6 +146,13 @@ def test_what_is_no_dataset_is_told_in_one_line(dataset_folder, tmp_path, spoil,
     assert "\n" not in str(caught.value)
 
 
+def test_a_folder_of_datasets_names_them(dataset_folder, tmp_path):
+    for name in ("posse-v1", "posse-v2"):
+        shutil.copytree(dataset_folder, tmp_path / "v3" / name)
+    with pytest.raises(InputError, match=r"one of those in it \(posse-v1, posse-v2\).*posse collect"):
+        Dataset(tmp_path / "v3")
+
+
 def test_a_mesh_that_is_cut_or_foreign_is_refused(dataset_folder, tmp_path):
     shutil.copytree(dataset_folder, tmp_path / "d")
     path = tmp_path / "d/spacecraft/brick.ply"

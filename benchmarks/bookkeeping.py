@@ -23,7 +23,8 @@ import numpy as np
 
 from posse_core.files import write_bytes
 from posse_core.interfaces.executor import FrameResult, FrameWorker
-from posse_core.pipeline.local import LocalExecutor, LocalOptions
+from posse_core.pipeline.attempts import PoolOptions
+from posse_core.pipeline.local import LocalExecutor
 from posse_core.pipeline.plan import make_plan
 from posse_core.pipeline.run import run
 from posse_core.plugins import load_plugins
@@ -70,7 +71,7 @@ class NullWorker:
 class NullExecutor(LocalExecutor):
     """The pool of every run; only the worker is another one."""
 
-    def __init__(self, options: LocalOptions, folder: Path) -> None:
+    def __init__(self, options: PoolOptions, folder: Path) -> None:
         super().__init__(options)
         self._folder = folder
 
@@ -109,7 +110,7 @@ def main(frames: int, workers: int) -> None:
     click.echo(f"planning: peak memory {_peak_mib():.0f} MiB")
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "dataset"
-        executor = NullExecutor(LocalOptions(workers=workers), folder)
+        executor = NullExecutor(PoolOptions(workers=workers), folder)
         clock = Clock()
         start = time.monotonic()
         result = run(plan, folder, plugins, executor, resume=False, progress=clock.progress)

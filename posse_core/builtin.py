@@ -156,7 +156,7 @@ def posse_executors() -> list[ComponentSpec]:
             "local",
             "worker processes on this machine",
             "posse_core.pipeline.local:LocalExecutor",
-            "posse_core.pipeline.local:LocalOptions",
+            "posse_core.pipeline.attempts:PoolOptions",
         ),
     ]
 

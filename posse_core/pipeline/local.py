@@ -2,46 +2,23 @@
 
 from __future__ import annotations
 
-import errno
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, TimeoutError, wait
+from itertools import islice
 from multiprocessing import get_context
 from typing import Any
 
-import cv2
 from pebble import ProcessExpired, ProcessPool
-from pydantic import Field
 
-from posse_core.errors import WorkerLost
-from posse_core.interfaces.executor import Executor, FrameResult, FrameWorker, WorkerSetupError
-from posse_core.options import Options
-
-_STORE_FAILED = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EIO}
-"""What no other try and no other frame would fare better with."""
-
-
-class LocalOptions(Options):
-    """How many processes, and when one is given up."""
-
-    workers: int = Field(1, ge=1, le=1024, description="number of worker processes")
-    frames_per_worker: int = Field(
-        500, ge=1, description="a worker is replaced after so many frames, before its memory grows"
-    )
-    frame_time_limit_s: float = Field(
-        1800.0, gt=0, description="a frame that takes longer is stopped and tried again"
-    )
-    tries: int = Field(3, ge=1, description="how often a frame is tried when its worker dies")
+from posse_core.interfaces.executor import Executor, FrameResult, FrameWorker
+from posse_core.pipeline.attempts import Attempts, PoolOptions, make_frame
 
 
 class LocalExecutor(Executor):
-    """A pool of spawned processes (pebble); a dead or hung worker is replaced, its frame tried again.
+    """A pool of spawned processes (pebble); a dead or hung worker is replaced, its frame tried again."""
 
-    An exception that a frame raises is its result: only the loss of a worker, or of a process that its
-    renderer works in, is worth another try.
-    """
-
-    options: LocalOptions
+    options: PoolOptions
 
     def run(
         self, make_worker: Callable[[], FrameWorker], indices: Iterable[int]
@@ -49,7 +26,7 @@ class LocalExecutor(Executor):
         workers = self.options.workers
         _share_cores(workers)
         waiting = iter(indices)
-        tries: dict[int, int] = {}
+        attempts = Attempts(self.options)
         pending: dict[Future[Any], int] = {}
         pool: Any = ProcessPool(
             max_workers=workers,
@@ -58,26 +35,23 @@ class LocalExecutor(Executor):
         )
 
         def submit(index: int) -> None:
-            tries[index] = tries.get(index, 0) + 1
             future = pool.schedule(
-                _make_frame, args=[make_worker, index], timeout=self.options.frame_time_limit_s
+                make_frame, args=[make_worker, index], timeout=self.options.frame_time_limit_s
             )
             pending[future] = index
 
         try:
-            for _, index in zip(range(2 * workers), waiting, strict=False):
+            for index in islice(waiting, 2 * workers):
                 submit(index)
             while pending:
                 for future in wait(pending, return_when=FIRST_COMPLETED).done:
                     index = pending.pop(future)
-                    result = self._result(future, index, last=tries[index] >= self.options.tries)
+                    result = _result(future, index, attempts)
                     if result is None:
                         submit(index)
                         continue
-                    del tries[index]
                     yield result
-                    following = next(waiting, None)
-                    if following is not None:
+                    for following in islice(waiting, 1):
                         submit(following)
             pool.close()
         except BaseException:
@@ -86,49 +60,17 @@ class LocalExecutor(Executor):
         finally:
             pool.join()
 
-    def _result(self, future: Future[Any], index: int, *, last: bool) -> FrameResult | None:
-        """The frame's result, or None where it is to be tried again."""
-        try:
-            return FrameResult(index, future.result())
-        except ProcessExpired as error:
-            if not last:
-                return None
-            cause = f"its worker died {self.options.tries} times (exit code {error.exitcode})"
-        except TimeoutError:
-            if not last:
-                return None
-            cause = f"it took over {self.options.frame_time_limit_s:g} s {self.options.tries} times"
-        except WorkerLost as error:
-            if not last:
-                return None
-            cause = f"{error} ({self.options.tries} times)"
-        except WorkerSetupError:
-            raise
-        except Exception as error:  # whatever a component raises ends its frame, not the run
-            if isinstance(error, OSError) and error.errno in _STORE_FAILED:
-                raise
-            cause = f"{type(error).__name__}: {error}"
-        return FrameResult(index, None, cause)
 
-
-_worker: FrameWorker | None = None
-
-
-def _make_frame(make_worker: Callable[[], FrameWorker], index: int) -> Mapping[str, Any]:
-    """Runs in the worker process, whose one frame worker is made at the first frame."""
-    global _worker
-    if _worker is None:
-        cv2.setNumThreads(int(os.environ["POSSE_THREADS"]))
-        try:
-            _worker = make_worker()
-        except Exception as error:
-            raise WorkerSetupError(str(error)) from error
+def _result(future: Future[Any], index: int, attempts: Attempts) -> FrameResult | None:
+    """The frame's result, or None where it is to be tried again."""
     try:
-        return _worker.make(index)
-    except WorkerLost:
-        _worker.close()
-        _worker = None
-        raise
+        return FrameResult(index, future.result())
+    except ProcessExpired as error:
+        return attempts.lost(index, f"its worker died (exit code {error.exitcode})")
+    except TimeoutError:
+        return attempts.overdue(index)
+    except Exception as error:  # whatever a component raises ends its frame, not the run
+        return attempts.raised(index, error)
 
 
 def _share_cores(workers: int) -> None:

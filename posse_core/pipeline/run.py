@@ -120,7 +120,7 @@ class _Run:
         if todo or not self._is_complete():
             (self._folder / "manifest.json").unlink(missing_ok=True)
             self._plugins.notify("posse_run_started", dataset=self._folder, frames=frames)
-            results = executor.run(partial(FrameMaker, self._folder), todo)
+            results = executor.run(partial(FrameMaker, self._folder.absolute()), todo)
             for result in progress(results, frames, len(done)):
                 self._enter(result)
             self._finish()

@@ -111,7 +111,10 @@ def test_a_crash_of_one_is_one_line_and_the_others_are_still_compared(crosscheck
         *("-o", "crooked.dies_in_frame=1"),
     )
     assert done.returncode == 3
-    assert "lambert-plate: crooked failed: frame 1: its worker died 3 times" in last_line(done)
+    assert (
+        "lambert-plate: crooked failed: frame 1: its worker died (exit code -9), 3 times"
+        in last_line(done)
+    )
     case = json.loads(done.stdout)["cases"][0]
     assert case["renderers"]["upright"]["frames"] == 3
     assert case["renderers"]["crooked"]["frames"] == 2

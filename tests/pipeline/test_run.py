@@ -48,8 +48,9 @@ def test_checksums_are_those_of_the_standard_tool(undisturbed):
     assert len([row for row in rows if not row.startswith("#")]) == 2 * FRAMES
 
 
-def test_two_workers_make_what_one_makes(undisturbed, posse, small_scenario, tmp_path):
-    assert posse("run", small_scenario, "--out", "two", "--workers", 2).returncode == 0
+def test_two_workers_make_what_one_makes(executor, undisturbed, posse, small_scenario, tmp_path):
+    made = posse("run", small_scenario, "--out", "two", "--workers", 2, "--executor", executor)
+    assert made.returncode == 0, made.stderr
     assert labels_of(tmp_path / "two") == labels_of(undisturbed)
     assert (tmp_path / "two/checksums.sha256").read_text() == (
         undisturbed / "checksums.sha256"
@@ -80,18 +81,23 @@ def test_a_killed_run_is_resumed(workers, undisturbed, posse, start_posse, small
 
 
 @pytest.mark.parametrize("fault", ["FLAT_KILL_ONCE", "FLAT_LOSE_ONCE"])
-def test_a_killed_worker_costs_nothing(fault, undisturbed, posse, small_scenario, tmp_path):
+def test_a_killed_worker_costs_nothing(fault, executor, undisturbed, posse, small_scenario, tmp_path):
     marker = tmp_path / "died"
-    made = posse("run", small_scenario, "--out", "w", env={fault: f"3,{marker}"})
+    made = posse(
+        *("run", small_scenario, "--out", "w", "--workers", 2, "--executor", executor),
+        env={fault: f"3,{marker}"},
+    )
     assert made.returncode == 0, made.stderr
     assert marker.exists()
     assert labels_of(tmp_path / "w") == labels_of(undisturbed)
 
 
-def test_a_frame_that_hangs_is_stopped_and_tried_again(undisturbed, posse, small_scenario, tmp_path):
+def test_a_frame_that_hangs_is_stopped_and_tried_again(
+    executor, undisturbed, posse, small_scenario, tmp_path
+):
     marker = tmp_path / "hung"
     made = posse(
-        *("run", small_scenario, "--out", "h", "--frame-time-limit", 12),
+        *("run", small_scenario, "--out", "h", "--frame-time-limit", 12, "--executor", executor),
         env={"FLAT_HANG_ONCE": f"3,{marker}"},
     )
     assert made.returncode == 0, made.stderr
@@ -101,10 +107,10 @@ def test_a_frame_that_hangs_is_stopped_and_tried_again(undisturbed, posse, small
 
 @pytest.mark.parametrize("fault", ["FLAT_KILL", "FLAT_RAISE"])
 def test_a_frame_that_always_fails_is_named_and_can_be_made_later(
-    fault, undisturbed, posse, small_scenario, tmp_path
+    fault, executor, undisturbed, posse, small_scenario, tmp_path
 ):
     out = tmp_path / "f"
-    made = posse("run", small_scenario, "--out", out, env={fault: "3"})
+    made = posse("run", small_scenario, "--out", out, "--executor", executor, env={fault: "3"})
     assert made.returncode == 3
     assert "frame 3 failed" in made.stderr
     manifest = json.loads((out / "manifest.json").read_text())

@@ -1,0 +1,18 @@
+"""An executor of POSSE on Ray. Importing this module imports no ray."""
+
+from __future__ import annotations
+
+from posse_core.hookspecs import hookimpl
+from posse_core.registry import ComponentSpec
+
+
+@hookimpl
+def posse_executors() -> list[ComponentSpec]:
+    return [
+        ComponentSpec(
+            "ray",
+            "actors of a Ray cluster, each with a renderer of its own",
+            "posse_executor_ray.executor:RayExecutor",
+            "posse_core.pipeline.attempts:PoolOptions",
+        )
+    ]

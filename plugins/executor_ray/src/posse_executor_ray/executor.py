@@ -1,0 +1,167 @@
+"""The executor ``ray``: actors of a Ray cluster, or of this machine where no cluster is named."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import ray
+from ray.exceptions import RayError, RayTaskError
+
+from posse_core.errors import ComponentError
+from posse_core.interfaces.executor import Executor, FrameResult, FrameWorker, WorkerSetupError
+from posse_core.pipeline.attempts import Attempts, PoolOptions, make_frame
+
+
+class FrameActor:
+    """One worker process, with one frame worker, and so one renderer."""
+
+    def __init__(self, make_worker: Callable[[], FrameWorker], environment: Mapping[str, str]) -> None:
+        os.environ.update(environment)
+        self._make_worker = make_worker
+
+    def is_ready(self) -> bool:
+        """Answers once the cluster has found a place for the actor."""
+        return True
+
+    def make(self, index: int) -> Mapping[str, Any]:
+        """Make a frame."""
+        return make_frame(self._make_worker, index)
+
+
+@dataclass
+class _Task:
+    """What an actor has been asked for: a frame or, at first (None), whether it is ready."""
+
+    actor: Any
+    index: int | None
+    frames_before: int
+    deadline_s: float
+
+
+class RayExecutor(Executor):
+    """As many actors as workers, each with one frame at a time; a dead or hung one is replaced.
+
+    A frame is given only to an actor that runs, so a cluster without room for all works with fewer.
+    """
+
+    options: PoolOptions
+
+    def run(
+        self, make_worker: Callable[[], FrameWorker], indices: Iterable[int]
+    ) -> Iterator[FrameResult]:
+        todo = deque(indices)
+        if not todo:
+            return
+        _connect()
+        try:
+            yield from _Actors(self.options, make_worker, todo).results()
+        finally:
+            ray.shutdown()
+
+
+class _Actors:
+    def __init__(
+        self, options: PoolOptions, make_worker: Callable[[], FrameWorker], todo: deque[int]
+    ) -> None:
+        self._options = options
+        self._todo = todo
+        self._attempts = Attempts(options)
+        self._failed_starts = 0
+        self._tasks: dict[Any, _Task] = {}
+        self._new_actor = _actor_maker(options.workers, make_worker)
+
+    def results(self) -> Iterator[FrameResult]:
+        for _ in range(min(self._options.workers, len(self._todo))):
+            self._start_actor()
+        while self._todo or any(task.index is not None for task in self._tasks.values()):
+            left_s = min(task.deadline_s for task in self._tasks.values()) - time.monotonic()
+            timeout_s = None if math.isinf(left_s) else max(0.0, left_s)
+            answered, _ = ray.wait(list(self._tasks), timeout=timeout_s)
+            overdue = [] if answered else [min(self._tasks, key=lambda r: self._tasks[r].deadline_s)]
+            for reference in answered or overdue:
+                result = self._settle(reference, is_overdue=not answered)
+                if result is not None:
+                    yield result
+
+    def _settle(self, reference: Any, *, is_overdue: bool) -> FrameResult | None:
+        """Take an actor's answer, and give it its next frame, or its frame to another one."""
+        task = self._tasks.pop(reference)
+        index, frames = task.index, task.frames_before
+        if index is None:
+            is_alive, result = self._has_started(reference), None
+        else:
+            is_alive, result = self._outcome(reference, index, is_overdue=is_overdue)
+            frames += 1
+            if result is None:
+                self._todo.appendleft(index)
+        if is_alive and self._todo and frames < self._options.frames_per_worker:
+            following = self._todo.popleft()
+            deadline_s = time.monotonic() + self._options.frame_time_limit_s
+            asked = task.actor.make.remote(following)
+            self._tasks[asked] = _Task(task.actor, following, frames, deadline_s)
+        else:
+            ray.kill(task.actor)
+            if self._todo:
+                self._start_actor()
+        return result
+
+    def _outcome(
+        self, reference: Any, index: int, *, is_overdue: bool
+    ) -> tuple[bool, FrameResult | None]:
+        """Whether the actor lives, and the frame's result, or None where it is to be tried again."""
+        if is_overdue:
+            return False, self._attempts.overdue(index)
+        try:
+            return True, FrameResult(index, ray.get(reference))
+        except RayTaskError as error:
+            return True, self._attempts.raised(index, error.cause)
+        except RayError as error:
+            return False, self._attempts.lost(index, f"its worker died ({type(error).__name__})")
+
+    def _start_actor(self) -> None:
+        actor = self._new_actor()
+        self._tasks[actor.is_ready.remote()] = _Task(actor, None, 0, math.inf)
+
+    def _has_started(self, reference: Any) -> bool:
+        try:
+            ray.get(reference)
+        except RayError as error:
+            self._failed_starts += 1
+            if self._failed_starts == self._options.tries:
+                reason = " ".join(str(error).split())
+                raise WorkerSetupError(f"ray: its actors cannot start: {reason}") from None
+            return False
+        self._failed_starts = 0
+        return True
+
+
+def _connect() -> None:
+    """To the cluster that RAY_ADDRESS names, or to a new one of this machine alone."""
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    address = os.environ.get("RAY_ADDRESS", "local")
+    try:
+        ray.init(address, include_dashboard=False, logging_level="warning", log_to_driver=False)
+    except (ConnectionError, OSError, RuntimeError, ValueError) as error:
+        reason = " ".join(str(error).split())
+        raise ComponentError(f"ray: no cluster at {address!r} (RAY_ADDRESS): {reason}") from None
+
+
+def _actor_maker(workers: int, make_worker: Callable[[], FrameWorker]) -> Callable[[], Any]:
+    """Makes actors that share the cluster's cores and GPUs evenly, spread over its machines."""
+    resources = ray.cluster_resources()
+    cores, gpus = resources.get("CPU", 1.0), resources.get("GPU", 0.0)
+    environment = {name: value for name, value in os.environ.items() if name.startswith("POSSE_")}
+    environment.setdefault("POSSE_THREADS", str(max(1, int(cores // workers))))
+    actor_class = ray.remote(
+        num_cpus=min(1.0, math.floor(1e3 * cores / workers) / 1e3),
+        num_gpus=1 / math.ceil(workers / gpus) if gpus else 0,
+        scheduling_strategy="SPREAD",
+    )(FrameActor)
+    given = ray.put(make_worker)
+    return lambda: actor_class.remote(given, environment)

@@ -141,7 +141,12 @@ def posse_annotators() -> list[ComponentSpec]:
 @hookimpl
 def posse_writers() -> list[ComponentSpec]:
     return [
-        ComponentSpec("bop", "models, depth, masks and poses in mm", "posse_core.formats.bop:BopWriter"),
+        ComponentSpec(
+            "bop",
+            "models, depth, masks and poses in mm",
+            "posse_core.formats.bop:BopWriter",
+            capabilities=frozenset({"pinhole-only"}),
+        ),
         ComponentSpec("coco", "boxes, masks and keypoints", "posse_core.formats.coco:CocoWriter"),
         ComponentSpec("posse", "the thesis' own four files", "posse_core.formats.thesis:ThesisWriter"),
         ComponentSpec("speed", "poses as in SPEED and SPEED+", "posse_core.formats.speed:SpeedWriter"),

@@ -18,6 +18,7 @@ from posse_core.files import write_json
 from posse_core.formats.ply import Mesh, read_mesh, write_mesh
 from posse_core.model.arrays import AnyArray, FloatArray
 from posse_core.model.camera import Camera
+from posse_core.model.distortion import BrownConrady
 from posse_core.model.spacecraft import Spacecraft
 
 PARTS = ("train", "valid", "test")
@@ -297,21 +298,21 @@ def read_json(path: Path) -> dict[str, Any]:
 def write_camera(camera: Camera, path: Path) -> None:
     """Write the intrinsics with the keys of SPEED+'s ``camera.json``.
 
-    ``ppx``, ``ppy`` are the pixel's width and height and ``fx``, ``fy`` the focal length, in metres;
-    ``cameraMatrix`` is in pixels, with the centre of the top-left pixel at (0, 0). ``lineTime_s`` is
-    ours.
+    ``ppx``, ``ppy`` are the pixel's width and height and ``fx``, ``fy`` the focal lengths, in metres;
+    ``cameraMatrix`` is in pixels, with the centre of the top-left pixel at (0, 0); ``distCoeffs`` are
+    k₁, k₂, p₁, p₂, k₃. ``lineTime_s`` is ours.
     """
-    focal_m = camera.focal_length_m
+    pitch_m = camera.pixel_pitch_m
     value = {
         "Nu": camera.width_px,
         "Nv": camera.height_px,
-        "ppx": camera.pixel_pitch_m,
-        "ppy": focal_m / camera.fy_px,
-        "fx": focal_m,
-        "fy": focal_m,
+        "ppx": pitch_m,
+        "ppy": pitch_m,
+        "fx": camera.fx_px * pitch_m,
+        "fy": camera.fy_px * pitch_m,
         "cameraMatrix": camera.matrix.tolist(),
         "lineTime_s": camera.line_time_s,
-        "distCoeffs": [0.0] * 5,
+        "distCoeffs": camera.distortion_coefficients.tolist(),
     }
     write_json(path, value)
 
@@ -324,7 +325,9 @@ def read_camera(path: Path) -> Camera:
     """
     value = read_json(path)
     try:
-        K = value["cameraMatrix"]
+        K, coefficients = value["cameraMatrix"], [float(x) for x in value.get("distCoeffs", [])]
+        if any(coefficients[5:]):
+            raise ValueError("distCoeffs has more than the five coefficients of Brown and Conrady")
         return Camera(
             width_px=int(value["Nu"]),
             height_px=int(value["Nv"]),
@@ -334,6 +337,7 @@ def read_camera(path: Path) -> Camera:
             cy_px=float(K[1][2]),
             sensor_width_m=float(value["ppx"] * value["Nu"]),
             line_time_s=float(value.get("lineTime_s", 0)),
+            distortion=BrownConrady(*coefficients[:5]) if any(coefficients) else None,
         )
     except (KeyError, IndexError, TypeError, ValueError) as error:
         raise InputError(f"{path}: not a camera file: {type(error).__name__}: {error}") from None

@@ -17,6 +17,7 @@ from posse_core.registry import KINDS
 from posse_core.scenario.component import ComponentChoice
 from posse_core.scenario.load import built_in_names
 from posse_core.scenario.model import Scenario
+from posse_core.scenario.presets import PRESETS
 
 
 @click.command()
@@ -24,10 +25,13 @@ from posse_core.scenario.model import Scenario
 @click.argument("name", required=False)
 @click.option("--json", "as_json", is_flag=True, help="Print the JSON schema.")
 def command(kind: str, name: str | None, as_json: bool) -> None:
-    """Describe the keys of a scenario, or the options of one component.
+    """Describe the keys of a scenario, a camera by name, or the options of one component.
 
-    posse describe scenario; posse describe renderer mitsuba
+    posse describe scenario; posse describe camera speed-plus; posse describe renderer mitsuba
     """
+    if kind == "camera":
+        _describe_camera(name, as_json)
+        return
     registry = load_plugins().registry
     if kind == "scenario":
         model: type[BaseModel] = Scenario
@@ -40,13 +44,31 @@ def command(kind: str, name: str | None, as_json: bool) -> None:
         words = f" Capabilities: {', '.join(sorted(spec.capabilities))}." if spec.capabilities else ""
         title = f"{kind} {name}: {spec.summary}.{words}"
     else:
-        known = ["scenario", *KINDS]
+        known = ["scenario", "camera", *KINDS]
         raise InputError(f"describe {kind}: no such kind{nearest(kind, known)} ({', '.join(known)})")
     if as_json:
         echo_json(model.model_json_schema())
         return
     click.echo(title)
     _describe(model, indent="  ")
+
+
+def _describe_camera(name: str | None, as_json: bool) -> None:
+    """The keys that a camera's name stands for, and where they are from."""
+    preset = PRESETS.get(name or "")
+    if preset is None:
+        hint = nearest(name, PRESETS) if name else ""
+        wrong = f": no camera named {name!r}{hint}" if name else ": name one of them"
+        raise InputError(f"describe camera{wrong} ({', '.join(PRESETS)})")
+    keys = {"camera": dict(preset.camera), "sensor": dict(preset.sensor)}
+    if as_json:
+        echo_json({"source": preset.source, **keys})
+        return
+    click.echo(f"camera {name}: {preset.source}")
+    for block, values in keys.items():
+        click.echo(f"  {block}")
+        for key, value in values.items():
+            click.echo(f"    {key}: {json.dumps(value)}")
 
 
 def _describe(model: type[BaseModel], indent: str) -> None:

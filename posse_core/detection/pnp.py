@@ -80,8 +80,8 @@ def solve_pose(
             damping *= 10
             if damping > 1e8:
                 break
-    everywhere = _linearised(R, t, *everything, camera)[2]
-    distance = np.linalg.norm(everywhere.reshape(-1, 2), axis=1)
+    points_body_m, points_px, sigma_px = everything
+    distance = _distance_px(R, t, points_body_m, points_px, camera) / sigma_px
     inliers = distance < 3.0 * np.sqrt(2.0)
     if inliers.sum() < MIN_POINTS or t[2] <= 0:
         return None
@@ -103,7 +103,7 @@ def _start(
             points_body_m,
             points_px,
             camera.matrix,
-            None,
+            camera.distortion_coefficients,
             flags=cv2.SOLVEPNP_AP3P,
             reprojectionError=threshold_px,
             iterationsCount=200,
@@ -132,7 +132,11 @@ def _closed_forms(
     for method in (cv2.SOLVEPNP_SQPNP, cv2.SOLVEPNP_ITERATIVE):
         try:
             found, rotation, t = cv2.solvePnP(
-                points_body_m, points_px, camera.matrix, None, flags=method
+                points_body_m,
+                points_px,
+                camera.matrix,
+                camera.distortion_coefficients,
+                flags=method,
             )
         except cv2.error:  # DLT needs six points
             continue
@@ -144,10 +148,8 @@ def _distance_px(
     R: FloatArray, t: FloatArray, points_body_m: FloatArray, points_px: FloatArray, camera: Camera
 ) -> FloatArray:
     away = camera.project(points_body_m @ R.T + t) - points_px
-    distance_px: FloatArray = np.nan_to_num(
-        np.linalg.norm(away, axis=1), nan=np.inf
-    )  # behind the camera
-    return distance_px
+    # NaN behind the camera, or beyond its lens
+    return np.asarray(np.nan_to_num(np.linalg.norm(away, axis=1), nan=np.inf))
 
 
 def _linearised(
@@ -160,20 +162,18 @@ def _linearised(
 ) -> tuple[float, FloatArray, FloatArray, FloatArray]:
     """Huber cost, (2K, 6) Jacobian by turn and place, (2K,) residuals in deviations, (2K,) weights."""
     turned = points_body_m @ R.T
-    x, y, z = (turned + t).T
-    if (z <= 0).any():
-        return np.inf, np.zeros((2 * len(x), 6)), np.zeros(2 * len(x)), np.zeros(2 * len(x))
-    fx, fy = camera.fx_px, camera.fy_px
+    away_px = camera.project(turned + t) - points_px
+    z = (turned + t)[:, 2]
+    if np.isnan(away_px).any():
+        return np.inf, np.zeros((2 * len(z), 6)), np.zeros(2 * len(z)), np.zeros(2 * len(z))
     zero = np.zeros_like(z)
-    by_place = np.stack(
-        [np.stack([fx / z, zero, -fx * x / z**2], 1), np.stack([zero, fy / z, -fy * y / z**2], 1)], 1
-    )
+    by_place = camera.project_jacobian(turned + t)
     a, b, c = turned.T  # a turn by w moves a point by w × p = −[p]× w
     minus_cross = np.stack(
         [np.stack([zero, c, -b], 1), np.stack([-c, zero, a], 1), np.stack([b, -a, zero], 1)], 1
     )
     J = np.concatenate([by_place @ minus_cross, by_place], axis=2) / sigma_px[:, None, None]
-    r = (camera.project(turned + t) - points_px) / sigma_px[:, None]
+    r = away_px / sigma_px[:, None]
     distance = np.linalg.norm(r, axis=1)
     weights = np.minimum(1.0, _HUBER / np.maximum(distance, 1e-12))
     cost = np.where(distance <= _HUBER, distance**2 / 2, _HUBER * (distance - _HUBER / 2)).sum()

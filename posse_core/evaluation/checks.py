@@ -15,7 +15,7 @@ from posse_core import frames
 from posse_core.dataset import read_image
 from posse_core.errors import InputError
 from posse_core.evaluation.case import Case
-from posse_core.evaluation.raster import RayMeeting
+from posse_core.evaluation.raster import RayMeeting, extent_px
 from posse_core.evaluation.schema import schema_fault
 from posse_core.model.arrays import BoolArray, FloatArray
 from posse_core.model.labels import NOT_IN_FRAME, VISIBLE
@@ -197,11 +197,12 @@ def _box(case: Case) -> Iterator[str]:
 
 
 def _whole_box(case: Case) -> Iterator[str]:
-    uv = case.camera.project(case.vertices_cam_m)
-    if np.isnan(uv).any():
-        yield "box_whole_px is given, and a part of the craft is behind the camera"
+    corners_cam_m = case.vertices_cam_m[case.dataset.mesh(case.craft.name).faces]
+    low, high = extent_px(case.camera, corners_cam_m)
+    if np.isnan(low).any():
+        yield "box_whole_px is given, and a part of the craft is behind the camera or beyond its lens"
         return
-    expected = np.concatenate([uv.min(axis=0), np.ptp(uv, axis=0)])
+    expected = np.concatenate([low, high - low])
     given = np.array(case.labels["box_whole_px"])
     if np.abs(given - expected).max() > REPROJECTION_PX:
         yield f"box_whole_px is {_short(given)}, the projected mesh's is {_short(expected)}"

@@ -52,7 +52,17 @@ class BopWriter(Writer):
     """
 
     def write(self, dataset: Dataset, folder: Path) -> Sequence[Path]:
-        """Write the folder ``bop``."""
+        """Write the folder ``bop``.
+
+        Raises:
+            InputError: the camera's lens distorts, or a frame lacks a label.
+        """
+        if dataset.camera.distortion is not None:
+            raise InputError(
+                f"{dataset.folder}: BOP knows pinholes only, and camera.distortion is"
+                f" {dataset.camera.distortion_coefficients.tolist()}; export coco or speed, or make the"
+                " dataset without distortion"
+            )
         out = folder / "bop"
         (out / "models").mkdir(parents=True, exist_ok=True)
         objects = {name: i for i, name in enumerate(sorted(dataset.spacecraft_by_name), 1)}

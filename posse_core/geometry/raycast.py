@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from posse_core.geometry.outline import edges_of, extent_px
 from posse_core.geometry.tracer import Tracer
 from posse_core.geometry.triangles import Triangles, dot, rotated
 from posse_core.model.arrays import AnyArray, BoolArray, FloatArray, IntArray
@@ -23,7 +24,8 @@ KEYPOINT_TOLERANCE = 0.055 / 16.7
 """How far behind the surface a keypoint still counts as seen, over the craft's longest side: the
 thesis' 0.055 m (Section 3.4.3) on Aqua's 16.7 m."""
 SILHOUETTE_FIELD = 10.0
-"""Where the unbounded image of ``silhouette_px`` ends: focal lengths from the principal point (84°)."""
+"""Where the unbounded image of ``silhouette_px`` ends: focal lengths from the principal point (84°); a
+distorted one may end before, at its lens' reach."""
 SILHOUETTE_RAYS = 1 << 18
 """Rays beyond the image's border at most; a larger silhouette is sampled on a coarser lattice."""
 _CHUNK = 1 << 13
@@ -44,6 +46,10 @@ class RayCaster:
         self._tracer = Tracer(Triangles.of(craft))
         vertices_body_m = np.concatenate([part.vertices_body_m for part in craft.parts])
         self._vertices_body_m = np.ascontiguousarray(vertices_body_m.T)
+        counts = np.cumsum([0] + [len(part.vertices_body_m) for part in craft.parts])
+        self._edges = edges_of(
+            np.concatenate([n + part.faces for n, part in zip(counts, craft.parts, strict=False)])
+        )
         self._keypoints_body_m = np.array([*craft.keypoints_body_m.values()], float).reshape(-1, 3).T
 
     def view(self, frame: FrameState) -> View:
@@ -110,9 +116,9 @@ class RayCaster:
         return points_cam_m
 
     def _bounds(self, points_cam_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(3, N) → lowest and highest projection, (2,) each, NaN where a point is behind."""
-        uv_px = self._camera.project(points_cam_m.T)
-        return uv_px.min(axis=0), uv_px.max(axis=0)
+        """(3, V) vertices → lowest and highest projection of the craft, (2,) each, NaN where a vertex
+        is behind the camera or beyond its lens."""
+        return extent_px(self._camera, points_cam_m.T, self._edges)
 
     def _boxes(self, vertices_cam_m: FloatArray) -> tuple[PixelBox, PixelBox]:
         """Boxes in the image and in the silhouette's field, were all rows exposed at once."""
@@ -212,6 +218,8 @@ class _Look:
         R = self.R_cam_from_body
         x = (u_px - self.camera.cx_px) / self.camera.fx_px
         y = (v_px[:, None] - self.camera.cy_px) / self.camera.fy_px
+        if self.camera.distortion is not None:
+            x, y = self.camera.distortion.undistort(*np.broadcast_arrays(x, y))
         return np.stack([x * R[0, k] + (y * R[1, k] + R[2, k]) for k in range(3)])
 
     def first(self, directions: FloatArray) -> tuple[IntArray, FloatArray]:
@@ -248,18 +256,20 @@ class _Look:
 
     def count_beyond(self, box: PixelBox, field: PixelBox) -> int:
         """Pixels of ``field`` outside ``box`` that the craft covers."""
-        rays = field.width * field.height - box.width * box.height
+        count = field.width * field.height - box.width * box.height
         stride = 1
-        while rays > SILHOUETTE_RAYS * stride**2:
+        while count > SILHOUETTE_RAYS * stride**2:
             stride += 1
         u_px = np.arange(field.x0, field.x0 + field.width, stride, dtype=np.float64)
         v_px = np.arange(field.y0, field.y0 + field.height, stride, dtype=np.float64)
         column_in = (u_px >= box.x0) & (u_px < box.x0 + box.width)
         row_in = (v_px >= box.y0) & (v_px < box.y0 + box.height)
         hits = 0
-        for rows in _row_blocks(len(v_px), len(u_px)) if rays else ():
+        for rows in _row_blocks(len(v_px), len(u_px)) if count else ():
             beyond = ~(row_in[rows, None] & column_in)
-            hits += int((self.first(self.directions(u_px, v_px[rows])[:, beyond])[0] >= 0).sum())
+            rays = self.directions(u_px, v_px[rows])[:, beyond]
+            rays = rays[:, np.isfinite(rays[0])]  # what a lens does not map is not counted
+            hits += int((self.first(rays)[0] >= 0).sum())
         return hits * stride**2
 
 
@@ -277,12 +287,15 @@ def _row_blocks(height: int, width: int) -> Iterator[slice]:
 def _boxes(camera: Camera, low_px: FloatArray, high_px: FloatArray) -> tuple[PixelBox, PixelBox]:
     """The pixels that the craft may touch: in the image, and in the field of the silhouette.
 
-    A craft that reaches behind the camera may touch any pixel; its bounds are NaN.
+    A craft that reaches behind the camera, or beyond its lens, may touch any pixel; its bounds are NaN.
     """
     low = np.where(np.isnan(low_px), -np.inf, low_px)
     high = np.where(np.isnan(high_px), np.inf, high_px)
     principal = np.array([camera.cx_px, camera.cy_px])
-    reach = SILHOUETTE_FIELD * np.array([camera.fx_px, camera.fy_px])
+    field = SILHOUETTE_FIELD
+    if camera.distortion is not None:
+        field = min(field, camera.distortion.image_radius)
+    reach = field * np.array([camera.fx_px, camera.fy_px])
     image = np.array([camera.width_px - 1, camera.height_px - 1])
     return (
         _touched(low, high, np.zeros(2), image),

@@ -12,7 +12,10 @@ from posse_core.dataset import Dataset
 
 
 class Writer(ABC):
-    """Exports a dataset to one format."""
+    """Exports a dataset to one format.
+
+    Capabilities: ``pinhole-only`` (the format cannot say that a lens distorts).
+    """
 
     def __init__(self, options: BaseModel) -> None:
         self.options = options

@@ -1,13 +1,15 @@
-"""The camera: a pinhole in OpenCV axes (x right, y down, z forward)."""
+"""The camera in OpenCV axes (x right, y down, z forward): a pinhole, or a lens that distorts."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from posse_core.model.arrays import FloatArray
+from posse_core.model.distortion import BrownConrady
 
 
 @dataclass(frozen=True)
@@ -20,6 +22,10 @@ class Camera:
         cx_px, cy_px: principal point; an image's middle is ((W − 1)/2, (H − 1)/2).
         sensor_width_m: physical width of the sensor; gives the pixel pitch and the focal length.
         line_time_s: from one row's exposure to the next one's; 0 for all rows at once.
+        distortion: of the lens; None for a pinhole.
+
+    Raises:
+        ValueError: the distortion folds over inside the image.
     """
 
     width_px: int
@@ -30,11 +36,25 @@ class Camera:
     cy_px: float
     sensor_width_m: float
     line_time_s: float = 0.0
+    distortion: BrownConrady | None = None
+
+    def __post_init__(self) -> None:
+        if self.distortion is not None and np.isnan(self.rays(self.border_px())).any():
+            raise ValueError(
+                "the distortion folds over inside the image: it is one to one only up to"
+                f" {np.degrees(np.arctan(self.distortion.reach)):.3g} degrees from the axis;"
+                " take the coefficients of a calibration that reaches the corners, or a narrower field"
+            )
 
     @property
     def matrix(self) -> FloatArray:
         """(3, 3) camera matrix K in pixels: u = K x / z."""
         return np.array([[self.fx_px, 0.0, self.cx_px], [0.0, self.fy_px, self.cy_px], [0.0, 0.0, 1.0]])
+
+    @property
+    def distortion_coefficients(self) -> FloatArray:
+        """(5,) k₁, k₂, p₁, p₂, k₃ as OpenCV takes them; zeros for a pinhole."""
+        return (self.distortion or BrownConrady()).coefficients
 
     @property
     def pixel_pitch_m(self) -> float:
@@ -46,6 +66,27 @@ class Camera:
         """Distance between the pinhole and the sensor."""
         return self.fx_px * self.pixel_pitch_m
 
+    @property
+    def pinhole(self) -> Camera:
+        """The same camera without distortion."""
+        return replace(self, distortion=None)
+
+    @cached_property
+    def stretch(self) -> tuple[float, float]:
+        """Least and largest factor by which the lens stretches a short line, over the image."""
+        if self.distortion is None:
+            return 1.0, 1.0
+        u, v = np.linspace(-0.5, self.width_px - 0.5, 65), np.linspace(-0.5, self.height_px - 0.5, 65)
+        rays = self.rays(np.stack(np.meshgrid(u, v), axis=-1))
+        xx, xy, yy = self.distortion.jacobian(rays[..., 0], rays[..., 1])
+        half = np.hypot((xx - yy) / 2, xy)
+        return float(np.min((xx + yy) / 2 - half)), float(np.max((xx + yy) / 2 + half))
+
+    @property
+    def pixel_rad(self) -> float:
+        """The largest angle that a pixel's width sees."""
+        return 1 / (self.fx_px * self.stretch[0])
+
     def row_after_s(self, v_px: FloatArray) -> FloatArray:
         """When a row is exposed, against the frame's instant: any shape, pixels → seconds.
 
@@ -56,20 +97,65 @@ class Camera:
         return np.asarray(self.line_time_s * np.clip(v_px - middle_px, -middle_px, middle_px))
 
     def project(self, x_cam_m: FloatArray) -> FloatArray:
-        """Project points: (..., 3) metres in camera axes → (..., 2) pixels; NaN where z ≤ 0."""
+        """Project points: (..., 3) metres in camera axes → (..., 2) pixels.
+
+        NaN where z ≤ 0, and beyond the reach of the distortion.
+        """
         x_cam_m = np.asarray(x_cam_m, dtype=np.float64)
         z = x_cam_m[..., 2]
         z = np.where(z > 0, z, np.nan)
-        u = self.fx_px * x_cam_m[..., 0] / z + self.cx_px
-        v = self.fy_px * x_cam_m[..., 1] / z + self.cy_px
+        if self.distortion is None:
+            u = self.fx_px * x_cam_m[..., 0] / z + self.cx_px
+            v = self.fy_px * x_cam_m[..., 1] / z + self.cy_px
+        else:
+            x, y = self.distortion.distort(x_cam_m[..., 0] / z, x_cam_m[..., 1] / z)
+            u, v = self.fx_px * x + self.cx_px, self.fy_px * y + self.cy_px
         return np.stack([u, v], axis=-1)
 
     def rays(self, uv_px: FloatArray) -> FloatArray:
-        """Directions through pixels: (..., 2) pixels → (..., 3) in camera axes with z = 1."""
+        """Directions through pixels: (..., 2) pixels → (..., 3) in camera axes with z = 1.
+
+        Never NaN within the image; outside of it, where no direction within the distortion's reach is
+        seen.
+        """
         uv_px = np.asarray(uv_px, dtype=np.float64)
         x = (uv_px[..., 0] - self.cx_px) / self.fx_px
         y = (uv_px[..., 1] - self.cy_px) / self.fy_px
+        if self.distortion is not None:
+            x, y = self.distortion.undistort(x, y)
         return np.stack([x, y, np.ones_like(x)], axis=-1)
+
+    def project_jacobian(self, x_cam_m: FloatArray) -> FloatArray:
+        """Derivative of the projection: (..., 3) metres, z > 0 → (..., 2, 3) pixels a metre."""
+        x, y = x_cam_m[..., 0] / x_cam_m[..., 2], x_cam_m[..., 1] / x_cam_m[..., 2]
+        one, zero = np.ones_like(x), np.zeros_like(x)
+        xx, xy, yy = (one, zero, one) if self.distortion is None else self.distortion.jacobian(x, y)
+        by_place = np.stack([np.stack([one, zero, -x], -1), np.stack([zero, one, -y], -1)], -2)
+        by_lens = np.stack(
+            [self.fx_px * np.stack([xx, xy], -1), self.fy_px * np.stack([xy, yy], -1)], -2
+        )
+        return np.asarray(by_lens @ by_place / x_cam_m[..., 2, None, None])
+
+    def area_seen(self, uv_px: FloatArray) -> FloatArray:
+        """Pixels of the pinhole's image that fall into one pixel: (..., 2) pixels → (...).
+
+        It is the pixel's solid angle over that of the pinhole's pixel in the same direction: 1 without
+        distortion.
+        """
+        if self.distortion is None:
+            return np.ones(np.shape(uv_px)[:-1])
+        rays = self.rays(uv_px)
+        xx, xy, yy = self.distortion.jacobian(rays[..., 0], rays[..., 1])
+        return np.asarray(1 / (xx * yy - xy * xy))
+
+    def border_px(self) -> FloatArray:
+        """(N, 2) every pixel's corner on the image's border."""
+        u = np.arange(self.width_px + 1) - 0.5
+        v = np.arange(self.height_px + 1) - 0.5
+        return np.concatenate(
+            [np.stack(np.broadcast_arrays(u, edge), -1) for edge in (v[0], v[-1])]
+            + [np.stack(np.broadcast_arrays(edge, v), -1) for edge in (u[0], u[-1])]
+        )
 
 
 @dataclass(frozen=True)

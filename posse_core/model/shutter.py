@@ -90,7 +90,7 @@ def fastest_px_s(
     # The image velocity is linear in the inverse depth, so that its length is largest at an end.
     rates = [np.cross(omega_rad_s, rays) + v_m_s / depth_m for depth_m in (near_m, far_m)]
     image_rates = [rate[..., :2] - rays[..., :2] * rate[..., 2:] for rate in rates]
-    scale_px = np.array([camera.fx_px, camera.fy_px])
+    scale_px = np.array([camera.fx_px, camera.fy_px]) * camera.stretch[1]
     return float(max(np.linalg.norm(rate * scale_px, axis=-1).max() for rate in image_rates))
 
 

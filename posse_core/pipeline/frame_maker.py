@@ -27,6 +27,7 @@ from posse_core.plugins import load_plugins
 from posse_core.registry import Registry
 from posse_core.scenario.component import ComponentChoice
 from posse_core.scenario.load import load_scenario
+from posse_core.sensor.lens import LensRenderer
 from posse_core.sensor.sensor import Sensor
 from posse_core.sky.sky import Sky, SkyView
 from posse_core.trajectory import frame_state, load_trajectory
@@ -56,7 +57,7 @@ class FrameMaker:
         self._sky = Sky(scenario.sky, camera, scenario.seed)
         self._shutter = scenario.sensor
         self._sensor = Sensor(scenario.sensor, camera)
-        self._renderer: Renderer = create(registry, "renderer", scenario.renderer)
+        self._renderer: Renderer = LensRenderer(create(registry, "renderer", scenario.renderer))
         self._renderer.open(self._scene)
         self._craft = CraftLight(self._renderer, self._geometry, self._sky, camera, scenario.seed)
         write_json(folder / RENDERER_FILE, dict(self._renderer.describe()))

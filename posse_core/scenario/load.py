@@ -73,8 +73,10 @@ def load_scenario(
         return text.where(path)
 
     _anchor_files(raw, base)
-    scenario = validated(Scenario, raw, where)
-    return _with_complete_options(scenario, registry, where)
+    scenario = _with_complete_options(validated(Scenario, raw, where), registry, where)
+    if scenario.camera.camera().distortion is not None:
+        _refuse_pinhole_writers(scenario, registry, where)
+    return scenario
 
 
 def parse_override(text: str) -> tuple[str, Any]:
@@ -147,6 +149,16 @@ def _anchor_files(raw: dict[str, Any], base: Path) -> None:
             inner = inner.get(block) if isinstance(inner, dict) else None
         if isinstance(inner, dict) and isinstance(inner.get(key), str):
             inner[key] = str((base / inner[key]).absolute())
+
+
+def _refuse_pinhole_writers(scenario: Scenario, registry: Registry, where: Any) -> None:
+    """Told before the run, which ends with the writers."""
+    for i, choice in enumerate(scenario.writers):
+        if "pinhole-only" in registry.spec("writer", choice.name).capabilities:
+            raise InputError(
+                f"{where(('writers', i, 'name'))}: {choice.name!r} knows pinholes only, and"
+                " camera.distortion is given; leave one of them out"
+            )
 
 
 def _with_complete_options(scenario: Scenario, registry: Registry, where: Any) -> Scenario:

@@ -15,6 +15,7 @@ from posse_core.scenario.attitude import AttitudeConfig
 from posse_core.scenario.camera import CameraConfig
 from posse_core.scenario.component import ComponentChoice, TargetChoice
 from posse_core.scenario.orbit import OrbitConfig, RelativeConfig
+from posse_core.scenario.presets import with_preset
 from posse_core.scenario.sensor import SensorConfig
 from posse_core.scenario.sky import SkyConfig
 
@@ -101,11 +102,11 @@ class Scenario(Options):
 
     @model_validator(mode="before")
     @classmethod
-    def _default_names(cls, raw: Any) -> Any:
-        """Options without a name are the default component's."""
+    def _names(cls, raw: Any) -> Any:
+        """Options without a name are the default component's; a camera's name gives its keys."""
         if not isinstance(raw, dict):
             return raw
-        named = dict(raw)
+        named = with_preset(raw)
         for key in ("propagator", "renderer"):
             if isinstance(raw.get(key), dict) and "name" not in raw[key]:
                 named[key] = {"name": cls.model_fields[key].default.name, **raw[key]}

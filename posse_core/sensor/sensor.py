@@ -44,11 +44,8 @@ class Sensor:
         per_radiance = np.pi * pixel_m2 / (4 * config.f_number**2) * electrons_j
         per_irradiance = aperture_m2 * electrons_j
         self._camera = camera
-        self._falloff: Float32Array | None = None
-        if config.vignetting == "cos4":
-            whole = PixelBox(0, 0, camera.width_px, camera.height_px)
-            cosine2 = 1 / np.sum(camera.rays(whole.pixel_centres_px()) ** 2, axis=-1)
-            self._falloff = (cosine2**2).astype(np.float32)[..., None]
+        self._aslant = config.vignetting == "cos4"
+        self._falloff = _falloff(camera, self._aslant)
         self._max_dn = 2**config.bit_depth - 1
         self._full_well_e = config.full_well_e or FULL_WELL_E_M2 * pixel_m2
         gain_e_dn = config.gain_e_dn or self._full_well_e / self._max_dn
@@ -159,7 +156,7 @@ class Sensor:
             x, y = pixels[:, 0] - box.x0, pixels[:, 1] - box.y0
             behind = (x >= 0) & (x < box.width) & (y >= 0) & (y < box.height)
             light_e[behind] *= 1 - craft.coverage[y[behind], x[behind], None]
-        if self._falloff is not None:
+        if self._aslant:
             # A star's light meets the aperture aslant; the other cosines are those of a pixel.
             light_e /= np.linalg.norm(self._camera.rays(sky.points_px), axis=-1, keepdims=True)
         height, width = self._shape
@@ -173,6 +170,21 @@ class Sensor:
         inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
         deposit = (spots[..., None] * light_e[:, None, None, :])[inside].astype(np.float32)
         np.add.at(electrons, (rows[inside], columns[inside]), deposit)
+
+
+def _falloff(camera: Camera, cos4: bool) -> Float32Array | None:
+    """(H, W, 1) what a pixel gets of an even light, by that of one on the axis; None where all get 1.
+
+    A pixel into which the lens draws more of the pinhole's image gets the light of all of it.
+    """
+    if camera.distortion is None and not cos4:
+        return None
+    centres_px = PixelBox(0, 0, camera.width_px, camera.height_px).pixel_centres_px()
+    falloff = camera.area_seen(centres_px)
+    if cos4:
+        cosine2 = 1 / np.sum(camera.rays(centres_px) ** 2, axis=-1)
+        falloff = falloff * cosine2**2
+    return falloff.astype(np.float32)[..., None]
 
 
 def _shot(mean_e: Float32Array, random: np.random.Generator) -> Float32Array:

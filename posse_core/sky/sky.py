@@ -113,10 +113,11 @@ class Sky:
     def _draw_earth(self, earth: EarthView, image: _Image, first_row: int, rows: int) -> None:
         """Draw the Earth in bands of rows, as wide as it can reach."""
         camera = self._camera
-        pixel_rad = 1 / camera.fx_px
+        pixel_rad = camera.pixel_rad
         for y in range(first_row, first_row + rows, _BAND_PX):
             band = PixelBox(0, y, camera.width_px, min(_BAND_PX, first_row + rows - y))
             middles_px = np.arange(_BAND_PX / 2, camera.width_px + _BAND_PX / 2, _BAND_PX)
+            np.minimum(middles_px, camera.width_px - 1, out=middles_px)  # a lens may map no more
             rays = camera.rays(
                 np.stack([middles_px, np.full_like(middles_px, y + band.height / 2)], axis=-1)
             )
@@ -136,7 +137,7 @@ class Sky:
         The Earth hides even where it is not shown: then without its air.
         """
         if earth is not None:
-            return earth.passed(rays_cam, 1 / (self._camera.fx_px * MAX_SUBSAMPLES))
+            return earth.passed(rays_cam, self._camera.pixel_rad / MAX_SUBSAMPLES)
         origin_m = frame.R_ecef_from_eci @ frame.r_camera_eci_m
         rays_ecef = rays_cam @ (frame.R_ecef_from_eci @ frame.R_cam_from_eci.T).T
         open_sky = np.isnan(entry_distance_m(origin_m, rays_ecef))

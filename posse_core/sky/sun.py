@@ -24,8 +24,10 @@ def box_of_disc(camera: Camera, direction_cam: FloatArray, angular_radius_rad: f
     if np.arccos(np.clip(direction_cam[2], -1, 1)) > widest_rad + angular_radius_rad:
         return empty
     u, v = camera.project(direction_cam)
+    if np.isnan(u):  # beyond what the lens maps; a part may still be in the image
+        return PixelBox(0, 0, camera.width_px, camera.height_px)
     # A pinhole stretches by 1/cos² along the radius, and the far rim a little more.
-    stretch = 1.0 / max(direction_cam[2] - np.sin(angular_radius_rad), 0.05) ** 2
+    stretch = camera.stretch[1] / max(direction_cam[2] - np.sin(angular_radius_rad), 0.05) ** 2
     reach_u = camera.fx_px * angular_radius_rad * stretch + 1
     reach_v = camera.fy_px * angular_radius_rad * stretch + 1
     x0, x1 = max(0, int(np.floor(u - reach_u))), min(camera.width_px - 1, int(np.ceil(u + reach_u)))

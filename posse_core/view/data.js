@@ -67,10 +67,17 @@ function rotate([w, x, y, z], [a, b, c]) {
   return [a + w * s + y * u - z * t, b + w * t + z * s - x * u, c + w * u + x * t - y * s];
 }
 
-// Camera axes, metres → [u, v] pixels, the top-left pixel's centre at (0, 0); null behind the camera.
-function project([x, y, z]) {
-  const K = dataset.camera.matrix;
-  return z > 0 ? [K[0][0] * x / z + K[0][2], K[1][1] * y / z + K[1][2]] : null;
+// Camera axes, metres → [u, v] pixels, the top-left pixel's centre at (0, 0); null behind the camera and
+// beyond its lens.
+function project([X, Y, Z]) {
+  const { matrix: K, distortion: [k1, k2, p1, p2, k3], reach } = dataset.camera;
+  const x = X / Z, y = Y / Z, r2 = x * x + y * y;
+  if (Z <= 0 || (reach !== null && r2 > reach * reach)) return null;
+  const radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3));
+  return [
+    K[0][0] * (x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)) + K[0][2],
+    K[1][1] * (y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y) + K[1][2],
+  ];
 }
 
 // The origin of the body axes and the tips of its three axes, pixels; each null behind the camera.

@@ -111,6 +111,8 @@ def _dataset_block(dataset: Dataset, out: Path, places: list[int]) -> bytes:
             "width_px": dataset.camera.width_px,
             "height_px": dataset.camera.height_px,
             "matrix": dataset.camera.matrix.tolist(),
+            "distortion": dataset.camera.distortion_coefficients.tolist(),
+            "reach": None if dataset.camera.distortion is None else dataset.camera.distortion.reach,
         },
         "spacecraft": {name: _spacecraft(dataset, name) for name in dataset.spacecraft_by_name},
         "columns": {

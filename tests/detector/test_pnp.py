@@ -1,5 +1,8 @@
 """Pose from keypoints: exact without noise; with it, as far off as its covariance says."""
 
+import dataclasses
+
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,6 +12,7 @@ from scipy.stats import chi2
 
 from posse_core.detection.pnp import solve_pose
 from posse_core.model.camera import Camera
+from posse_core.model.distortion import BrownConrady
 
 CAMERA = Camera(1280, 960, 2000.0, 2010.0, 640.0, 470.0, 0.01)
 
@@ -39,12 +43,28 @@ def test_exact_points_give_the_exact_pose(seed, flat):
         np.testing.assert_allclose(pose.t_body_cam_m, t, rtol=1e-4, atol=1e-3)
 
 
-def test_errors_follow_the_covariance():
-    squared, trials = [], 150
+LENS = dataclasses.replace(CAMERA, distortion=BrownConrady(-0.4, 0.3, 0.002, -0.003, 0.1))
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_exact_points_through_a_lens_give_the_exact_pose(seed):
+    _, X, R, t, _ = scene(seed)
+    points, k = X @ R.T + t, LENS.distortion_coefficients
+    uv = cv2.projectPoints(points, np.zeros(3), np.zeros(3), LENS.matrix, k)[0][:, 0]
+    pose = solve_pose(X, uv, np.ones(len(X)), LENS)
+    assert pose is not None
+    np.testing.assert_allclose(turn_between(R, pose.R_cam_from_body), 0, atol=1e-4)
+    np.testing.assert_allclose(pose.t_body_cam_m, t, rtol=1e-4, atol=1e-3)
+
+
+@pytest.mark.parametrize(("camera", "trials"), [(CAMERA, 150), (LENS, 40)], ids=["pinhole", "lens"])
+def test_errors_follow_the_covariance(camera, trials):
+    squared = []
     for seed in range(trials):
-        random, X, R, t, uv = scene(seed, points=14)
+        random, X, R, t, _ = scene(seed, points=14)
+        uv = camera.project(X @ R.T + t)
         sigma = random.uniform(0.3, 2.0, len(X))
-        pose = solve_pose(X, uv + sigma[:, None] * random.normal(size=uv.shape), sigma, CAMERA)
+        pose = solve_pose(X, uv + sigma[:, None] * random.normal(size=uv.shape), sigma, camera)
         assert pose is not None
         error = np.concatenate([turn_between(R, pose.R_cam_from_body), pose.t_body_cam_m - t])
         squared.append(error @ np.linalg.solve(pose.covariance, error))

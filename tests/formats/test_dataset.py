@@ -14,6 +14,7 @@ import trimesh
 from posse_core.dataset import Dataset, Frames, read_camera, write_camera
 from posse_core.errors import InputError
 from posse_core.model.camera import Camera
+from posse_core.model.distortion import BrownConrady
 
 
 def test_frames_are_ordered_by_index_over_shards(dataset_folder, tmp_path):
@@ -88,8 +89,9 @@ def test_spacecraft_is_read_as_it_was(dataset_folder):
     assert np.array_equal(info.symmetries[0], craft.symmetries[0])
 
 
-def test_camera_file_agrees_with_itself(tmp_path):
-    camera = Camera(1280, 960, 640.0, 655.5, 639.5, 470.25, 0.036)
+@pytest.mark.parametrize("lens", [None, BrownConrady(-0.2, 0.05, 0.001, -0.002, 0.003)])
+def test_camera_file_agrees_with_itself(tmp_path, lens):
+    camera = Camera(1280, 960, 640.0, 655.5, 639.5, 470.25, 0.036, distortion=lens)
     write_camera(camera, tmp_path / "camera.json")
     value = json.loads((tmp_path / "camera.json").read_text())
     assert (value["Nu"], value["Nv"]) == (1280, 960)
@@ -101,6 +103,18 @@ def test_camera_file_agrees_with_itself(tmp_path):
     uv, _ = cv2.projectPoints(np.array([[1.0, -2.0, 7.0]]), np.zeros(3), np.zeros(3), K, d)
     assert uv[0, 0] == pytest.approx(camera.project(np.array([1.0, -2.0, 7.0])))
     assert read_camera(tmp_path / "camera.json") == camera
+
+
+def test_a_camera_file_of_another_lens_model_or_one_that_folds_over_is_refused(tmp_path):
+    write_camera(Camera(64, 48, 60.0, 60.0, 31.5, 23.5, 0.01), tmp_path / "camera.json")
+    value = json.loads((tmp_path / "camera.json").read_text())
+    for coefficients, words in (
+        ([0.1, 0, 0, 0, 0, 0.2, 0, 0], "more than the five"),
+        ([-0.6, 0, 0, 0, 0], "folds over"),
+    ):
+        (tmp_path / "camera.json").write_text(json.dumps({**value, "distCoeffs": coefficients}))
+        with pytest.raises(InputError, match=words):
+            read_camera(tmp_path / "camera.json")
 
 
 def test_images_are_red_green_blue_and_keep_their_depth(dataset_folder, tmp_path):

@@ -3,6 +3,7 @@
 import contextlib
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from hypothesis import given
@@ -38,6 +39,9 @@ class _TestRegistry:
         if (kind, name) == ("renderer", "test"):
             return self._registry.options_model("executor", "local")
         return self._registry.options_model(kind, name)
+
+    def spec(self, kind, name):
+        return self._registry.spec(kind, name)
 
 
 REGISTRY = _TestRegistry()
@@ -120,6 +124,17 @@ def test_options_without_a_name_are_the_defaults(tmp_path):
         (MINIMAL + "camera:\n  hfov: 90\n", ["line 7", "camera.hfov", "did you mean 'hfov_deg'"]),
         (MINIMAL + "camera: {hfov_deg: 180}\n", ["camera.hfov_deg", "180"]),
         (MINIMAL + "camera: {width_px: -3}\n", ["camera.width_px", "-3"]),
+        (MINIMAL + "camera: {preset: sped}\n", ["line 6", "camera.preset", "did you mean 'speed'"]),
+        (MINIMAL + "camera: {hfov_deg: 40, focal_px: [9, 9]}\n", ["camera.focal_px", "not both"]),
+        (MINIMAL + "camera: {distortion: [0.1, 0]}\n", ["camera.distortion"]),
+        (
+            MINIMAL + "camera: {distortion: [-0.3, 0, 0, 0, 0]}\n",
+            ["line 6", "camera.distortion", "folds over inside the image", "46.5 degrees"],
+        ),
+        (
+            MINIMAL + "camera: {distortion: [0.01, 0, 0, 0, 0]}\nwriters: [coco, bop]\n",
+            ["line 7", "writers.1.name", "'bop' knows pinholes only"],
+        ),
         (MINIMAL + "sensor: {exposure_s: .nan}\n", ["sensor.exposure_s", "nan"]),
         (MINIMAL + "sensor: {exposure_s: -1}\n", ["sensor.exposure_s", "-1"]),
         (MINIMAL + "relative: {roe_m: [1, 2]}\n", ["relative.roe_m"]),
@@ -201,3 +216,44 @@ def test_files_of_the_attitude_are_beside_the_scenario(tmp_path):
     attitude = load(tmp_path, MINIMAL + laws).attitude
     assert attitude.target.path == tmp_path / "a.aem"
     assert attitude.camera.path == Path("/b.npz")
+
+
+def test_a_camera_by_name_gives_camera_and_sensor(tmp_path):
+    scenario = load(tmp_path, MINIMAL + "camera: {preset: speed-plus}\nsensor: {noise: {read_e: 3}}\n")
+    camera = scenario.camera.camera()
+    # camera.json of SPEED+: fx = 17.5131 mm, fy = 17.5117 mm, pixels of 5.86 µm, K and distCoeffs.
+    assert camera.pixel_pitch_m == pytest.approx(5.86e-6)
+    assert camera.focal_length_m == pytest.approx(0.017513075965995915, rel=1e-12)
+    assert camera.fy_px * camera.pixel_pitch_m == pytest.approx(0.017511673079277208, rel=1e-12)
+    assert (camera.cx_px, camera.cy_px) == (960, 600)
+    assert camera.distortion_coefficients[1] == 0.51409797089106379
+    assert scenario.sensor.f_number == 16
+    assert scenario.sensor.noise.read_e == 3  # written ones stay
+    assert scenario.sensor.noise.dark_e_s == 4
+    (tmp_path / "dumped.yaml").write_text(dump_scenario(scenario))
+    assert load_scenario(str(tmp_path / "dumped.yaml"), REGISTRY) == scenario
+
+
+def test_a_named_camera_of_another_width_sees_the_same(tmp_path):
+    scenes = [
+        load(tmp_path, MINIMAL + "camera: {preset: speed-plus}\n", **more)
+        for more in ({}, {"camera.width_px": 480}, {"camera.width_px": 480, "camera.height_px": 320})
+    ]
+    full, small, taller = (scene.camera.camera() for scene in scenes)
+    assert (small.width_px, small.height_px) == (480, 300)
+    corner = [[-0.5, -0.5]]
+    assert small.rays(corner) == pytest.approx(full.rays(corner), abs=1e-12)
+    assert taller.rays([[-0.5, 9.5]]) == pytest.approx(full.rays(corner), abs=1e-12)
+    assert small.focal_length_m == pytest.approx(full.focal_length_m)
+    assert scenes[1].sensor.full_well_e == pytest.approx(16 * 32500)  # sixteen pixels in one
+
+
+def test_the_field_of_a_named_camera_can_be_another(tmp_path):
+    camera = load(tmp_path, MINIMAL + "camera: {preset: speed, hfov_deg: 20}\n").camera.camera()
+    assert camera.fx_px == pytest.approx(960 / np.tan(np.radians(10)))
+    assert (
+        load(tmp_path, MINIMAL + "camera: {preset: thesis}\n").camera.camera()
+        == load(tmp_path, MINIMAL).camera.camera()
+    )
+    flat = load(tmp_path, MINIMAL + "camera: {preset: speed-plus, distortion: null}\n").camera.camera()
+    assert flat.distortion is None

@@ -5,10 +5,13 @@ import re
 import shutil
 
 import cuboid
+import cv2
 import numpy as np
 import pytest
 from pycocotools import mask as coco_mask
 from scipy.spatial.transform import Rotation
+
+from posse_core.dataset import read_camera
 
 pytestmark = pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")
 
@@ -167,3 +170,28 @@ def test_a_long_list_holds_only_what_is_seen(browse, view, tmp_path):
     assert 3 < told["small"] < 30
     assert 3 < len(told["then"]) < 30
     assert told["then"][-1] == "299"
+
+
+def test_body_axes_follow_the_lens(browse, view, two_crafts, lines, tmp_path):
+    """By OpenCV; the pose is the labels', whose keypoints are a pinhole's."""
+    shutil.copytree(two_crafts, tmp_path / "d")
+    value = json.loads((tmp_path / "d/camera.json").read_text())
+    value["distCoeffs"] = [-0.2, 0, 0.01, -0.01, 0]
+    (tmp_path / "d/camera.json").write_text(json.dumps(value))
+    assert view(tmp_path / "d").exit_code == 0
+    told = browse(
+        tmp_path / "d/view.html",
+        "told.axes = columns.index.map((_, place) => bodyAxes(frameAt(place).labels));",
+    )
+    camera = read_camera(tmp_path / "d/camera.json")
+    for axes, labels in zip(told["axes"], lines, strict=True):
+        w, x, y, z = labels["q_cam_from_body"]
+        size = 2 * cuboid.HALF.max() * (1.4 if labels["spacecraft"] == "plate" else 1)
+        tips = np.vstack([np.zeros(3), np.eye(3)]) * size / 2
+        x_cam = Rotation.from_quat([x, y, z, w]).apply(tips) + labels["t_body_cam_m"]
+        K, k = cuboid.CAMERA.matrix, np.array(value["distCoeffs"])
+        expected, _ = cv2.projectPoints(x_cam, np.zeros(3), np.zeros(3), K, k)
+        reached = np.hypot(*(x_cam[:, :2] / x_cam[:, 2:]).T) < camera.distortion.reach
+        assert [tip is not None for tip in axes] == (reached & (x_cam[:, 2] > 0)).tolist()
+        drawn = np.array([tip for tip in axes if tip is not None]).reshape(-1, 2)
+        assert drawn == pytest.approx(expected[reached, 0], abs=1e-6)

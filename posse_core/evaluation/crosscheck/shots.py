@@ -21,6 +21,7 @@ from posse_core.pipeline.frame_maker import create
 from posse_core.plugins import load_plugins
 from posse_core.randomness import derived_seed
 from posse_core.scenario.component import ComponentChoice
+from posse_core.sensor.lens import LensRenderer
 
 NOISE_FRAMES = 3
 """Frames that are rendered with a second seed too."""
@@ -50,7 +51,8 @@ class Shooter:
         self._setting = case.build()
         self._geometry = Geometry(self._setting.scene)
         start = time.perf_counter()
-        self._renderer: Renderer = create(load_plugins().registry, "renderer", choice)
+        renderer: Renderer = create(load_plugins().registry, "renderer", choice)
+        self._renderer = LensRenderer(renderer)
         self._renderer.open(self._setting.scene)
         self._opening_s: float | None = time.perf_counter() - start
 

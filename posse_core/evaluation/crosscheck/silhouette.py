@@ -66,14 +66,14 @@ class Geometry:
 
 def finer(camera: Camera, times: int) -> Camera:
     """The same view with every pixel cut into ``times``² pixels."""
-    return Camera(
+    return replace(
+        camera,
         width_px=camera.width_px * times,
         height_px=camera.height_px * times,
         fx_px=camera.fx_px * times,
         fy_px=camera.fy_px * times,
         cx_px=(camera.cx_px + 0.5) * times - 0.5,
         cy_px=(camera.cy_px + 0.5) * times - 0.5,
-        sensor_width_m=camera.sensor_width_m,
     )
 
 

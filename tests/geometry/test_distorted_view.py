@@ -1,0 +1,147 @@
+"""Labels through a lens: mask, boxes, depth and keypoints against OpenCV and closed forms."""
+
+import dataclasses
+
+import cv2
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from posse_core.evaluation.raster import depth_of_mesh
+from posse_core.evaluation.raster import extent_px as referees_extent_px
+from posse_core.geometry.outline import edges_of, extent_px
+from posse_core.geometry.raycast import RayCaster
+from posse_core.model.camera import Camera
+from posse_core.model.distortion import BrownConrady
+from posse_core.model.labels import NOT_IN_FRAME
+
+BARREL = BrownConrady(-0.3, 0.08, 0.004, -0.003, 0.0)
+PINCUSHION = BrownConrady(0.25, 0.05, -0.002, 0.005, 0.02)
+
+
+@pytest.fixture
+def lensed(make_scene):
+    def make(distortion, meshes, keypoints=None, **size):
+        scene = make_scene(meshes, keypoints, **size)
+        return dataclasses.replace(
+            scene, camera=dataclasses.replace(scene.camera, distortion=distortion)
+        )
+
+    return make
+
+
+def opencv_px(camera: Camera, points_cam_m: np.ndarray) -> np.ndarray:
+    uv, _ = cv2.projectPoints(
+        points_cam_m, np.zeros(3), np.zeros(3), camera.matrix, camera.distortion_coefficients
+    )
+    return uv[:, 0]
+
+
+@pytest.mark.parametrize("distortion", [BARREL, PINCUSHION])
+@pytest.mark.parametrize("x_m", [0.0, 1.4, -2.2])
+def test_a_plate_covers_the_pixels_whose_rays_meet_it(lensed, make_frame, make_plate, distortion, x_m):
+    scene = lensed(
+        distortion, {"plate": make_plate(1.7, 0.9)}, width_px=160, height_px=120, focal_px=110
+    )
+    R = Rotation.from_euler("xyz", [0.4, -0.5, 0.3]).as_matrix()
+    t = np.array([x_m, 0.4, 4.0])
+    view = RayCaster(scene).view(make_frame(tuple(t), R))
+    uv = np.stack(np.meshgrid(np.arange(160.0), np.arange(120.0)), -1).reshape(-1, 2)
+    criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 500, 1e-14)
+    K, k = scene.camera.matrix, scene.camera.distortion_coefficients
+    flat = cv2.undistortPoints(uv[:, None], K, k, R=None, P=None, criteria=criteria)[:, 0]
+    rays = np.column_stack([flat, np.ones(len(flat))])
+    z = (R[:, 2] @ t) / (rays @ R[:, 2])
+    place = (z[:, None] * rays - t) @ R
+    hit = (z > 0) & (np.abs(place[:, 0]) <= 1.7) & (np.abs(place[:, 1]) <= 0.9)
+    mask = np.zeros((120, 160), dtype=bool)
+    mask[view.box.slices] = view.mask
+    assert mask.any()
+    assert np.array_equal(mask, hit.reshape(120, 160))
+    depth = np.full((120, 160), np.nan)
+    depth[view.box.slices] = view.depth_m
+    np.testing.assert_allclose(depth.reshape(-1)[hit], z[hit], rtol=1e-6)
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    st.sampled_from([BARREL, PINCUSHION]),
+    st.tuples(st.floats(-1.5, 1.5), st.floats(-1, 1), st.floats(4.5, 9)),
+    st.integers(0, 10**6),
+)
+def test_extents_are_those_of_densely_projected_edges(distortion, t, seed):
+    box = trimesh.creation.box((2.6, 1.2, 0.8))
+    camera = Camera(160, 120, 110.0, 110.0, 79.5, 59.5, 0.036, distortion=distortion)
+    vertices = box.vertices @ Rotation.random(random_state=seed).as_matrix().T + t
+    edges = edges_of(np.asarray(box.faces))
+    assert len(edges) == 18
+    low, high = extent_px(camera, vertices, edges)
+    share = np.linspace(0, 1, 2001)[:, None]
+    flat = vertices / vertices[:, 2:]
+    curves = np.concatenate([flat[a] + share * (flat[b] - flat[a]) for a, b in edges])
+    uv = opencv_px(camera, curves)
+    np.testing.assert_allclose(low, uv.min(axis=0), atol=1e-3)
+    np.testing.assert_allclose(high, uv.max(axis=0), atol=1e-3)
+    for ours, theirs in zip(
+        (low, high), referees_extent_px(camera, vertices[np.asarray(box.faces)]), strict=True
+    ):
+        np.testing.assert_allclose(ours, theirs, atol=2e-3)
+
+
+def test_a_bulging_edge_is_in_the_box_though_its_corners_are_not(lensed, make_frame, make_plate):
+    scene = lensed(BARREL, {"plate": make_plate(1.5, 1.0)}, width_px=160, height_px=120, focal_px=110)
+    view = RayCaster(scene).view(make_frame((0, 0, 3.0)))
+    corners = opencv_px(scene.camera, np.array([[x, y, 3.0] for x in (-1.5, 1.5) for y in (-1.0, 1.0)]))
+    middle = opencv_px(scene.camera, np.array([[0.0, 1.0, 3.0]]))
+    assert middle[0, 1] > corners[:, 1].max() + 2
+    assert view.whole_box_px[1] + view.whole_box_px[3] >= middle[0, 1]
+    assert view.box.y0 + view.box.height - 1 == np.floor(
+        view.whole_box_px[1] + view.whole_box_px[3] + 0.5
+    )
+
+
+@pytest.mark.parametrize("distortion", [BARREL, PINCUSHION])
+def test_the_referee_sees_the_same(lensed, make_frame, distortion):
+    ball = trimesh.creation.icosphere(3, radius=1.2)
+    scene = lensed(distortion, {"ball": ball}, width_px=120, height_px=90, focal_px=75)
+    view = RayCaster(scene).view(make_frame((0.9, -0.5, 2.6)))
+    depth = depth_of_mesh(scene.camera, np.add(ball.vertices, [0.9, -0.5, 2.6]), np.asarray(ball.faces))
+    expected = np.full((90, 120), np.inf)
+    expected[view.box.slices] = np.where(view.mask, view.depth_m, np.inf)
+    assert np.array_equal(np.isfinite(depth), np.isfinite(expected))
+    seen = np.isfinite(depth)
+    np.testing.assert_allclose(depth[seen], expected[seen], rtol=1e-6)
+
+
+def test_keypoints_are_opencvs_and_gone_beyond_the_lens(lensed, make_frame, make_plate):
+    points = {"near": (0.5, 0.3, 0.0), "edge": (1.9, 0.0, 0.0), "far": (9.0, 0.0, 0.0)}
+    lens = BrownConrady(k1=-0.3)
+    scene = lensed(lens, {"plate": make_plate(2, 1)}, points, width_px=160, height_px=120, focal_px=180)
+    view = RayCaster(scene).view(make_frame((0, 0, 5.0)))
+    expected = opencv_px(scene.camera, np.add([*points.values()], [0, 0, 5.0]))
+    np.testing.assert_allclose(view.keypoints_px[:2], expected[:2], atol=1e-9)
+    # OpenCV's polynomial has turned back here, and puts the point into the image.
+    assert 0 < expected[2, 0] < 160
+    assert np.isnan(view.keypoints_px[2]).all()
+    assert view.keypoints_visibility[2] == NOT_IN_FRAME
+
+
+def test_a_craft_beyond_the_lens_has_no_whole_box_and_its_mask_is_right(lensed, make_frame, make_plate):
+    """A plate that leaves what the lens maps: the mask is that of the plate cut to what it maps."""
+    size = {"width_px": 80, "height_px": 60, "focal_px": 60}
+    wide = lensed(BARREL, {"plate": make_plate(40, 0.5)}, **size)
+    cut = lensed(BARREL, {"plate": make_plate(3.2, 0.5)}, **size)
+    views = [RayCaster(scene).view(make_frame((0, 0.3, 3.0))) for scene in (wide, cut)]
+    assert np.isnan(views[0].whole_box_px).any()
+    assert np.isfinite(views[1].whole_box_px).all()
+    masks = []
+    for view in views:
+        mask = np.zeros((60, 80), dtype=bool)
+        mask[view.box.slices] = view.mask
+        masks.append(mask)
+    assert masks[0].any()
+    assert np.array_equal(*masks)
+    assert views[0].silhouette_px >= views[1].silhouette_px > masks[0].sum() > 0

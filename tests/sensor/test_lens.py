@@ -1,0 +1,224 @@
+"""A renderer behind a lens: edges, light and depth against OpenCV's projection and closed forms."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from posse_core.geometry.raycast import RayCaster
+from posse_core.interfaces.renderer import Renderer
+from posse_core.model.camera import Camera, PixelBox
+from posse_core.model.distortion import BrownConrady
+from posse_core.model.scene import Radiance, RenderRequest
+from posse_core.options import NoOptions
+from posse_core.scenario.sensor import NoiseConfig, PsfConfig, SensorConfig
+from posse_core.sensor.lens import LensRenderer
+from posse_core.sensor.sensor import Sensor
+from posse_core.sky.view import SkyView
+from posse_core.testing import scenes
+
+BARREL = BrownConrady(-0.25, 0.06, 0.002, -0.001, 0.0)
+PINCUSHION = BrownConrady(0.12, 0.02, -0.001, 0.002, 0.01)
+HALF_M = np.array([1.3, 0.8])
+FINE = 4
+
+
+class PlateRenderer(Renderer):
+    """A rectangle by its closed form, the mean of 16 rays in each pixel; brighter to the right."""
+
+    def open(self, scene):
+        self.camera = scene.camera
+        self.boxes = []
+
+    def render(self, request: RenderRequest) -> Radiance:
+        box = request.box
+        self.boxes.append(box)
+        steps = (np.arange(FINE) + 0.5) / FINE - 0.5
+        offsets = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
+        place, _ = on_plate(self.camera, request.frame, box.pixel_centres_px()[:, :, None] + offsets)
+        hit = (np.abs(place) <= HALF_M).all(axis=-1)
+        light = (hit * (2 + place[..., 0])).mean(axis=2)
+        _, depth = on_plate(self.camera, request.frame, box.pixel_centres_px())
+        return Radiance(
+            box,
+            np.repeat(light[..., None], 3, -1).astype(np.float32),
+            hit.mean(axis=2).astype(np.float32),
+            depth.astype(np.float32),
+        )
+
+    def close(self):
+        pass
+
+    def describe(self) -> Mapping[str, str]:
+        return {"plate": "1"}
+
+
+def on_plate(camera: Camera, frame, uv_px):
+    """(..., 2) place on the plate's plane in its own axes, and depth, where pixels look."""
+    R, t = frame.R_cam_from_body, frame.t_body_cam_m
+    rays = camera.rays(uv_px)
+    z = (R[:, 2] @ t) / (rays @ R[:, 2])
+    return ((z[..., None] * rays - t) @ R)[..., :2], z
+
+
+def camera(distortion: BrownConrady | None) -> Camera:
+    return Camera(80, 60, 52.0, 52.4, 41.2, 28.7, 0.01, distortion=distortion)
+
+
+def scene(distortion: BrownConrady | None):
+    plate = scenes.rectangle("plate", "grey", u_m=(HALF_M[0], 0, 0), v_m=(0, HALF_M[1], 0))
+    material = scenes.Material("grey")
+    return scenes.scene(plate, materials=(material,), camera=camera(distortion))
+
+
+def turned(angle: float, tilt: float) -> np.ndarray:
+    return (
+        scenes.FACING
+        @ cv2.Rodrigues(np.array([0, tilt, 0.0]))[0]
+        @ cv2.Rodrigues(np.array([0, 0, angle]))[0]
+    )
+
+
+def frame(x_m=0.9, y_m=-0.6, z_m=3.5, angle=0.35, tilt=0.5):
+    return scenes.frame(
+        t_body_cam_m=(x_m, y_m, z_m), sun_direction_body=(0, 0, 1), R_cam_from_body=turned(angle, tilt)
+    )
+
+
+def shoot(distortion, at) -> tuple[Radiance, PlateRenderer]:
+    inner = PlateRenderer(NoOptions())
+    renderer = LensRenderer(inner)
+    renderer.open(scene(distortion))
+    box = PixelBox(0, 0, 80, 60)
+    return renderer.render(RenderRequest(at, box, None, 0)), inner
+
+
+def outline_px(cam: Camera, at) -> np.ndarray:
+    """(N, 2) the plate's curved outline in the image, by OpenCV."""
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * HALF_M
+    share = np.linspace(0, 1, 200, endpoint=False)[:, None]
+    edge = np.concatenate(
+        [a + share * (b - a) for a, b in zip(corners, np.roll(corners, -1, 0), strict=True)]
+    )
+    body = np.column_stack([edge, np.zeros(len(edge))])
+    points = body @ at.R_cam_from_body.T + at.t_body_cam_m
+    uv, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), cam.matrix, cam.distortion_coefficients)
+    return uv[:, 0]
+
+
+def covered(uv: np.ndarray) -> np.ndarray:
+    """(60, 80) share of each pixel within a polygon, by 32² points a pixel."""
+    mask = np.zeros((60 * 32, 80 * 32), dtype=np.uint8)
+    fixed = np.round(((uv + 0.5) * 32 - 0.5) * 256).astype(np.int32)
+    cv2.fillPoly(mask, [fixed], 1, shift=8)
+    return mask.reshape(60, 32, 80, 32).mean(axis=(1, 3))
+
+
+@pytest.mark.parametrize("distortion", [BARREL, PINCUSHION])
+def test_edges_are_where_opencv_projects_them(distortion):
+    at = frame()
+    image, _ = shoot(distortion, at)
+    expected = covered(outline_px(camera(distortion), at))
+    # Area between the outlines over their length; fillPoly draws its border, 1/64 pixel too much.
+    length = np.linalg.norm(np.diff(outline_px(camera(distortion), at), axis=0), axis=1).sum()
+    assert np.abs(image.coverage - expected).sum() / length < 0.15  # as wide as a pixel's own blur
+    assert abs((image.coverage - expected).sum()) / length < 0.03
+    for axis in (0, 1):  # first moments: the outline is not moved
+        places = np.arange(image.coverage.shape[axis])
+        middle = [np.average(places, weights=c.sum(axis=1 - axis)) for c in (image.coverage, expected)]
+        assert middle[0] == pytest.approx(middle[1], abs=0.02)
+    straight = covered(outline_px(camera(None), at))
+    assert np.abs(straight - expected).sum() / length > 0.3  # the lens does something here
+
+
+@pytest.mark.parametrize("distortion", [BARREL, PINCUSHION])
+def test_labels_and_image_agree(distortion):
+    at = frame()
+    image, _ = shoot(distortion, at)
+    view = RayCaster(scene(distortion)).view(at)
+    mask = np.zeros((60, 80), dtype=bool)
+    mask[view.box.slices] = view.mask
+    inside = image.coverage > 0.5
+    assert (mask & inside).sum() / (mask | inside).sum() > 0.995
+    both = mask & np.isfinite(image.depth_m)
+    depth = np.full((60, 80), np.nan)
+    depth[view.box.slices] = view.depth_m
+    np.testing.assert_allclose(image.depth_m[both], depth[both], rtol=2e-6)
+
+
+@settings(max_examples=8, deadline=None)
+@given(
+    st.sampled_from([BARREL, PINCUSHION]),
+    st.floats(-1.2, 1.2),
+    st.floats(-0.8, 0.8),
+    st.floats(0, 3),
+    st.sampled_from(["none", "cos4"]),
+)
+def test_lens_and_psf_keep_the_light(distortion, x_m, y_m, angle, vignetting):
+    """Electrons of a whole plate, with lens and without: within 0.5 %."""
+    at = frame(x_m, y_m, 7.0, angle)
+    config = SensorConfig(
+        noise=NoiseConfig(shot=False, read_e=0, dark_e_s=0),
+        psf=PsfConfig(shape="defocus", diameter_px=3),
+        vignetting=vignetting,
+    )
+    dark = SkyView(None, np.empty((0, 2)), np.empty((0, 3)))
+    total = [
+        float(
+            Sensor(config, camera(lens))
+            .mean_electrons(dark, shoot(lens, at)[0], 0.002)
+            .astype(float)
+            .sum()
+        )
+        for lens in (distortion, None)
+    ]
+    assert total[0] == pytest.approx(total[1], rel=0.005)
+
+
+def test_a_star_gives_its_light_wherever_the_lens_puts_it():
+    config = SensorConfig(psf=None)
+    star = SkyView(None, np.array([[10.0, 7.0]]), np.full((1, 3), 1e-9))
+    electrons = [
+        Sensor(config, camera(lens)).mean_electrons(star, None, 0.002).sum() for lens in (BARREL, None)
+    ]
+    assert electrons[0] == pytest.approx(electrons[1], rel=1e-6)
+
+
+def test_a_part_of_the_image_is_that_of_the_whole():
+    at = frame()
+    whole, _ = shoot(BARREL, at)
+    renderer = LensRenderer(PlateRenderer(NoOptions()))
+    renderer.open(scene(BARREL))
+    box = PixelBox(40, 10, 25, 23)
+    part = renderer.render(RenderRequest(at, box, None, 0))
+    assert part.box == box
+    np.testing.assert_allclose(part.coverage, whole.coverage[box.slices], atol=1e-3)
+    np.testing.assert_allclose(part.radiance_rgb, whole.radiance_rgb[box.slices], atol=3e-3)
+
+
+def test_without_distortion_the_renderer_is_asked_as_it_is():
+    image, inner = shoot(None, frame())
+    assert inner.camera == camera(None)
+    assert inner.boxes == [PixelBox(0, 0, 80, 60)]
+    alone = PlateRenderer(NoOptions())
+    alone.open(scene(None))
+    expected = alone.render(RenderRequest(frame(), PixelBox(0, 0, 80, 60), None, 0))
+    assert np.array_equal(image.radiance_rgb, expected.radiance_rgb)
+
+
+def test_the_pinhole_is_finer_than_the_lens_everywhere():
+    _, inner = shoot(PINCUSHION, frame())
+    cam, fine = camera(PINCUSHION), inner.camera
+    assert fine.fx_px == fine.fy_px
+    uv = np.array([[0.0, 0.0], [40, 30], [79, 59], [79, 0]])
+    for step in ([1.0, 0.0], [0.0, 1.0]):
+        across = fine.project(cam.rays(uv + np.array(step))) - fine.project(cam.rays(uv))
+        assert np.all(np.linalg.norm(across, axis=1) >= 2 - 0.02)
+    inside = fine.project(cam.rays(cam.border_px()))
+    assert np.all(inside >= 0)
+    assert np.all(inside <= [fine.width_px - 1, fine.height_px - 1])
+    assert replace(cam, distortion=None) == cam.pinhole

@@ -7,7 +7,8 @@ as the plugin finds it (POSSE_BLENDER_PYTHON). Linux only: it reads /proc.
 Noise is what a second seed changes on the craft's pixels, as the root mean square over the mean, with
 radiance clipped at a white plate's that faces the Sun: brighter is a glint of a few pixels, without
 which the picture stays the same and with which the noise is theirs alone. The reference is Cycles
-with 64 samples. Others get as many samples as bring them to its noise.
+with 64 samples. Others get as many samples as bring them about to its noise; what is left of the
+difference is taken off the cost, which goes with 1/noise².
 """
 
 from __future__ import annotations
@@ -263,7 +264,7 @@ def main(scenario: str, frames: int, memory_frames: int, spp: int, threads: int)
     bench.close()
     click.echo(f"labels of a frame: {labels.cpu_s:.2f}\n")
     click.echo(
-        f"{'':<15}{'spp':>5}{'noise':>8}{'box':>8}{'whole':>8}{'box, labels':>13}{'of Cycles':>11}"
+        f"{'':<15}{'spp':>5}{'noise':>8}{'box':>8}{'whole':>8}{'at equal noise':>16}{'of Cycles':>11}"
         f"{'box, wall s':>13}{'start':>8}{'MB, frame 5':>13}{f'frame {memory_frames}':>10}"
     )
     sampled = {"spp": spp, "threads": threads}
@@ -282,11 +283,14 @@ def main(scenario: str, frames: int, memory_frames: int, spp: int, threads: int)
 
 
 def _tell(row: Row, reference: Row, labels: Cost) -> None:
-    """``of Cycles``: the reference's whole frame over this one's box and labels."""
-    sampled = f"{row.spp:>5}{row.noise:>8.3f}" if row.spp is not None else f"{'-':>5}{'-':>8}"
-    with_labels_s = row.box.cpu_s + labels.cpu_s
+    """``at equal noise``: box and labels; ``of Cycles``: the reference's whole frame over that."""
+    sampled, left = f"{'-':>5}{'-':>8}", 1.0
+    if row.noise is not None and reference.noise is not None:
+        sampled = f"{row.spp:>5}{row.noise:>8.3f}"
+        left = (row.noise / reference.noise) ** 2
+    with_labels_s = row.box.cpu_s * left + labels.cpu_s
     click.echo(
-        f"{row.name:<15}{sampled}{row.box.cpu_s:>8.2f}{row.whole.cpu_s:>8.2f}{with_labels_s:>13.2f}"
+        f"{row.name:<15}{sampled}{row.box.cpu_s:>8.2f}{row.whole.cpu_s:>8.2f}{with_labels_s:>16.2f}"
         f"{reference.whole.cpu_s / with_labels_s:>10.1f}x{row.box.wall_s:>13.2f}"
         f"{row.start.cpu_s:>8.1f}{row.memory_mb[0]:>13.0f}{row.memory_mb[1]:>10.0f}"
     )

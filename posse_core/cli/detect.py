@@ -13,7 +13,7 @@ import cv2
 from posse_core.cli.common import echo_json, net_options, options_from
 from posse_core.dataset import read_camera, read_image
 from posse_core.detection.draw import draw
-from posse_core.detection.models import open_detector, open_keypoint_finder
+from posse_core.detection.models import open_models
 from posse_core.detection.pnp import solve_pose
 from posse_core.errors import InputError
 from posse_core.files import write_bytes
@@ -27,7 +27,7 @@ _SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 
 @click.command()
 @click.argument("images", type=click.Path(path_type=Path), nargs=-1, required=True)
-@click.option("--model", type=click.Path(path_type=Path), required=True, help="Finds spacecraft.")
+@click.option("--model", type=click.Path(path_type=Path), help="Finds spacecraft.")
 @click.option("--keypoints", type=click.Path(path_type=Path), help="Model that finds keypoints.")
 @click.option("--camera", type=click.Path(path_type=Path), help="camera.json: keypoints become a pose.")
 @click.option("--out", type=click.Path(path_type=Path), help="Folder for the images, drawn into.")
@@ -38,7 +38,7 @@ _SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 @net_options
 def command(
     images: tuple[Path, ...],
-    model: Path,
+    model: Path | None,
     keypoints: Path | None,
     camera: Path | None,
     out: Path | None,
@@ -46,14 +46,16 @@ def command(
     as_json: bool,
     overrides: tuple[str, ...],
 ) -> None:
-    """Find spacecraft in IMAGES: files, or folders of them."""
-    if camera is not None and keypoints is None:
+    """Find spacecraft in IMAGES: files, or folders of them.
+
+    Without --model and --keypoints, the trained nets that come with posse-detect-onnx.
+    """
+    if camera is not None and model is not None and keypoints is None:
         raise InputError("--camera: a pose needs keypoints; name their model by --keypoints")
     files = _files(images)
     registry = load_plugins().registry
     given = options_from(overrides)
-    detector = open_detector(model, registry, given)
-    finder = None if keypoints is None else open_keypoint_finder(keypoints, registry, given)
+    detector, finder = open_models(model, keypoints, registry, given)
     intrinsics = None if camera is None else read_camera(camera)
     if out is not None:
         _make_folder(out, files)

@@ -13,7 +13,7 @@ from posse_core.dataset import Dataset
 from posse_core.detection.card import dataset_hash
 from posse_core.detection.evaluate import evaluate, frames_of
 from posse_core.detection.groups import Group, columns, groups
-from posse_core.detection.models import open_detector, open_keypoint_finder
+from posse_core.detection.models import open_models
 from posse_core.detection.page import make_page
 from posse_core.errors import InputError
 from posse_core.files import write_bytes
@@ -22,7 +22,7 @@ from posse_core.plugins import load_plugins
 
 @click.command(name="eval")
 @click.argument("dataset", type=click.Path(path_type=Path))
-@click.option("--model", type=click.Path(path_type=Path), required=True, help="Finds spacecraft.")
+@click.option("--model", type=click.Path(path_type=Path), help="Finds spacecraft.")
 @click.option("--keypoints", type=click.Path(path_type=Path), help="Model that finds keypoints.")
 @click.option("--part", default="test", show_default=True, help="Part of the dataset, or 'all'.")
 @click.option("--out", type=click.Path(path_type=Path), help="Write a page with plots: an HTML file.")
@@ -30,34 +30,38 @@ from posse_core.plugins import load_plugins
 @net_options
 def command(
     dataset: Path,
-    model: Path,
+    model: Path | None,
     keypoints: Path | None,
     part: str,
     out: Path | None,
     as_json: bool,
     overrides: tuple[str, ...],
 ) -> None:
-    """Measure a model on a part of DATASET: COCO's averages, box overlap; with --keypoints, poses."""
+    """Measure a model on a part of DATASET: COCO's averages, box overlap; with --keypoints, poses.
+
+    Without --model and --keypoints, the trained nets that come with posse-detect-onnx.
+    """
     if out is not None and not out.absolute().parent.is_dir():
         raise InputError(f"--out {out}: its folder does not exist; make it, or name another")
     registry = load_plugins().registry
     given = options_from(overrides)
     source = Dataset(dataset)
     indices = frames_of(source, part)
-    detector = open_detector(model, registry, given)
-    finder = None if keypoints is None else open_keypoint_finder(keypoints, registry, given)
+    detector, finder = open_models(model, keypoints, registry, given)
     judged = evaluate(source, indices, detector, finder)
     result = groups(source, judged, poses=finder is not None)
     digest = dataset_hash(source)
     if out is not None:
         models = " and ".join(path.name for path in (model, keypoints) if path is not None)
-        title = f"{models} on {source.folder.resolve().name}, part {part}"
+        title = f"{models or 'the shipped nets'} on {source.folder.resolve().name}, part {part}"
         write_bytes(
             out, make_page(title, f"Dataset's SHA-256: {digest}", source, judged, result).encode()
         )
     if as_json:
-        data = {"dataset": str(dataset), "dataset_sha256": digest, "part": part, "model": str(model)}
-        echo_json({**data, "groups": [asdict(group) for group in result]})
+        data = {"dataset": str(dataset), "dataset_sha256": digest, "part": part}
+        echo_json(
+            {**data, "model": str(model or "shipped"), "groups": [asdict(group) for group in result]}
+        )
         return
     click.echo(f"{dataset}, part {part}, sha256 {digest}")
     for names in columns(result):

@@ -15,6 +15,27 @@ ONNX = ".onnx"
 _TASK_OF = {"boxes": "finds boxes", "keypoints": "finds keypoints"}
 
 
+def open_models(
+    boxes: Path | None, keypoints: Path | None, registry: Registry, options: Mapping[str, Any]
+) -> tuple[Detector, KeypointFinder | None]:
+    """A detector and what finds keypoints in its boxes, as a command's user named them.
+
+    Args:
+        boxes: None is the net that a plugin ships.
+        keypoints: None is none, or the shipped one where ``boxes`` is None too.
+        options: as of :func:`open_detector`.
+
+    Raises:
+        InputError: as of :func:`open_detector`, or nothing installed ships a net.
+    """
+    if boxes is None and keypoints is None:
+        keypoints = _shipped("keypoints", registry)
+    detector = open_detector(boxes or _shipped("boxes", registry), registry, options)
+    if keypoints is None:
+        return detector, None
+    return detector, open_keypoint_finder(keypoints, registry, options)
+
+
 def open_detector(path: Path, registry: Registry, options: Mapping[str, Any]) -> Detector:
     """The detector of a ``.safetensors`` or ``.onnx`` file, with its weights.
 
@@ -54,6 +75,19 @@ def open_model(path: Path, task: str, registry: Registry, options: Mapping[str, 
     )
     model.load(path)
     return model
+
+
+def _shipped(task: str, registry: Registry) -> Path:
+    for spec in registry.specs("detector"):
+        if {"shipped", task} <= spec.capabilities:
+            model: Model = registry.create(
+                "detector", spec.name, registry.options("detector", spec.name, {})
+            )
+            assert model.shipped is not None, f"{spec.name} claims the capability 'shipped'"
+            return model.shipped
+    raise InputError(
+        "no trained net is installed; name one by --model, or pip install posse-detect-onnx"
+    )
 
 
 def _onnx_reader(path: Path, task: str, registry: Registry) -> str:

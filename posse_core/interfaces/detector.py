@@ -36,8 +36,11 @@ class Model(ABC):
     """A net that is trained, or read from a file. What it can do stands in its record's capabilities:
 
     ``boxes`` (it is a :class:`Detector`), ``keypoints`` (a :class:`KeypointFinder`), ``train``, ``onnx``
-    (can be exported), ``.onnx`` (reads ONNX files).
+    (can be exported), ``.onnx`` (reads ONNX files), ``shipped`` (a trained net comes with it).
     """
+
+    shipped: Path | None = None
+    """Model file of the trained net that comes with the plugin."""
 
     classes: Sequence[str] = ()
     """What it can find; known once it is loaded."""

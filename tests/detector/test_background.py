@@ -85,7 +85,7 @@ def test_a_sky_without_an_earth_is_space(tmp_path):
     before = backgrounds(with_earth, list(with_earth.frames))
     assert len(set(before)) > 1  # the hand-made motion looks anywhere
     assert set(backgrounds(without, list(without.frames))) == {"space"}
-    collect([without, with_earth], [], tmp_path / "both", lambda frames, count: frames)
+    collect([without, with_earth], [], None, tmp_path / "both", lambda frames, count: frames)
     both = Dataset(tmp_path / "both")
     assert backgrounds(both, list(both.frames)) == ["space"] * 6 + before
     (both.folder / "scenario-1.yaml").unlink()

@@ -20,7 +20,7 @@ def test_a_box_goes_where_its_pixels_go(seed):
     w, h = random.integers(8, 36, 2)
     picture = np.zeros((SIZE, SIZE), np.float32)
     picture[y : y + h, x : x + w] = 1
-    view = augment.random_view(random, SIZE, (0.6, 1.5), 0.25, quarter_turns=True)
+    view = augment.random_view(random, SIZE, (0.6, 1.5), 0.25, np.pi / 2 * random.integers(4))
     moved = augment.move_boxes(np.array([[x, y, x + w, y + h]], float), view, SIZE)[0]
     ys, xs = np.nonzero(augment.warp(picture, view) > 0.5)
     if min(moved[2:] - moved[:2]) < 2:
@@ -32,7 +32,7 @@ def test_a_box_goes_where_its_pixels_go(seed):
 @given(seeds)
 def test_a_point_goes_where_its_pixels_go(seed):
     random = np.random.default_rng(seed)
-    view = augment.random_view(random, SIZE, (0.8, 1.2), 0.05, quarter_turns=False)
+    view = augment.random_view(random, SIZE, (0.8, 1.2), 0.05, random.uniform(0, 2 * np.pi))
     v, u = np.mgrid[:SIZE, :SIZE]
     point = random.uniform(36, 60, 2)
     spot = np.exp(-((u + 0.5 - point[0]) ** 2 + (v + 0.5 - point[1]) ** 2) / 18).astype(np.float32)
@@ -43,7 +43,8 @@ def test_a_point_goes_where_its_pixels_go(seed):
 
 @given(seeds)
 def test_a_view_never_mirrors(seed):
-    view = augment.random_view(np.random.default_rng(seed), SIZE, (0.6, 1.5), 0.2, quarter_turns=False)
+    random = np.random.default_rng(seed)
+    view = augment.random_view(random, SIZE, (0.6, 1.5), 0.2, random.uniform(0, 2 * np.pi))
     assert np.linalg.det(view[:, :2]) > 0
 
 

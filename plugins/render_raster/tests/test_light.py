@@ -167,6 +167,19 @@ def test_a_rough_metal_under_the_sun(opened: Open, roughness: float) -> None:
     np.testing.assert_allclose(image.radiance_rgb, expected, rtol=5e-3)
 
 
+def test_light_is_finite_where_the_sun_is_behind_the_camera(opened: Open) -> None:
+    """v·h and n·l exceed 1 by rounding there; a power or root of what is left would be NaN."""
+    gold = Material("gold", base_color=(0.9, 0.7, 0.3), metallic=1.0, roughness=0.6)
+    camera = scenes.camera(64, 48, hfov_rad=1.5)
+    craft = scenes.sphere("ball", "gold", rings=48)
+    renderer = opened(scenes.scene(craft, materials=(gold,), camera=camera))
+    rays = unit_rays(camera)
+    for row, column in np.random.default_rng(0).integers(8, 40, (40, 2)):
+        towards = -scenes.FACING.T @ rays[row, column]
+        frame = scenes.frame(t_body_cam_m=(0, 0, 1.6), sun_direction_body=tuple(towards))
+        assert np.isfinite(shot(renderer, camera, frame).radiance_rgb).all()
+
+
 def test_a_mirror_shows_the_sky_where_it_is(opened: Open) -> None:
     """Each band is linear in one camera axis, so the mirrored direction can be read off."""
     camera = scenes.camera(24, 18)

@@ -14,13 +14,13 @@ def posse_detectors() -> list[ComponentSpec]:
             "finds spacecraft by a .onnx file of 'posse export-onnx'",
             "posse_detect_onnx.models:OnnxDetector",
             "posse_detect_onnx.options:OnnxOptions",
-            capabilities=frozenset({"boxes", ".onnx"}),
+            capabilities=frozenset({"boxes", ".onnx", "shipped"}),
         ),
         ComponentSpec(
             "onnx-keypoints",
             "finds keypoints by a .onnx file of 'posse export-onnx'",
             "posse_detect_onnx.models:OnnxKeypoints",
             "posse_detect_onnx.options:OnnxOptions",
-            capabilities=frozenset({"keypoints", ".onnx"}),
+            capabilities=frozenset({"keypoints", ".onnx", "shipped"}),
         ),
     ]

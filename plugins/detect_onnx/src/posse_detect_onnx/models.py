@@ -18,6 +18,8 @@ from posse_core.interfaces.detector import Detection, Detector, KeypointFinder
 from posse_core.model.arrays import AnyArray, Float32Array, FloatArray
 from posse_detect_onnx.options import OnnxOptions
 
+_NETS = Path(__file__).parent / "nets"
+
 
 def _open(path: Path, task: str, threads: int) -> tuple[onnxruntime.InferenceSession, ModelCard]:
     """The net and its card.
@@ -45,6 +47,7 @@ class OnnxDetector(Detector):
     """Finds spacecraft."""
 
     options: OnnxOptions
+    shipped = _NETS / "boxes.onnx"
 
     def load(self, path: Path) -> None:
         self._session, self._card = _open(path, "boxes", self.options.threads)
@@ -65,6 +68,7 @@ class OnnxKeypoints(KeypointFinder):
     """Finds keypoints in boxes."""
 
     options: OnnxOptions
+    shipped = _NETS / "keypoints.onnx"
 
     def load(self, path: Path) -> None:
         self._session, self._card = _open(path, "keypoints", self.options.threads)

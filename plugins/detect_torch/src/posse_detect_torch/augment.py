@@ -16,7 +16,7 @@ Random = np.random.Generator
 
 
 def random_view(
-    random: Random, size_px: int, zoom: tuple[float, float], shift: float, quarter_turns: bool
+    random: Random, size_px: int, zoom: tuple[float, float], shift: float, angle_rad: float
 ) -> FloatArray:
     """(2, 3) affine map of a square, which turns and zooms it about its middle and then shifts it.
 
@@ -25,11 +25,10 @@ def random_view(
     Args:
         zoom: least and greatest, drawn evenly in its logarithm.
         shift: greatest, in sides of the square.
-        quarter_turns: turn by quarters only, which keep boxes tight.
+        angle_rad: of the turn; quarters keep boxes tight.
     """
-    angle = np.pi / 2 * random.integers(4) if quarter_turns else random.uniform(0, 2 * np.pi)
     scale = np.exp(random.uniform(*np.log(zoom)))
-    cosine, sine = scale * np.cos(angle), scale * np.sin(angle)
+    cosine, sine = scale * np.cos(angle_rad), scale * np.sin(angle_rad)
     A = np.array([[cosine, -sine], [sine, cosine]])
     middle = np.full(2, size_px / 2)
     return np.column_stack([A, middle - A @ middle + random.uniform(-shift, shift, 2) * size_px])

@@ -30,7 +30,7 @@ from posse_detect_torch.pictures import Pictures, cut_pictures
 from posse_detect_torch.regions import onnx_translations
 
 OUTPUTS = ("boxes", "scores", "labels", "raw")
-_ZOOM, _SHIFT = (0.6, 1.5), 0.25
+_ZOOM, _SHIFT = (0.7, 1.4), 0.2
 _LEAST_SIDE = 3.0  # pixels that a box must keep after a shift to be learned
 
 
@@ -63,7 +63,8 @@ class BoxLesson(Lesson):
         picture = self.train.linear(place)
         box, label = self._target(self.train, place)
         if self.options.augment:
-            view = random_view(random, size, _ZOOM, _SHIFT, quarter_turns=True)
+            angle = np.pi / 2 * random.integers(4) if self.options.turn else 0.0
+            view = random_view(random, size, _ZOOM, _SHIFT, angle)
             picture = look(warp(picture, view), random)
             box = move_boxes(box, view, size)
             if (box[0, 2:] - box[0, :2]).min() < _LEAST_SIDE:

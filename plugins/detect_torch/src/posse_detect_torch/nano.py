@@ -14,8 +14,8 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 STRIDE = 8
-_WIDTHS = (24, 48, 96, 192, 320)
-_DEPTHS = (1, 2, 3, 3)
+_WIDTHS = (48, 96, 192, 320)
+_DEPTHS = (2, 3, 3)
 _NECK = 112
 _PRIOR = 0.01  # what the class maps say before any training
 _SPREAD = 0.54 / 6  # deviation of the target around a middle, in sides of the box (TTFNet)
@@ -43,21 +43,29 @@ class Separable(nn.Module):
         return x + y if self.shortcut else y
 
 
+class Stem(nn.Sequential):
+    """Grey pictures (B, 1, S, S) → (B, C, S/4, S/4) at once: maps of a greater size would cost more time
+    than all that follows."""
+
+    def __init__(self, width: int) -> None:
+        super().__init__(conv(1, width, 7, stride=4), nn.ReLU(), Separable(width, width))
+
+
 class Nano(nn.Module):
     """Grey pictures (B, 1, S, S), 0 … 1 in linear light → class logits (B, C, S/8, S/8), and the
     logarithms of distances to left, top, right, bottom in strides (B, 4, S/8, S/8)."""
 
     def __init__(self, classes: int) -> None:
         super().__init__()
-        self.stem = conv(1, _WIDTHS[0], 3, stride=2)
+        self.stem = Stem(_WIDTHS[0])
         stages = []
         for depth, inward, outward in zip(_DEPTHS, _WIDTHS[:-1], _WIDTHS[1:], strict=True):
             blocks = [Separable(inward, outward, 2)]
             blocks += [Separable(outward, outward) for _ in range(depth)]
             stages.append(nn.Sequential(*blocks))
         self.stages = nn.ModuleList(stages)
-        self.lateral = nn.ModuleList(conv(width, _NECK, 1) for width in _WIDTHS[2:])
-        self.merge = nn.ModuleList(Separable(_NECK, _NECK) for _ in _WIDTHS[3:])
+        self.lateral = nn.ModuleList(conv(width, _NECK, 1) for width in _WIDTHS[1:])
+        self.merge = nn.ModuleList(Separable(_NECK, _NECK) for _ in _WIDTHS[2:])
         self.head = nn.Sequential(Separable(_NECK, _NECK), Separable(_NECK, _NECK))
         self.classify = nn.Conv2d(_NECK, classes, 1)
         self.measure = nn.Conv2d(_NECK, 4, 1)
@@ -65,12 +73,12 @@ class Nano(nn.Module):
         nn.init.constant_(self.measure.bias, 1.0)  # type: ignore[arg-type]
 
     def forward(self, picture: Tensor) -> tuple[Tensor, Tensor]:
-        x = F.relu(self.stem(torch.sqrt(picture)))
+        x = self.stem(torch.sqrt(picture))
         levels = []
         for stage in self.stages:
             x = stage(x)
             levels.append(x)
-        pyramid = [lateral(level) for lateral, level in zip(self.lateral, levels[1:], strict=True)]
+        pyramid = [lateral(level) for lateral, level in zip(self.lateral, levels, strict=True)]
         y = pyramid[-1]
         for merge, level in zip(self.merge, reversed(pyramid[:-1]), strict=True):
             y = merge(level + F.interpolate(y, scale_factor=2.0, mode="nearest"))

@@ -17,6 +17,7 @@ class TrainOptions(Options):
     learning_rate: float = Field(2e-3, gt=0, description="its greatest value; it falls along a cosine")
     weight_decay: float = Field(0.01, ge=0, description="of AdamW")
     augment: bool = Field(True, description="turn, zoom, light, blur and cover the pictures")
+    turn: bool = Field(True, description="turn them; else the craft is known as the camera holds it")
     seed: int = Field(0, ge=0, description="of weights, order and augmentation")
     threads: int = Field(1, ge=1, description="CPU threads; a training repeats itself for one number")
     device: Literal["cpu", "cuda"] = Field("cpu", description="where the net runs")

@@ -7,15 +7,14 @@ uncertainty. It tells the points of every class; those of the box's class count.
 from __future__ import annotations
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor, nn
 
-from posse_detect_torch.nano import Separable, conv
+from posse_detect_torch.nano import Separable, Stem
 
 SPLIT = 2
 """Steps of a distribution for each pixel."""
-_WIDTHS = (24, 48, 96, 160, 256)
-_DEPTHS = (1, 2, 3, 3)
+_WIDTHS = (48, 96, 160, 256)
+_DEPTHS = (2, 3, 3)
 _TARGET_STEPS = 2.0  # deviation of what is to be told, in steps
 
 
@@ -30,7 +29,7 @@ class SimCC(nn.Module):
     def __init__(self, points: int, size: int) -> None:
         super().__init__()
         self.size = size
-        self.stem = conv(1, _WIDTHS[0], 3, stride=2)
+        self.stem = Stem(_WIDTHS[0])
         blocks: list[nn.Module] = []
         for depth, inward, outward in zip(_DEPTHS, _WIDTHS[:-1], _WIDTHS[1:], strict=True):
             blocks.append(Separable(inward, outward, 2))
@@ -46,7 +45,7 @@ class SimCC(nn.Module):
         light = torch.sqrt(picture)
         level = light.mean(dim=(2, 3), keepdim=True)
         spread = (light - level).square().mean(dim=(2, 3), keepdim=True).sqrt()
-        x = F.relu(self.stem((light - level) / (spread + 0.02)))  # exposure matters little to shape
+        x = self.stem((light - level) / (spread + 0.02))  # exposure matters little to shape
         x = self.mix(self.points(self.blocks(x)).flatten(2))
         return self.along_x(x), self.along_y(x)
 

@@ -64,7 +64,8 @@ class SimccLesson(Lesson):
         size = self.options.input_px
         picture, points = self._train.linear(place), self._target(self._train, place)
         if self.options.augment:
-            view = random_view(random, size, _ZOOM, _SHIFT, quarter_turns=False)
+            angle = random.uniform(0, 2 * np.pi) if self.options.turn else 0.0
+            view = random_view(random, size, _ZOOM, _SHIFT, angle)
             picture = look(warp(picture, view), random)
             points = move_points(points + 0.5, view) - 0.5
         inside = np.all((points > -0.5) & (points < size - 0.5), axis=1, keepdims=True)  # false for NaN

@@ -57,7 +57,7 @@ float sun_visible(vec3 face_normal) {
     if (n_l <= 0.0) return 0.0;
     // The map's depth is of its texels' centres: a face shades itself by its slope over a texel, unless
     // it is moved towards the Sun by as much. Moved so, and not off the face, shadows stay in place.
-    float slope = min(sqrt(1.0 - n_l * n_l) / n_l, STEEPEST);
+    float slope = min(sqrt(max(1.0 - n_l * n_l, 0.0)) / n_l, STEEPEST);
     float lift = shadow_texel_m * (0.2 + 1.5 * slope);
     vec4 place = shadow_from_cam * vec4(position_m + lift * sun_direction, 1.0);
     return texture(shadow_map, place.xyz * 0.5 + 0.5);
@@ -90,7 +90,7 @@ void main() {
     float n_l = dot(n, sun_direction);
     if (n_l > 0.0) {
         vec3 h = normalize(v + sun_direction);
-        float n_h = max(dot(n, h), 0.0), v_h = max(dot(v, h), 0.0);
+        float n_h = max(dot(n, h), 0.0), v_h = clamp(dot(v, h), 0.0, 1.0);
         // The Sun's disc widens the lobe: a mirror then shows E/(π σ²) at its middle, as it should.
         float half_disc = 0.5 * sun_angular_radius_rad;
         float a2 = rough * rough * rough * rough + half_disc * half_disc;

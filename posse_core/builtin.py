@@ -193,6 +193,11 @@ def posse_subcommands() -> list[ComponentSpec]:
             "import", "a spacecraft package from a mesh", "posse_core.cli.import_mesh:command"
         ),
         ComponentSpec(
+            "import-poses",
+            "a scenario from the labels of another dataset",
+            "posse_core.cli.import_poses:command",
+        ),
+        ComponentSpec(
             "manoeuvres", "impulses of a scenario's plan", "posse_core.cli.manoeuvres:command"
         ),
         ComponentSpec(

@@ -137,7 +137,7 @@ class Dataset:
         crafts = sorted((self.folder / "spacecraft").glob("*.json"))
         if not crafts:
             raise InputError(f"{folder}: spacecraft/ has no NAME.json; the dataset is incomplete")
-        infos = [_read_spacecraft(path) for path in crafts]
+        infos = [read_spacecraft(path) for path in crafts]
         self.spacecraft_by_name: Mapping[str, SpacecraftInfo] = {info.name: info for info in infos}
         self.label_lines = Frames(self.folder / "labels")
         self._meshes: dict[str, Mesh] = {}
@@ -226,13 +226,25 @@ class Dataset:
             raise InputError(f"{self.folder}: has no part {name!r}; it has {', '.join(parts)}")
         return list(parts[name])
 
+    def size_px(self, index: int) -> tuple[int, int]:
+        """Height and width of the image that the labels of a frame are for."""
+        return self.camera.height_px, self.camera.width_px
+
     def image(self, index: int) -> AnyArray:
         """(H, W) or (H, W, 3) red-green-blue image of a frame, uint8 or uint16.
 
         Raises:
-            InputError: no such frame, or its file is missing or damaged.
+            InputError: no such frame, or its file is missing, damaged, or of another size.
         """
-        return read_image(self.folder / self.frame(index)["image"])
+        path = self.folder / self.frame(index)["image"]
+        image = read_image(path)
+        found, wanted = image.shape[:2], self.size_px(index)
+        if found != wanted:
+            raise InputError(
+                f"{path}: is {found[1]} × {found[0]} pixels, where its labels are for"
+                f" {wanted[1]} × {wanted[0]}"
+            )
+        return image
 
     def truth(self, index: int) -> dict[str, AnyArray]:
         """Full-size (H, W, ...) arrays of a frame by name; empty where the run wrote none.
@@ -363,7 +375,12 @@ def write_spacecraft(spacecraft: Spacecraft, folder: Path) -> None:
     write_json(folder / f"{spacecraft.name}.json", value)
 
 
-def _read_spacecraft(path: Path) -> SpacecraftInfo:
+def read_spacecraft(path: Path) -> SpacecraftInfo:
+    """Read the ``NAME.json`` of :func:`write_spacecraft`.
+
+    Raises:
+        InputError: the file is missing, or is not of that kind.
+    """
     value = read_json(path)
     try:
         return SpacecraftInfo(

@@ -9,7 +9,6 @@ from pathlib import Path
 import click
 
 from posse_core.cli.common import echo_json, echo_table, net_options, options_from
-from posse_core.dataset import Dataset
 from posse_core.detection.card import dataset_hash
 from posse_core.detection.evaluate import evaluate, frames_of
 from posse_core.detection.groups import Group, columns, groups
@@ -17,6 +16,7 @@ from posse_core.detection.models import open_models
 from posse_core.detection.page import make_page
 from posse_core.errors import InputError
 from posse_core.files import write_bytes
+from posse_core.formats.coco_dataset import open_dataset
 from posse_core.plugins import load_plugins
 
 
@@ -45,7 +45,7 @@ def command(
         raise InputError(f"--out {out}: its folder does not exist; make it, or name another")
     registry = load_plugins().registry
     given = options_from(overrides)
-    source = Dataset(dataset)
+    source = open_dataset(dataset)
     indices = frames_of(source, part)
     detector, finder = open_models(model, keypoints, registry, given)
     judged = evaluate(source, indices, detector, finder)

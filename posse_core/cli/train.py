@@ -7,8 +7,8 @@ from pathlib import Path
 import click
 
 from posse_core.cli.common import net_options, options_from
-from posse_core.dataset import Dataset
 from posse_core.errors import InputError
+from posse_core.formats.coco_dataset import open_dataset
 from posse_core.interfaces.detector import Model
 from posse_core.plugins import load_plugins
 
@@ -29,7 +29,7 @@ def command(dataset: Path, detector: str, out: Path, overrides: tuple[str, ...])
         able = [s.name for s in registry.specs("detector") if "train" in s.capabilities]
         raise InputError(f"detector {detector!r} cannot be trained; these can: {', '.join(able)}")
     options = registry.options("detector", detector, options_from(overrides), where="option")
-    source = Dataset(dataset)
+    source = open_dataset(dataset)
     _ = source.manifest  # a run that has not ended has frames to come
     try:
         out.mkdir(parents=True, exist_ok=True)

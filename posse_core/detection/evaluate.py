@@ -102,7 +102,7 @@ def evaluate(
         truths = truths_of(labels)
         found = [d for d in detector.predict([image])[0] if d.label in dataset.spacecraft_by_name]
         pose = None
-        if finder is not None and found and found[0].label == labels["spacecraft"]:
+        if finder is not None and found and found[0].label == labels.get("spacecraft"):
             pose = _pose(dataset, labels, finder, image, found[0])
         judged.append(Judged(labels, truths, found, best_overlaps(truths, found), pose))
     return judged

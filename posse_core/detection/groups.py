@@ -85,10 +85,10 @@ def _members(dataset: Dataset, judged: Sequence[Judged]) -> Iterator[tuple[str, 
     everything = list(range(len(judged)))
     lines = [j.labels for j in judged]
     yield "all", everything
-    names = sorted({line["spacecraft"] for line in lines})
+    names = sorted({line["spacecraft"] for line in lines if "spacecraft" in line})
     if len(names) > 1:
         for name in names:
-            yield name, [i for i in everything if lines[i]["spacecraft"] == name]
+            yield name, [i for i in everything if lines[i].get("spacecraft") == name]
     if "range_m" in lines[0]:
         ranges = np.array([line["range_m"] for line in lines])
         for quarter in np.array_split(np.argsort(ranges, kind="stable"), 4):
@@ -99,7 +99,7 @@ def _members(dataset: Dataset, judged: Sequence[Judged]) -> Iterator[tuple[str, 
             members = np.flatnonzero((phases >= low) & (phases < high))
             if len(members):
                 yield f"phase {low}-{high} deg", members.tolist()
-    behind = backgrounds(dataset, lines)
-    for background in BACKGROUNDS:
-        if background in behind:
-            yield f"before {background}", [i for i in everything if behind[i] == background]
+        behind = backgrounds(dataset, lines)
+        for background in BACKGROUNDS:
+            if background in behind:
+                yield f"before {background}", [i for i in everything if behind[i] == background]

@@ -5,7 +5,7 @@ A keypoint that is outside the image is unlabelled in COCO's sense: 0, 0, 0.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -100,9 +100,19 @@ def read_coco(path: Path) -> Iterator[tuple[str, dict[str, Any]]]:
 
     An image without an annotation has the box null. Keypoints outside the image are left out.
     """
-    value = read_json(path)
+    return ((image["file_name"], labels) for image, labels in coco_entries(read_json(path)))
+
+
+def coco_entries(value: Mapping[str, Any]) -> Iterator[tuple[Mapping[str, Any], dict[str, Any]]]:
+    """The ``images`` entry and the labels of every image, as :func:`read_coco` tells them.
+
+    Raises:
+        ValueError: an image has several annotations, where a label line is of one craft.
+    """
     categories = {category["id"]: category for category in value["categories"]}
     annotation_of = {annotation["image_id"]: annotation for annotation in value["annotations"]}
+    if len(annotation_of) < len(value["annotations"]):
+        raise ValueError("an image has several annotations, where one craft an image can be told")
     for image in value["images"]:
         labels: dict[str, Any] = {"box_visible_px": None}
         annotation = annotation_of.get(image["id"])
@@ -115,4 +125,4 @@ def read_coco(path: Path) -> Iterator[tuple[str, dict[str, Any]]]:
                 flat = iter(annotation["keypoints"])
                 points = zip(category["keypoints"], zip(flat, flat, flat, strict=True), strict=True)
                 labels["keypoints"] = {name: list(p) for name, p in points if p[2] != NOT_IN_FRAME}
-        yield image["file_name"], labels
+        yield image, labels

@@ -72,6 +72,15 @@ class Model(ABC):
         """
         raise NotImplementedError
 
+    def write_int8(self, path: Path, out: Path, seen: Sequence[tuple[AnyArray, FloatArray]]) -> None:
+        """Write what :meth:`export_onnx` wrote to ``path`` in eight bits to ``out``.
+
+        Args:
+            seen: images with the box (4,) x, y, width, height of what each shows: what the net sees of
+                them tells how far its activations reach.
+        """
+        raise NotImplementedError
+
 
 class Detector(Model):
     """Finds spacecraft in images."""

@@ -85,6 +85,7 @@ def test_from_image_to_pose_with_and_without_torch(posse, trained, tmp_path):
     """Boxes come from a stand-in detector that knows the labels, so that only keypoints are judged."""
     folder, model = trained
     from posse_core.dataset import Dataset
+    from posse_core.detection.accuracy import accuracy
     from posse_core.detection.evaluate import evaluate
     from posse_core.detection.groups import groups
     from posse_core.detection.models import open_keypoint_finder
@@ -95,7 +96,6 @@ def test_from_image_to_pose_with_and_without_torch(posse, trained, tmp_path):
     code, out, error = posse("export-onnx", model, "--dataset", folder, "--out", exported)
     assert code == 0, error
     assert "points" in out
-
     dataset = Dataset(folder)
     images = {dataset.image(i).tobytes(): dataset.frame(i) for i in range(len(dataset.frames))}
 
@@ -128,3 +128,11 @@ def test_from_image_to_pose_with_and_without_torch(posse, trained, tmp_path):
     found = finders[0].find(dataset.image(0), [detection(line)])
     assert found[0].keypoints_px.shape == (8, 2)
     assert (found[0].keypoints_sigma_px > 0).all()
+
+    small = tmp_path / "int8.onnx"
+    seen = [(dataset.image(i), np.array(dataset.frame(i)["box_visible_px"])) for i in places]
+    finders[0].write_int8(exported, small, seen)
+    files = exported, small
+    exact, lossy = (accuracy(dataset, range(20, 40), path, "keypoints", registry) for path in files)
+    (before,), (after,) = exact.values(), lossy.values()
+    assert 0 < after < 1.2 * before

@@ -1,6 +1,8 @@
 """From chance to a detector, by the commands that a user types; interrupted, repeated, exported."""
 
 import json
+import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -12,7 +14,9 @@ import pytest
 import torch
 
 from posse_core.dataset import Dataset
-from posse_core.detection.card import card_of, read_card
+from posse_core.detection.card import ModelCard, card_of, read_card
+from posse_core.formats.coco import CocoWriter
+from posse_core.options import NoOptions
 from posse_core.selection.partition import write_partition
 from posse_detect_torch.learn import CURVES, LAST, MODEL, learn
 from posse_detect_torch.nano_detector import NanoLesson
@@ -138,6 +142,36 @@ def test_onnx_finds_what_torch_finds_without_torch(posse, dataset, trained, expo
     assert done.stdout.splitlines()[-1] == "False", done.stdout + done.stderr
 
 
+@pytest.mark.slow
+def test_eight_bits_find_the_same_with_standard_operations(posse, dataset, trained, tmp_path):
+    small = tmp_path / "int8.onnx"
+    arguments = ("export-onnx", trained, "--dataset", dataset.folder, "--out", small, "--int8")
+    code, out, error = posse(*arguments)
+    assert code == 0, error
+    told = re.search(r"calibrated on (\d+) frames; on (\d+) others: .*mAP50 ([\d.]+) to ([\d.]+)", out)
+    assert told, out
+    assert abs(int(told[1]) - int(told[2])) <= 1
+    before, after = float(told[3]), float(told[4])
+    assert after == pytest.approx(mean_ap50(posse, dataset, small), abs=0.1)
+    assert after > before - 0.1
+    model = onnx.load(small)
+    assert {entry.domain for entry in model.opset_import} == {""}
+    weights = {value.name: value.data_type for value in model.graph.initializer}
+    assert {node.domain for node in model.graph.node} == {""}
+    first, *others = [node for node in model.graph.node if node.op_type == "Conv"]
+    assert weights[first.input[1]] == onnx.TensorProto.FLOAT
+    for node in others:
+        (source,) = [n for n in model.graph.node if node.input[1] in n.output]
+        assert source.op_type == "DequantizeLinear"
+        assert weights[source.input[0]] == onnx.TensorProto.INT8
+    assert read_onnx_card(small) == read_card(trained)
+
+
+def read_onnx_card(path):
+    metadata = {entry.key: entry.value for entry in onnx.load(path).metadata_props}
+    return ModelCard.from_metadata(metadata, path)
+
+
 def test_a_batch_gives_what_each_picture_gives(exported):
     import onnxruntime
 
@@ -229,6 +263,25 @@ def test_parts_may_be_empty_but_not_the_train_part(make_dataset, posse, tmp_path
     write_partition(Dataset(folder), (1, 0, 0), 0, "frame")
     code, _, error = posse(*arguments, tmp_path / "b")
     assert code == 0, error
+
+
+def test_coco_is_learned_from_and_measured_on(make_dataset, posse, tmp_path):
+    folder = make_dataset(tmp_path / "d", 10)
+    coco = tmp_path / "coco"
+    shutil.copytree(folder / "images", coco / "images")
+    CocoWriter(NoOptions()).write(Dataset(folder), coco)
+    (coco / "coco.json").rename(coco / "train.json")
+    arguments = ("train", coco, "-o", "input_px=64", "-o", "epochs=1", "--out")
+    code, out, error = posse(*arguments, tmp_path / "o", "--detector", "nano")
+    assert code == 0, error
+    assert read_card(Path(out.strip())).classes == ("brick", "plate")
+    whole = coco / "train.json"
+    code, out, error = posse("eval", whole, "--model", out.strip(), "--part", "all", "--json")
+    assert code == 0, error
+    assert json.loads(out)["groups"][0]["frames"] == 10
+    code, _, error = posse(*arguments, tmp_path / "k", "--detector", "simcc")
+    assert code == 2
+    assert "spacecraft/NAME.json" in error
 
 
 def test_a_checkpoint_of_another_net_and_unknown_classes_are_refused(

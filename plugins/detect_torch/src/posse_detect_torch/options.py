@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Literal
 
-from pydantic import Field
+from pydantic import Field, FilePath, field_serializer
 
+from posse_core.files import sha256
 from posse_core.options import Options
 
 
@@ -45,8 +47,16 @@ class SdnOptions(BoxOptions):
     augment: bool = Field(False, description="turn, zoom, light, blur and cover the pictures")
     input_px: int = Field(640, ge=64, le=1024, multiple_of=64, description="side of the net's picture")
     depth: Literal[18, 50] = Field(18, description="of the ResNet")
+    backbone_weights: FilePath | None = Field(
+        None, description="safetensors of an ImageNet ResNet, torchvision's or timm's; else random"
+    )
     sampling: Literal[1, 2] = Field(1, description="samples along a region's bin; 2 is better")
     least_score: float = Field(0.7, ge=0, lt=1, description="detections below are dropped; 0 is better")
+
+    @field_serializer("backbone_weights")
+    def _told(self, path: Path | None) -> str | None:
+        """What model files tell: the file and its digest, not its place on this machine."""
+        return None if path is None else f"{path.name}, SHA-256 {sha256(path)}"
 
 
 class SimccOptions(TrainOptions):

@@ -48,8 +48,9 @@ def cut_pictures(
 ) -> Pictures:
     """Cut squares of frames, or map the file in ``folder`` where this was done before."""
     labels = [dataset.frame(index) for index in indices]
-    camera = dataset.camera
-    squares = [choose(line, camera.height_px, camera.width_px) for line in labels]
+    squares = [
+        choose(line, *dataset.size_px(index)) for line, index in zip(labels, indices, strict=True)
+    ]
     made_of = f"{dataset_hash(dataset)} {size_px} {list(indices)} {squares}"
     path = folder / f"{name}-{hashlib.sha256(made_of.encode()).hexdigest()[:12]}.npy"
     if not labels:

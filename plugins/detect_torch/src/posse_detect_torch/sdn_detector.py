@@ -13,6 +13,7 @@ from posse_core.dataset import Dataset
 from posse_core.detection.card import ModelCard
 from posse_core.evaluation.metrics import proposal_recall
 from posse_detect_torch.box_detector import BoxDetector, BoxLesson
+from posse_detect_torch.imagenet import load_imagenet
 from posse_detect_torch.learn import Batch, seeded
 from posse_detect_torch.options import SdnOptions
 from posse_detect_torch.sdn import PROPOSALS, Decoded, Sdn, proposals
@@ -35,6 +36,8 @@ class SdnLesson(BoxLesson):
         super().__init__(dataset, folder, classes, options)
         self._options = options
         self.net = seeded(options, lambda: _net(len(classes), options))
+        if options.backbone_weights is not None:
+            load_imagenet(self.net.backbone, options.backbone_weights)
         light = [float(self.train.linear(place).mean()) for place in range(len(self.train))]
         self.net.mean_pixel.fill_(float(np.mean(light)) if light else 0.0)
 
@@ -91,7 +94,8 @@ class SdnDetector(BoxDetector):
         return SdnLesson(dataset, folder, card.classes, self.options)
 
     def net(self, card: ModelCard) -> Sdn:
-        return _net(len(card.classes), SdnOptions.model_validate(dict(card.options)))
+        options = {**card.options, "backbone_weights": None}  # the card holds their digest alone
+        return _net(len(card.classes), SdnOptions.model_validate(options))
 
     def decoded(self, net: nn.Module) -> nn.Module:
         assert isinstance(net, Sdn)

@@ -19,10 +19,11 @@ from posse_core.detection.keypoints import keypoint_ranges, points_of, square_fo
 from posse_core.detection.square import Square, grey
 from posse_core.errors import InputError
 from posse_core.interfaces.detector import Detection, KeypointFinder
-from posse_core.model.arrays import AnyArray, Float32Array
+from posse_core.model.arrays import AnyArray, Float32Array, FloatArray
 from posse_detect_torch.augment import look, move_points, random_view, warp
 from posse_detect_torch.checkpoint import read_weights
 from posse_detect_torch.export import Outputs, difference, export, raw_difference
+from posse_detect_torch.int8 import CONVOLUTIONS, write_int8
 from posse_detect_torch.learn import Batch, Lesson, device_of, learn, seeded
 from posse_detect_torch.options import SimccOptions
 from posse_detect_torch.pictures import Pictures, cut_pictures
@@ -53,7 +54,7 @@ class SimccLesson(Lesson):
         if shown and "keypoints" not in dataset.frame(shown[0]):
             raise InputError(
                 f"{dataset.folder}: the labels have no keypoints; make the dataset with the annotator"
-                " 'keypoints'"
+                " 'keypoints'; to COCO, add spacecraft/NAME.json"
             )
         return cut_pictures(dataset, shown, self.options.input_px, of_box, folder, f"keypoints-{part}")
 
@@ -154,6 +155,11 @@ class SimccFinder(KeypointFinder):
         squares = [square_for(np.array([0, 0, *image.shape[1::-1]]), size) for image in images]
         pictures = [_picture(image, square) for image, square in zip(images, squares, strict=True)]
         return export(self._decoded, OUTPUTS, np.stack(pictures), self._card, path, _compare)
+
+    def write_int8(self, path: Path, out: Path, seen: Sequence[tuple[AnyArray, FloatArray]]) -> None:
+        size = self._card.input_px
+        pictures = (_picture(image, square_for(box, size)) for image, box in seen)
+        write_int8(path, out, pictures, CONVOLUTIONS)  # a distribution is told by more than eight bits
 
 
 def _picture(image: AnyArray, square: Square) -> Float32Array:

@@ -6,8 +6,10 @@ import torch
 import torch.nn.functional as F
 from safetensors.torch import save_file
 
+from posse_core.dataset import Dataset
 from posse_core.detection.card import read_card
 from posse_core.errors import InputError
+from posse_core.selection.partition import write_partition
 from posse_detect_torch.imagenet import load_imagenet
 from posse_detect_torch.sdn import Backbone
 
@@ -127,7 +129,8 @@ def test_other_files_are_refused_in_one_line(tmp_path):
 
 def test_training_starts_there_and_the_model_tells_so(posse, make_dataset, tmp_path):
     save_file(checkpoint(18), tmp_path / "r18.safetensors")
-    data = make_dataset(tmp_path / "d", 10)
+    data = make_dataset(tmp_path / "d", 4)
+    write_partition(Dataset(data), (1, 0, 0), 0, "frame")
     arguments = ("train", data, "--detector", "sdn", "--out", tmp_path / "o")
     small = ("-o", "input_px=64", "-o", "epochs=1", "-o", "batch=8", "-o", "learning_rate=1e-12")
     weights = ("-o", f"backbone_weights={tmp_path / 'r18.safetensors'}")
@@ -141,7 +144,7 @@ def test_training_starts_there_and_the_model_tells_so(posse, make_dataset, tmp_p
 
     mine = load_file(model)["backbone.stages.0.1.body.3.weight"]
     torch.testing.assert_close(mine, checkpoint(18)["layer1.1.conv2.weight"], atol=1e-5, rtol=0)
-    code, _, error = posse("detect", data / "images", "--model", model)
+    code, _, error = posse("detect", data / "images" / "000000.png", "--model", model)
     assert code == 0, error
     code, _, error = posse(*arguments, *small, "-o", "backbone_weights=none.safetensors")
     assert code == 2

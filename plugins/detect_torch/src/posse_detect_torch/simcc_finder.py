@@ -41,10 +41,10 @@ class SimccLesson(Lesson):
 
     def __init__(self, dataset: Dataset, folder: Path, card: ModelCard, options: SimccOptions) -> None:
         self.options = options
+        self._train, self._valid = (self._cut(dataset, folder, part) for part in ("train", "valid"))
         self._ranges = keypoint_ranges(card)
         self._points = sum(len(points) for points in card.keypoints_body_m.values())
         self.net = seeded(options, lambda: SimCC(self._points, options.input_px))
-        self._train, self._valid = (self._cut(dataset, folder, part) for part in ("train", "valid"))
 
     def _cut(self, dataset: Dataset, folder: Path, part: str) -> Pictures:
         def of_box(labels: Mapping[str, Any], height: int, width: int) -> Square:

@@ -113,7 +113,7 @@ def main(frames: int, workers: int) -> None:
         executor = NullExecutor(PoolOptions(workers=workers), folder)
         clock = Clock()
         start = time.monotonic()
-        result = run(plan, folder, plugins, executor, resume=False, progress=clock.progress)
+        result = run(plan, str(folder), plugins, executor, resume=False, progress=clock.progress)
         end = time.monotonic()
         assert result.made == frames
         spans = [np.subtract(b, a) for a, b in pairwise(clock.ticks)]
@@ -126,7 +126,7 @@ def main(frames: int, workers: int) -> None:
         click.echo(f"before the first frame {before_s:.1f} s, after the last {after_s:.1f} s")
         click.echo(f"peak memory {_peak_mib():.0f} MiB")
         start, start_cpu = time.monotonic(), time.process_time()
-        again = run(plan, folder, plugins, executor, resume=True, progress=clock.progress)
+        again = run(plan, str(folder), plugins, executor, resume=True, progress=clock.progress)
         assert again.made == 0
         cpu_s = time.process_time() - start_cpu
         click.echo(f"resume scan {time.monotonic() - start:.2f} s, of which {cpu_s:.2f} s of processor")

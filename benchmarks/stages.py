@@ -11,7 +11,6 @@ import platform
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
-from pathlib import Path
 from statistics import median
 
 import click
@@ -107,7 +106,7 @@ def main(scenario: str, renderer: str, frames: int) -> None:
     watch_all(clock, plugins, renderer)
     executor = InThisProcess(clock)
     with tempfile.TemporaryDirectory() as folder:
-        run(plan, Path(folder) / "d", plugins, executor, resume=False, progress=lambda r, *_: r)
+        run(plan, f"{folder}/d", plugins, executor, resume=False, progress=lambda r, *_: r)
 
     measured = executor.frames[1:]
     rows = {"trajectory": trajectory_s}

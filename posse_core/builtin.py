@@ -138,6 +138,9 @@ def posse_annotators() -> list[ComponentSpec]:
     ]
 
 
+_LABELS_ONLY = frozenset({"labels-only"})
+
+
 @hookimpl
 def posse_writers() -> list[ComponentSpec]:
     return [
@@ -147,9 +150,24 @@ def posse_writers() -> list[ComponentSpec]:
             "posse_core.formats.bop:BopWriter",
             capabilities=frozenset({"pinhole-only"}),
         ),
-        ComponentSpec("coco", "boxes, masks and keypoints", "posse_core.formats.coco:CocoWriter"),
-        ComponentSpec("posse", "the thesis' own four files", "posse_core.formats.thesis:ThesisWriter"),
-        ComponentSpec("speed", "poses as in SPEED and SPEED+", "posse_core.formats.speed:SpeedWriter"),
+        ComponentSpec(
+            "coco",
+            "boxes, masks and keypoints",
+            "posse_core.formats.coco:CocoWriter",
+            capabilities=_LABELS_ONLY,
+        ),
+        ComponentSpec(
+            "posse",
+            "the thesis' own four files",
+            "posse_core.formats.thesis:ThesisWriter",
+            capabilities=_LABELS_ONLY,
+        ),
+        ComponentSpec(
+            "speed",
+            "poses as in SPEED and SPEED+",
+            "posse_core.formats.speed:SpeedWriter",
+            capabilities=_LABELS_ONLY,
+        ),
         ComponentSpec("yolo", "boxes and keypoints for YOLO-pose", "posse_core.formats.yolo:YoloWriter"),
     ]
 

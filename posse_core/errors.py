@@ -31,3 +31,7 @@ class ComponentError(PosseError):
 class WorkerLost(ComponentError):
     """A process that a component works in has died, maybe by chance: the frame is worth another try
     with the component made anew."""
+
+
+class StoreError(ComponentError):
+    """A network store refuses to be read or written: nothing more can be made, nothing is lost."""

@@ -77,7 +77,10 @@ def posse_subcommands() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
 
 @hookspec
 def posse_run_started(dataset: Path, frames: int) -> None:
-    """A run is about to make its first frame in the folder ``dataset``. Since 0.1."""
+    """A run is about to make its first frame in the folder ``dataset``. Since 0.1.
+
+    Of a run to a network store, this is the folder of its books (``posse_core/pipeline/place.py``).
+    """
 
 
 @hookspec

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,12 +21,13 @@ from posse_core.pipeline.plan import make_plan
 from posse_core.pipeline.run import RunResult, run
 from posse_core.plugins import Plugins, load_plugins
 from posse_core.scenario.load import scenario_members
+from posse_core.store import open_store
 
 
 @click.command()
 @click.argument("scenario", required=False)
 @click.option("--renderer", metavar="NAME", help="Who renders; 'posse plugins' lists the names.")
-@click.option("--out", type=click.Path(path_type=Path), help="Folder of the dataset.")
+@click.option("--out", help="Folder of the dataset, or s3://BUCKET/FOLDER.")
 @click.option("--workers", type=int, default=1, show_default=True, help="Number of workers.")
 @click.option("--executor", default="local", show_default=True, help="Where frames are made.")
 @click.option(
@@ -42,7 +44,7 @@ from posse_core.scenario.load import scenario_members
 def command(
     scenario: str | None,
     renderer: str | None,
-    out: Path | None,
+    out: str | None,
     workers: int,
     executor: str,
     frame_time_limit: float | None,
@@ -59,19 +61,17 @@ def command(
     plugins = load_plugins()
     if resume and out is None:
         raise InputError("--resume: name the folder of the run by --out")
-    source = scenario or DEFAULT_SCENARIO
-    if resume and scenario is None and out is not None:
-        source = _started_in(out)
     named = {"renderer.name": renderer, "seed": seed, "frames": frames}
     pool = _executor(plugins, executor, workers, frame_time_limit)
-    members = scenario_members(source)
+    given = contextlib.nullcontext(scenario or DEFAULT_SCENARIO)
     plans = {}
-    for member in members:
-        checked = read_scenario(member, overrides, **named)
-        with naming(member):
-            plans[Path(member).stem] = make_plan(checked, plugins.registry)
+    with _started_in(out) if resume and scenario is None and out is not None else given as source:
+        for member in scenario_members(source):
+            checked = read_scenario(member, overrides, **named)
+            with naming(member):
+                plans[Path(member).stem] = make_plan(checked, plugins.registry)
     folder = out or _free_folder(Path(source).stem)
-    folders = {name: folder / name if len(plans) > 1 else folder for name in plans}
+    folders = {name: f"{folder}/{name}" if len(plans) > 1 else folder for name in plans}
     results = []
     for name, plan in plans.items():
         shown = partial(_events, folders[name]) if as_json else _bar
@@ -84,14 +84,18 @@ def command(
     return 3 if any(result.failed for result in results) else 0
 
 
-def _started_in(folder: Path) -> str:
-    """The scenario of the run in a folder."""
-    path = folder / "scenario.yaml"
-    if not path.exists():
+@contextlib.contextmanager
+def _started_in(out: str) -> Iterator[str]:
+    """The scenario of the run at a place."""
+    try:
+        with open_store(out).local_copy("scenario.yaml") as path:
+            if not path.exists():
+                raise FileNotFoundError
+            yield str(path)
+    except FileNotFoundError:
         raise InputError(
-            f"--resume: {folder} has no scenario.yaml; name the scenario that was run into it"
-        )
-    return str(path)
+            f"--resume: {out} has no scenario.yaml; name the scenario that was run into it"
+        ) from None
 
 
 def _executor(plugins: Plugins, name: str, workers: int, frame_time_limit_s: float | None) -> Executor:
@@ -102,9 +106,9 @@ def _executor(plugins: Plugins, name: str, workers: int, frame_time_limit_s: flo
     return made
 
 
-def _free_folder(stem: str) -> Path:
+def _free_folder(stem: str) -> str:
     """``out/STEM-20260131-120000``: a folder that no run has yet."""
-    return Path("out") / f"{stem}-{time.strftime('%Y%m%d-%H%M%S')}"
+    return f"out/{stem}-{time.strftime('%Y%m%d-%H%M%S')}"
 
 
 def _bar(results: Iterable[FrameResult], frames: int, done: int) -> Iterable[FrameResult]:
@@ -114,11 +118,9 @@ def _bar(results: Iterable[FrameResult], frames: int, done: int) -> Iterable[Fra
             yield result
 
 
-def _events(
-    folder: Path, results: Iterable[FrameResult], frames: int, done: int
-) -> Iterable[FrameResult]:
+def _events(out: str, results: Iterable[FrameResult], frames: int, done: int) -> Iterable[FrameResult]:
     """A line when the run starts, and one a frame when its labels are on the disk."""
-    _emit("started", dataset=str(folder), frames=frames, done=done)
+    _emit("started", dataset=out, frames=frames, done=done)
     for result in results:
         yield result
         if result.made is None:
@@ -133,7 +135,7 @@ def _emit(event: str, **values: Any) -> None:
 
 def _as_json(result: RunResult) -> dict[str, Any]:
     return {
-        "dataset": str(result.folder),
+        "dataset": result.out,
         "frames": result.frames,
         "made": result.made,
         "failed": {str(index): error for index, error in result.failed.items()},
@@ -144,7 +146,7 @@ def _as_json(result: RunResult) -> dict[str, Any]:
 def _tell(result: RunResult, *, to_stdout: bool) -> None:
     if to_stdout:
         click.echo(
-            f"{result.folder}: {result.made} frames made of {result.frames} in {result.seconds:.1f} s"
+            f"{result.out}: {result.made} frames made of {result.frames} in {result.seconds:.1f} s"
         )
     for index, error in sorted(result.failed.items()):
         click.echo(f"posse: frame {index} failed: {' '.join(error.split())}", err=True)

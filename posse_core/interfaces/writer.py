@@ -14,7 +14,8 @@ from posse_core.dataset import Dataset
 class Writer(ABC):
     """Exports a dataset to one format.
 
-    Capabilities: ``pinhole-only`` (the format cannot say that a lens distorts).
+    Capabilities: ``pinhole-only`` (the format cannot say that a lens distorts); ``labels-only`` (images
+    and arrays are not read, so a run to a network store, which has none of them at hand, can write it).
     """
 
     def __init__(self, options: BaseModel) -> None:

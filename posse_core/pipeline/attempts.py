@@ -11,7 +11,7 @@ from typing import Any
 import cv2
 from pydantic import Field
 
-from posse_core.errors import WorkerLost
+from posse_core.errors import StoreError, WorkerLost
 from posse_core.interfaces.executor import FrameResult, FrameWorker, WorkerSetupError
 from posse_core.options import Options
 
@@ -58,7 +58,7 @@ class Attempts:
         """The frame raised; raises again what ends the run."""
         if isinstance(error, WorkerLost):
             return self.lost(index, str(error))
-        if isinstance(error, WorkerSetupError) or (
+        if isinstance(error, WorkerSetupError | StoreError) or (
             isinstance(error, OSError) and error.errno in _STORE_FAILED
         ):
             raise error
@@ -79,6 +79,8 @@ def make_frame(make_worker: Callable[[], FrameWorker], index: int) -> Mapping[st
         cv2.setNumThreads(int(os.environ["POSSE_THREADS"]))
         try:
             _worker = make_worker()
+        except StoreError:
+            raise
         except Exception as error:
             raise WorkerSetupError(str(error)) from error
     try:

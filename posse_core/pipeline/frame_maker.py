@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import io
+import json
 import zipfile
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import cv2
@@ -14,7 +14,6 @@ import numpy as np
 
 from posse_core.environment.time import Epoch
 from posse_core.errors import ComponentError
-from posse_core.files import write_bytes, write_json
 from posse_core.geometry.raycast import RayCaster
 from posse_core.interfaces.annotator import Annotator
 from posse_core.interfaces.renderer import Renderer
@@ -30,6 +29,7 @@ from posse_core.scenario.load import load_scenario
 from posse_core.sensor.lens import LensRenderer
 from posse_core.sensor.sensor import Sensor
 from posse_core.sky.sky import Sky, SkyView
+from posse_core.store import open_store
 from posse_core.trajectory import frame_state, load_trajectory
 
 RENDERER_FILE = "renderer.json"
@@ -37,15 +37,17 @@ RENDERER_FILE = "renderer.json"
 
 
 class FrameMaker:
-    """Makes the frames of the dataset in ``folder`` from its scenario and trajectory files."""
+    """Makes the frames of the dataset at ``place``, a path or URL, from its scenario and trajectory."""
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    def __init__(self, place: str) -> None:
+        self._store = open_store(place)
         registry = load_plugins().registry
-        scenario = load_scenario(str(folder / "scenario.yaml"), registry)
+        with self._store.local_copy("scenario.yaml") as path:
+            scenario = load_scenario(str(path), registry)
         self._seed = scenario.seed
         self._constants = scenario.constants
-        self._trajectory = load_trajectory(folder / "trajectory.npz")
+        with self._store.local_copy("trajectory.npz") as path:
+            self._trajectory = load_trajectory(path)
         self._epoch = Epoch.from_iso(self._trajectory.epoch_utc)
         camera = scenario.camera.camera()
         craft = create(registry, "scene", scenario.target).build()
@@ -60,7 +62,8 @@ class FrameMaker:
         self._renderer: Renderer = LensRenderer(create(registry, "renderer", scenario.renderer))
         self._renderer.open(self._scene)
         self._craft = CraftLight(self._renderer, self._geometry, self._sky, camera, scenario.seed)
-        write_json(folder / RENDERER_FILE, dict(self._renderer.describe()))
+        said = json.dumps(dict(self._renderer.describe()), indent=2, ensure_ascii=False)
+        self._store.write(RENDERER_FILE, f"{said}\n".encode())
 
     def make(self, index: int) -> Mapping[str, Any]:
         """Make one frame and write its files; its ``labels``, and ``sha256``: a digest a file."""
@@ -74,7 +77,7 @@ class FrameMaker:
         if arrays:
             files[labels["truth"]] = _npz(arrays)
         for name, data in files.items():
-            write_bytes(self._folder / name, data)
+            self._store.write(name, data)
         digests = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
         return {"labels": labels, "sha256": digests}
 

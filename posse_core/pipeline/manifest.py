@@ -6,12 +6,12 @@ import json
 import platform
 from collections.abc import Mapping
 from importlib import metadata
-from pathlib import Path
 from typing import Any
 
 from posse_core import __version__
 from posse_core.files import sha256
 from posse_core.pipeline.frame_maker import RENDERER_FILE
+from posse_core.pipeline.place import Place
 from posse_core.pipeline.plan import Plan
 from posse_core.pipeline.shards import CHECKSUMS
 from posse_core.plugins import Plugins
@@ -22,11 +22,14 @@ _LIBRARIES = ("casadi", "embreex", "numpy", "opencv-contrib-python-headless", "s
 
 
 def make_manifest(
-    folder: Path, plan: Plan, plugins: Plugins, failed: Mapping[int, str]
+    place: Place, plan: Plan, plugins: Plugins, failed: Mapping[int, str]
 ) -> dict[str, Any]:
     """The manifest of a run that has ended; ``failed`` maps frames to their errors."""
-    renderer_file = folder / RENDERER_FILE
-    renderer = json.loads(renderer_file.read_text("utf-8")) if renderer_file.exists() else {}
+    folder = place.books
+    try:
+        renderer = json.loads(place.store.read(RENDERER_FILE))
+    except FileNotFoundError:
+        renderer = {}
     hashed = sorted(
         path
         for pattern in ("scenario.yaml", "trajectory.npz", "camera.json", "spacecraft/*", "labels/*")

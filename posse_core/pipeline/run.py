@@ -4,25 +4,25 @@ from __future__ import annotations
 
 import errno
 import json
-import shutil
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from filelock import FileLock, Timeout
-
 from posse_core.dataset import Dataset, write_camera, write_spacecraft
-from posse_core.errors import ComponentError, InputError, PosseError
+from posse_core.errors import ComponentError, InputError, PosseError, StoreError
 from posse_core.files import write_bytes, write_json
 from posse_core.interfaces.executor import Executor, FrameResult
 from posse_core.pipeline.frame_maker import FrameMaker, create
 from posse_core.pipeline.manifest import COMPLETE, make_manifest
+from posse_core.pipeline.place import Place, place_at
 from posse_core.pipeline.plan import Plan
 from posse_core.pipeline.shards import LabelLog
 from posse_core.plugins import Plugins
+from posse_core.registry import Registry
 from posse_core.scenario.load import dump_scenario
+from posse_core.store import is_remote
 from posse_core.trajectory import save_trajectory
 
 Progress = Callable[[Iterable[FrameResult], int, int], Iterable[FrameResult]]
@@ -37,7 +37,7 @@ class RunResult:
         frames: in the dataset's plan; made: in this run; failed: frame → why.
     """
 
-    folder: Path
+    out: str
     frames: int
     made: int
     failed: dict[int, str]
@@ -46,67 +46,75 @@ class RunResult:
 
 def run(
     plan: Plan,
-    folder: Path,
+    out: str,
     plugins: Plugins,
     executor: Executor,
     *,
     resume: bool,
     progress: Progress,
 ) -> RunResult:
-    """Make the dataset of a plan in ``folder``; with ``resume``, only what is not there yet.
+    """Make the dataset of a plan at ``out``, a path or a URL; with ``resume``, only what is not there.
 
     Raises:
         InputError: the folder holds another run, is in use, or cannot be written to.
-        ComponentError: a worker could not be made.
+        ComponentError: a worker could not be made, or a network store refuses.
     """
-    fresh = _claim(folder, plan, resume=resume)
+    if not is_remote(out) and Path(out).exists() and not Path(out).is_dir():
+        raise InputError(f"--out {out}: is a file; name a folder that does not exist yet")
+    if is_remote(out):
+        _check_writers(plan, plugins.registry)
+    place = place_at(out)
+    made_some = True
     try:
-        with FileLock(folder / ".lock", timeout=0):
-            result = _Run(plan, folder, plugins).make(executor, progress)
-            (folder / ".lock").unlink(missing_ok=True)
-            return result
-    except Timeout:
-        raise InputError(f"{folder}: another run is writing there; wait for it to end") from None
-    except (OSError, PosseError) as error:
-        nothing_made = fresh and not any(folder.glob("labels/*.jsonl"))
-        if nothing_made:
-            shutil.rmtree(folder, ignore_errors=True)
-        if isinstance(error, OSError):
-            raise _explained(error, folder, kept=not nothing_made) from error
-        raise
+        with place.claimed():
+            fresh = _check_claim(place, out, plan, resume=resume)
+            try:
+                return _Run(plan, out, place, plugins).make(executor, progress)
+            except (OSError, PosseError):
+                made_some = not fresh or any(place.books.glob("labels/*.jsonl"))
+                if not made_some:
+                    place.discard()
+                raise
+    except OSError as error:
+        raise _explained(error, out, kept=made_some) from error
+    except StoreError as error:
+        raise StoreError(f"{error}{_way_on(made_some)}") from None
 
 
-def _claim(folder: Path, plan: Plan, *, resume: bool) -> bool:
-    """Make sure that the folder is this run's; True when nothing was in it."""
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"--out {folder}: is a file; name a folder that does not exist yet")
-    taken = folder.exists() and any(not path.name.startswith(".") for path in folder.iterdir())
-    if not taken:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            reason = (error.strerror or "").lower()
-            raise InputError(f"--out {folder}: cannot be made ({reason}); name another folder") from None
+def _check_claim(place: Place, out: str, plan: Plan, *, resume: bool) -> bool:
+    """Make sure that the place is this run's; True when nothing was in it."""
+    if all(path.name.startswith(".") for path in place.books.iterdir()):
         return True
-    scenario_file = folder / "scenario.yaml"
+    scenario_file = place.books / "scenario.yaml"
     if not scenario_file.exists():
-        raise InputError(f"--out {folder}: is not empty and holds no run; name another folder")
+        raise InputError(f"--out {out}: is not empty and holds no run; name another folder")
     if not resume:
         raise InputError(
-            f"--out {folder}: holds another run; name another folder, or go on with it by --resume"
+            f"--out {out}: holds another run; name another folder, or go on with it by --resume"
         )
     if scenario_file.read_text("utf-8") != dump_scenario(plan.scenario):
         raise InputError(
-            f"--out {folder}: its run has another scenario than this one; resume it without"
+            f"--out {out}: its run has another scenario than this one; resume it without"
             " naming a scenario or options, or name another folder"
         )
     return False
 
 
+def _check_writers(plan: Plan, registry: Registry) -> None:
+    for choice in plan.scenario.writers:
+        if "labels-only" not in registry.spec("writer", choice.name).capabilities:
+            raise InputError(
+                f"writers: {choice.name!r} reads images, which a run to a network store does not have"
+                " at hand; leave it out, and 'posse export' a copy of the dataset"
+            )
+
+
 class _Run:
-    def __init__(self, plan: Plan, folder: Path, plugins: Plugins) -> None:
+    def __init__(self, plan: Plan, out: str, place: Place, plugins: Plugins) -> None:
         self._plan = plan
-        self._folder = folder
+        self._out = out
+        self._place = place
+        self._folder = place.books
         self._plugins = plugins
         self._failed: dict[int, str] = {}
 
@@ -115,17 +123,19 @@ class _Run:
         self._write_statics()
         frames = len(self._plan.trajectory)
         self._log = LabelLog(self._folder, frames)
-        done = self._log.recover()
+        done = self._log.recover(self._place.store.sha256)
         todo = [index for index in range(frames) if index not in done]
         if todo or not self._is_complete():
             (self._folder / "manifest.json").unlink(missing_ok=True)
+            self._place.save()
             self._plugins.notify("posse_run_started", dataset=self._folder, frames=frames)
-            results = executor.run(partial(FrameMaker, self._folder.absolute()), todo)
+            results = executor.run(partial(FrameMaker, self._place.store.name), todo)
             for result in progress(results, frames, len(done)):
                 self._enter(result)
             self._finish()
+            self._place.save()
         made = len(todo) - len(self._failed)
-        return RunResult(self._folder, frames, made, self._failed, time.monotonic() - started)
+        return RunResult(self._out, frames, made, self._failed, time.monotonic() - started)
 
     def _write_statics(self) -> None:
         """What does not change from frame to frame; the scenario first, since it marks the folder."""
@@ -148,7 +158,7 @@ class _Run:
             self._failed[result.index] = result.error
             return
         labels = result.made["labels"]
-        self._log.append(labels, result.made["sha256"])
+        self._place.entered(self._log.append(labels, result.made["sha256"]))
         self._plugins.notify("posse_frame_completed", index=result.index, labels=labels)
 
     def _finish(self) -> None:
@@ -159,17 +169,20 @@ class _Run:
         if dataset.frames:
             for choice in self._plan.scenario.writers:
                 create(registry, "writer", choice).write(dataset, self._folder)
-        manifest = make_manifest(self._folder, self._plan, self._plugins, self._failed)
+        manifest = make_manifest(self._place, self._plan, self._plugins, self._failed)
         write_json(self._folder / "manifest.json", manifest)
         self._plugins.notify("posse_run_finished", dataset=self._folder, manifest=manifest)
 
 
-def _explained(error: OSError, folder: Path, *, kept: bool) -> PosseError:
-    """The error of a store that refused, in words."""
-    way_out = "; go on with --resume: the frames made so far are kept" if kept else ""
+def _way_on(kept: bool) -> str:
+    return "; go on with --resume: the frames made so far are kept" if kept else ""
+
+
+def _explained(error: OSError, out: str, *, kept: bool) -> PosseError:
+    """The error of a disk that refused, in words."""
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        return InputError(f"--out {folder}: the disk is full; free some space{way_out}")
+        return InputError(f"--out {out}: the disk is full; free some space{_way_on(kept)}")
     if error.errno in (errno.EACCES, errno.EROFS, errno.EPERM, errno.ENOTDIR, errno.ENAMETOOLONG):
         reason = (error.strerror or "").lower()
-        return InputError(f"--out {folder}: cannot be written to ({reason}); name another folder")
-    return ComponentError(f"{folder}: {error}{way_out}")
+        return InputError(f"--out {out}: cannot be written to ({reason}); name another folder")
+    return ComponentError(f"{out}: {error}{_way_on(kept)}")

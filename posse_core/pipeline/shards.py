@@ -15,13 +15,13 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from posse_core.files import sha256, write_bytes
+from posse_core.files import write_bytes
 
 FRAMES_PER_SHARD = 1000
 CHECKSUMS = "checksums.sha256"
@@ -55,17 +55,26 @@ class LabelLog:
         self._shards = [shard_path(folder, first) for first in range(0, frames, FRAMES_PER_SHARD)]
         (folder / "labels").mkdir(exist_ok=True)
 
-    def append(self, labels: Mapping[str, Any], digests: Mapping[str, str]) -> None:
-        """Enter a frame whose files are complete; ``digests`` maps each to its SHA-256."""
+    def append(self, labels: Mapping[str, Any], digests: Mapping[str, str]) -> bytes:
+        """Enter a frame whose files are complete; ``digests`` maps each to its SHA-256.
+
+        Returns:
+            What was entered, for :func:`replay`.
+        """
         index = labels["index"]
         values = {"index": index, **labels}
         line = json.dumps(values, ensure_ascii=False, allow_nan=False, separators=(",", ":")) + "\n"
         rows = "".join(f"{digest}  {name}\n" for name, digest in digests.items())
-        _append(self._folder / CHECKSUMS, _sealed(index, rows.encode(), line.encode()))
+        block = _sealed(index, rows.encode(), line.encode())
+        _append(self._folder / CHECKSUMS, block)
         _append(shard_path(self._folder, index), line.encode())
+        return block + line.encode()
 
-    def recover(self) -> set[int]:
+    def recover(self, digest_of: Callable[[str], str]) -> set[int]:
         """Find the frames that are done; drop torn lines, and frames whose files are not as entered.
+
+        Args:
+            digest_of: a frame's file → its SHA-256 as it is now, or OSError.
 
         Returns:
             Indices of frames that are complete.
@@ -74,14 +83,16 @@ class LabelLog:
         blocks = _blocks(path)
         # Reading and hashing leave Python to the other threads.
         with ThreadPoolExecutor() as threads:
-            intact = threads.map(partial(self._mend, blocks), range(len(self._shards)))
+            intact = threads.map(partial(self._mend, blocks, digest_of), range(len(self._shards)))
             done = set().union(*intact)
         text = b"".join(block for index, block in blocks.items() if index in done)
         if path.exists() and path.read_bytes() != text:
             write_bytes(path, text)
         return done
 
-    def _mend(self, blocks: Mapping[int, bytes], shard: int) -> set[int]:
+    def _mend(
+        self, blocks: Mapping[int, bytes], digest_of: Callable[[str], str], shard: int
+    ) -> set[int]:
         """Drop what is not whole from a shard; the frames that are left."""
         path = self._shards[shard]
         intact: set[int] = set()
@@ -90,25 +101,12 @@ class LabelLog:
             index = _index(line)
             if index in intact or index // FRAMES_PER_SHARD != shard or index not in blocks:
                 continue
-            if self._is_intact(index, line, blocks[index]):
+            if _is_intact(index, line, blocks[index], digest_of):
                 intact.add(index)
                 lines.append(line)
         if path.exists() and sum(map(len, lines)) != path.stat().st_size:
             write_bytes(path, b"".join(lines))
         return intact
-
-    def _is_intact(self, index: int, line: bytes, block: bytes) -> bool:
-        rows = block[: block.rindex(b"# ")]
-        if _sealed(index, rows, line) != block:
-            return False
-        try:
-            for row in rows.decode().splitlines():
-                digest, _, name = row.partition("  ")
-                if sha256(f"{self._folder}/{name}") != digest:
-                    return False
-        except OSError:
-            return False
-        return True
 
     def put_in_order(self) -> None:
         """Sort the lines by frame where workers were done out of turn, and the checksums likewise."""
@@ -118,6 +116,27 @@ class LabelLog:
         blocks = _blocks(self._folder / CHECKSUMS)
         ordered = [blocks[index] for index in sorted(blocks)]
         _rewrite(self._folder / CHECKSUMS, list(blocks.values()), ordered)
+
+
+def replay(folder: Path, entries: bytes) -> None:
+    """Enter frames again, from what :meth:`LabelLog.append` returned; twice does no harm."""
+    for line in entries.splitlines(keepends=True):
+        index = _index(line)
+        _append(folder / CHECKSUMS if index < 0 else shard_path(folder, index), line)
+
+
+def _is_intact(index: int, line: bytes, block: bytes, digest_of: Callable[[str], str]) -> bool:
+    rows = block[: block.rindex(b"# ")]
+    if _sealed(index, rows, line) != block:
+        return False
+    try:
+        for row in rows.decode().splitlines():
+            digest, _, name = row.partition("  ")
+            if digest_of(name) != digest:
+                return False
+    except OSError:
+        return False
+    return True
 
 
 def _append(path: Path, text: bytes) -> None:

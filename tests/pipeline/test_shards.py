@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from posse_core.files import sha256
 from posse_core.pipeline import shards
 from posse_core.pipeline.shards import CHECKSUMS, LabelLog
+from posse_core.store import LocalStore
 
 FRAMES = 13
 PER_SHARD = 5
@@ -95,14 +96,14 @@ def test_after_any_damage_the_books_are_the_same_to_the_bit(data):
         todo = order
         for _ in range(data.draw(st.integers(1, 3))):
             log = LabelLog(folder, FRAMES)
-            done = log.recover()
+            done = log.recover(LocalStore(folder).sha256)
             todo = [index for index in order if index not in done]
             for index in todo[: data.draw(st.integers(0, FRAMES))]:
                 enter(log, folder, index)
             for kind in data.draw(st.lists(st.sampled_from(KINDS), max_size=3)):
                 damage(folder, kind, data)
         log = LabelLog(folder, FRAMES)
-        done = log.recover()
+        done = log.recover(LocalStore(folder).sha256)
         for index in order:
             if index not in done:
                 enter(log, folder, index)
@@ -118,14 +119,15 @@ def test_what_is_whole_is_not_made_again(entered):
         for index in entered:
             enter(log, folder, index)
         before = books(folder) if entered else {}
-        assert LabelLog(folder, FRAMES).recover() == entered
+        assert LabelLog(folder, FRAMES).recover(LocalStore(folder).sha256) == entered
         assert (books(folder) if entered else {}) == before
 
 
 def test_only_the_damaged_frame_is_made_again(tmp_path):
-    undisturbed(tmp_path / "d")
+    folder = tmp_path / "d"
+    undisturbed(folder)
     (tmp_path / "d/truth/000007.npz").write_bytes(b"")
-    assert LabelLog(tmp_path / "d", FRAMES).recover() == set(range(FRAMES)) - {7}
+    assert LabelLog(folder, FRAMES).recover(LocalStore(folder).sha256) == set(range(FRAMES)) - {7}
     rows = (tmp_path / "d" / CHECKSUMS).read_text()
     assert "000007" not in rows
     image = tmp_path / "d/images/000008.png"

@@ -46,8 +46,8 @@ class Place(ABC):
         """Keep other runs away for the length of a block; ``books`` is there within it.
 
         Raises:
-            InputError: another run holds the place.
-            OSError: a folder cannot be made; StoreError: a network store refuses.
+            InputError: another run holds the place, or the folder cannot be made.
+            StoreError: a network store refuses.
         """
 
     @abstractmethod
@@ -72,7 +72,13 @@ class LocalPlace(Place):
 
     @contextlib.contextmanager
     def claimed(self) -> Iterator[None]:
-        self.books.mkdir(parents=True, exist_ok=True)
+        try:
+            self.books.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            reason = (error.strerror or "").lower()
+            raise InputError(
+                f"--out {self.books}: cannot be made ({reason}); name another folder"
+            ) from None
         lock = self.books / ".lock"
         try:
             with FileLock(lock, timeout=0):

@@ -64,7 +64,7 @@ def run(
     if is_remote(out):
         _check_writers(plan, plugins.registry)
     place = place_at(out)
-    made_some = True
+    made_some = False
     try:
         with place.claimed():
             fresh = _check_claim(place, out, plan, resume=resume)

@@ -44,8 +44,8 @@ class PsfConfig(Options):
 class AutoExposureConfig(Options):
     """The exposure that brings the brighter pixels of a frame to a share of white.
 
-    Metered on the spacecraft's pixels, and on the whole image where it covers less than a thousandth
-    of it. Electrons of light alone count, by the brightest channel.
+    Metered on the pixels that the spacecraft covers by more than half, and on the whole image where
+    there are none. Electrons of light alone count, by the brightest channel.
     """
 
     percentile: float = Field(95.0, ge=0, le=100, description="of the metered pixels, by brightness")

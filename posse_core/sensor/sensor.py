@@ -15,8 +15,6 @@ from posse_core.scenario.sensor import AutoExposureConfig, SensorConfig
 from posse_core.sensor.psf import make_psf
 from posse_core.sky.view import SkyView
 
-METERED_SHARE = 1e-3
-"""Share of the image that the spacecraft covers, from which on the exposure is metered on it."""
 POISSON_BELOW_E = 64.0
 """Means above are drawn as a Gaussian of the same mean and variance: 20 times faster."""
 
@@ -67,7 +65,7 @@ class Sensor:
         """
         white_e = np.minimum(self._gain_e_dn * self._max_dn, self._full_well_e)
         whites_s = (self.mean_electrons(sky, craft, 1.0) / white_e).max(axis=-1)
-        if craft is not None and (craft.coverage > 0.5).sum() >= METERED_SHARE * whites_s.size:
+        if craft is not None and (craft.coverage > 0.5).any():
             whites_s = whites_s[craft.box.slices][craft.coverage > 0.5]
         bright_s = float(np.percentile(whites_s, rule.percentile))
         wanted_s = rule.level / bright_s if bright_s > 0 else rule.longest_s

@@ -56,10 +56,11 @@ def test_the_percentile_is_of_the_craft_and_not_of_the_sky() -> None:
         assert sensor().metered_s(blinding, craft, rule) == pytest.approx(expected_s, rel=1e-5)
 
 
-def test_where_the_craft_is_a_speck_the_image_counts() -> None:
+def test_where_the_craft_covers_no_pixel_the_image_counts() -> None:
     rule = AutoExposureConfig(level=0.8)
     sky = replace(BLACK, radiance_rgb=np.broadcast_to(plate(0.5).radiance_rgb[0, 1], (48, 64, 3)))
     speck = plate(1.0, PixelBox(20, 20, 3, 1))
+    speck.coverage[:] = 0.4
     for craft in (speck, None):
         exposure_s = sensor().metered_s(sky, craft, rule)
         assert exposure_s == pytest.approx(0.0016 / 0.961123 / 0.5, rel=1e-5)

@@ -88,7 +88,9 @@ def main() -> None:
 def pictures(shots: list[Shot], folder: Path, plugins: Plugins) -> list[AnyArray]:
     """(H, W, 3) RGB of shots that have the same settings."""
     exposure_s = shots[0].exposure_s
-    automatic = {"percentile": 98, "level": 0.7, "shortest_s": 1e-6}
+    exposure: dict[str, object] = {"auto_exposure": {"percentile": 98, "level": 0.7, "shortest_s": 1e-6}}
+    if exposure_s is not None:
+        exposure = {"exposure_s": exposure_s, "motion_blur": {"instants": 8}}
     changes = {
         "times": {"t_s": [shot.t_s for shot in shots]},
         "camera": {"width_px": WIDTH_PX, "height_px": HEIGHT_PX, "hfov_deg": 54},
@@ -96,8 +98,7 @@ def pictures(shots: list[Shot], folder: Path, plugins: Plugins) -> list[AnyArray
         "sky.stars.gain": shots[0].stars,
         "sensor": {
             "f_number": 1.2,
-            "motion_blur": {"instants": 8},
-            **({"auto_exposure": automatic} if exposure_s is None else {"exposure_s": exposure_s}),
+            **exposure,
             "color": "rgb",
             "response": "srgb",
         },

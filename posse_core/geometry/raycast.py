@@ -66,11 +66,12 @@ class RayCaster:
         beyond_px = 0
         for band in bands:
             first, rows = band.moment.first_row, band.moment.rows
-            pixels.append(band.look.pixels(box.within_rows(first, rows)))
-            beyond_px += band.look.count_beyond(band.box, band.field)
+            look = _Look.at(self._tracer, camera, band.pose, band.nearest_m)
+            pixels.append(look.pixels(box.within_rows(first, rows)))
+            beyond_px += look.count_beyond(band.box, band.field)
             row = np.floor(keypoints_px[:, 1] + 0.5)
             here = np.flatnonzero(inside & (row >= first) & (row < first + rows))
-            visibility[here] = self._visibility(band, here)
+            visibility[here] = self._visibility(look, band.pose, here)
         part_id, depth_m, normal_cam, lit = (
             np.concatenate(parts) for parts in zip(*pixels, strict=True)
         )
@@ -139,16 +140,16 @@ class RayCaster:
             box=box.within_rows(moment.first_row, moment.rows),
             field=field.within_rows(top, max(0, bottom - top)),
             pose=pose,
-            look=_Look.at(self._tracer, self._camera, pose, float(vertices_cam_m[2].min())),
+            nearest_m=float(vertices_cam_m[2].min()),
         )
 
-    def _visibility(self, band: _Band, keypoints: IntArray) -> IntArray:
-        """(k,) int8 of the keypoints, by number, that the band's rows see; see :class:`View`."""
+    def _visibility(self, look: _Look, pose: FrameState, keypoints: IntArray) -> IntArray:
+        """(k,) int8 of the keypoints, by number, that a look sees; see :class:`View`."""
         body_m = self._keypoints_body_m[:, keypoints]
-        depth_m = _in_camera(band.pose, body_m)[2]
+        depth_m = _in_camera(pose, body_m)[2]
         centre_body_m = self._tracer.triangles.centre_body_m
-        directions = (body_m - (centre_body_m + band.look.camera_m)[:, None]) / depth_m
-        _, z_m = band.look.first(directions)
+        directions = (body_m - (centre_body_m + look.camera_m)[:, None]) / depth_m
+        _, z_m = look.first(directions)
         behind_m = (depth_m - z_m) * np.sqrt(dot(directions, directions))
         hidden = behind_m > KEYPOINT_TOLERANCE * self._tracer.triangles.size_m
         return np.where(hidden, OCCLUDED, VISIBLE)
@@ -162,13 +163,14 @@ class _Band:
         box, field: the pixels that the spacecraft may touch in these rows: in the image, and in the
             field of the silhouette.
         pose: the frame at their moment.
+        nearest_m: least planar depth of the craft then.
     """
 
     moment: Moment
     box: PixelBox
     field: PixelBox
     pose: FrameState
-    look: _Look
+    nearest_m: float
 
 
 @dataclass(frozen=True)

@@ -57,7 +57,7 @@ class FrameMaker:
             create(registry, "annotator", choice) for choice in scenario.annotators
         ]
         self._sky = Sky(scenario.sky, camera, scenario.seed)
-        self._shutter = scenario.sensor
+        self._sensor_config = scenario.sensor
         self._sensor = Sensor(scenario.sensor, camera)
         self._renderer: Renderer = LensRenderer(create(registry, "renderer", scenario.renderer))
         self._renderer.open(self._scene)
@@ -107,7 +107,8 @@ class FrameMaker:
 
     def expose(self, frame: FrameState) -> tuple[AnyArray, float]:
         """The image, (H, W) or (H, W, 3) RGB, uint8 or uint16, and its exposure in seconds."""
-        config, exposure_s, light = self._shutter, self._shutter.exposure_s, None
+        config, light = self._sensor_config, None
+        exposure_s = config.exposure_s
         if config.auto_exposure is not None:
             light = self._light(frame, 0.0)
             exposure_s = self._sensor.metered_s(*light, config.auto_exposure)
@@ -117,7 +118,7 @@ class FrameMaker:
 
     def _light(self, frame: FrameState, exposure_s: float) -> tuple[SkyView, Radiance | None]:
         """Sky and craft over an exposure; in one instant, if motion is not to blur."""
-        blur = self._shutter.motion_blur
+        blur = self._sensor_config.motion_blur
         instants = 1 if blur is None else blur.instants
         return (
             self._sky.look(frame, exposure_s, instants),

@@ -12,6 +12,7 @@ OPTIONS = (
     "attitude.target={law: spin, body_axis: +z, rate_rpm: 60}",
     "camera.line_time_s=0.004",
     "camera.hfov_deg=5",
+    "camera.distortion=[-40.0, 0, 0.1, -0.1, 0]",
     "sensor.motion_blur={instants: 4}",
     "sensor.auto_exposure={level: 0.5}",
     "annotators=[box, mask, parts, depth, normals, keypoints, pose]",

@@ -2,6 +2,7 @@
 
 import json
 
+import cuboid
 import cv2
 import numpy as np
 import onnx
@@ -11,8 +12,9 @@ from onnx import TensorProto, helper, numpy_helper
 from scipy.spatial.transform import Rotation
 
 from posse_core.cli.detect import command
-from posse_core.dataset import write_camera
-from posse_core.detection.card import ModelCard
+from posse_core.cli.eval import command as eval_command
+from posse_core.dataset import Dataset, write_camera
+from posse_core.detection.card import ModelCard, dataset_hash
 from posse_core.detection.keypoints import square_for
 from posse_core.detection.models import open_detector, open_keypoint_finder
 from posse_core.detection.square import whole_image
@@ -132,3 +134,29 @@ def test_from_image_to_pose_by_the_command(tmp_path):
     assert np.linalg.eigvalsh(found["pose"]["covariance"]).min() > 0
     words = CliRunner().invoke(command, [str(tmp_path / "image.png"), *options]).stdout
     assert f"{np.linalg.norm(t):.2f} m away" in words
+
+
+def test_a_page_of_an_evaluation_by_the_command(tmp_path):
+    """A net that tells the box of the dataset's first frame, whatever it sees."""
+    dataset = Dataset(cuboid.write_dataset(tmp_path / "d"))
+    box = np.array(dataset.frame(0)["box_visible_px"], float)
+    outputs = {
+        "boxes": whole_image(120, 160, 64).boxes_in(box)[None, None].astype(np.float32),
+        "scores": np.array([[0.9]], np.float32),
+        "labels": np.array([[0]], np.int64),
+    }
+    write_model(tmp_path / "m.onnx", "boxes", outputs)
+    arguments = [str(dataset.folder), "--model", str(tmp_path / "m.onnx"), "--part", "all", "--out"]
+    done = CliRunner().invoke(eval_command, [*arguments, str(tmp_path / "page.html")])
+    assert done.exit_code == 0, done.output
+    page = (tmp_path / "page.html").read_text()
+    assert "m.onnx on d, part all" in page
+    assert f"SHA-256: {dataset_hash(dataset)}" in page
+    (found,) = [line.split() for line in done.stdout.splitlines() if line.startswith("all")]
+    assert found[1] == "6"
+    assert (
+        page.count("<figure>") == 6
+    )  # five frames that show the craft, and the false alarm in the other
+    done = CliRunner().invoke(eval_command, [*arguments, str(tmp_path / "none" / "page.html")])
+    assert isinstance(done.exception, InputError)
+    assert "its folder does not exist" in str(done.exception)

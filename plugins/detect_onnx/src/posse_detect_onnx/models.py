@@ -29,6 +29,8 @@ def _open(path: Path, task: str, threads: int) -> tuple[onnxruntime.InferenceSes
     """
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
+    # Two nets run in turn: idle threads of the one would hold the cores that the other needs.
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.log_severity_level = 4
     try:
         session = onnxruntime.InferenceSession(

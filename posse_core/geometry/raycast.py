@@ -221,7 +221,7 @@ class _Look:
         x = (u_px - self.camera.cx_px) / self.camera.fx_px
         y = (v_px[:, None] - self.camera.cy_px) / self.camera.fy_px
         if self.camera.distortion is not None:
-            x, y = self.camera.distortion.undistort(*np.broadcast_arrays(x, y))
+            x, y = self.camera.distortion.undistort(x, y)
         return np.stack([x * R[0, k] + (y * R[1, k] + R[2, k]) for k in range(3)])
 
     def first(self, directions: FloatArray) -> tuple[IntArray, FloatArray]:

@@ -18,7 +18,9 @@ class Renderer(ABC):
     """Turns a scene and a frame state into linear radiance.
 
     The Sun is a disc of ``sun_angular_radius_rad`` in ``sun_direction_cam`` that gives
-    ``sun_irradiance_rgb_w_m2`` on a plate facing it. Both sides of a face are visible.
+    ``sun_irradiance_rgb_w_m2`` on a plate facing it. Both sides of a face are visible. The scene's
+    camera is always a pinhole: where the user's lens distorts, the core asks for a finer image and
+    distorts that.
 
     Capabilities: ``path-traced``, ``deterministic`` (the same request gives the same bits),
     ``environment`` (uses the environment map), ``depth``, ``gpu``.

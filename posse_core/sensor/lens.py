@@ -21,8 +21,6 @@ from posse_core.model.scene import Radiance, RenderRequest, Scene
 
 FINER = 2
 """Pixels of the pinhole image across one of the distorted image, at least."""
-SAMPLES = 4
-"""Rays across a pixel, and down it, that read the pinhole image between its pixels, linearly."""
 _FLAT = 1e-5
 """How far, over itself, 1/z of four neighbours may be from one plane's."""
 _MARGIN_PX = 2
@@ -51,7 +49,7 @@ class LensRenderer(Renderer):
         box = _box_around(corners_px, self._pinhole)
         image = self._renderer.render(replace(request, box=box))
         centres_px = self._pinhole.project(self._camera.rays(request.box.pixel_centres_px()))
-        return _distorted(image, request.box, corners_px, centres_px)
+        return _distorted(image, request.box, corners_px, centres_px, samples(self._camera))
 
     def close(self) -> None:
         self._renderer.close()
@@ -78,6 +76,15 @@ def pinhole_of(camera: Camera) -> Camera:
     )
 
 
+def samples(camera: Camera) -> int:
+    """Rays across a pixel, and down it, that read the pinhole image between its pixels, linearly.
+
+    They stand about one or half of its pixels apart, where weights of linear reading are even.
+    """
+    least, most = camera.stretch
+    return FINER * (1 if most < 1.1 * least else 2 if most < 2.2 * least else 4)
+
+
 def _corners_px(box: PixelBox) -> FloatArray:
     """(h + 1, w + 1, 2) the corners of a box's pixels."""
     return PixelBox(box.x0, box.y0, box.width + 1, box.height + 1).pixel_centres_px() - 0.5
@@ -92,7 +99,7 @@ def _box_around(places_px: FloatArray, camera: Camera) -> PixelBox:
 
 
 def _distorted(
-    image: Radiance, box: PixelBox, corners_px: FloatArray, centres_px: FloatArray
+    image: Radiance, box: PixelBox, corners_px: FloatArray, centres_px: FloatArray, n: int
 ) -> Radiance:
     """The pinhole's image through the lens.
 
@@ -101,27 +108,28 @@ def _distorted(
         box: of the distorted image, h × w pixels.
         corners_px: (h + 1, w + 1, 2) where the corners of these lie in the pinhole's image.
         centres_px: (h, w, 2) where their centres do.
+        n: rays across a pixel, and down it.
     """
     origin_px = np.array([image.box.x0, image.box.y0])
     source = np.dstack([image.radiance_rgb, image.coverage])
     made = np.empty((box.height, box.width, 4), dtype=np.float32)
     for top in range(0, box.height, _ROWS):
         rows = slice(top, min(top + _ROWS, box.height))
-        places = _sampled(corners_px[rows.start : rows.stop + 1] - origin_px)
+        places = _sampled(corners_px[rows.start : rows.stop + 1] - origin_px, n)
         read = cv2.remap(
             source, places[..., 0], places[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
         )
-        made[rows] = read.reshape(-1, SAMPLES, box.width, SAMPLES, 4).mean(axis=(1, 3))
+        made[rows] = read.reshape(-1, n, box.width, n, 4).mean(axis=(1, 3))
     depth_m = None if image.depth_m is None else _depth_at(image.depth_m, centres_px - origin_px)
     return Radiance(box, np.ascontiguousarray(made[..., :3]), made[..., 3].copy(), depth_m)
 
 
-def _sampled(corners_px: FloatArray) -> Float32Array:
+def _sampled(corners_px: FloatArray, n: int) -> Float32Array:
     """(h + 1, w + 1, 2) corners → (h n, w n, 2) the places of n² samples in each pixel.
 
     Linear between the corners: within a pixel a lens is straight to 10⁻⁴ of it.
     """
-    steps = (np.arange(SAMPLES) + 0.5) / SAMPLES
+    steps = (np.arange(n) + 0.5) / n
     for axis in (0, 1):
         c = np.moveaxis(corners_px, axis, 0)
         between = c[:-1, None] + steps[:, None, None] * (c[1:] - c[:-1])[:, None]

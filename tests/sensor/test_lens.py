@@ -16,13 +16,14 @@ from posse_core.model.distortion import BrownConrady
 from posse_core.model.scene import Radiance, RenderRequest
 from posse_core.options import NoOptions
 from posse_core.scenario.sensor import NoiseConfig, PsfConfig, SensorConfig
-from posse_core.sensor.lens import LensRenderer
+from posse_core.sensor.lens import LensRenderer, samples
 from posse_core.sensor.sensor import Sensor
 from posse_core.sky.view import SkyView
 from posse_core.testing import scenes
 
 BARREL = BrownConrady(-0.25, 0.06, 0.002, -0.001, 0.0)
 PINCUSHION = BrownConrady(0.12, 0.02, -0.001, 0.002, 0.01)
+WEAK = BrownConrady(-0.02, 0.0, 0.001, 0.0, 0.0)
 HALF_M = np.array([1.3, 0.8])
 FINE = 4
 
@@ -118,7 +119,7 @@ def covered(uv: np.ndarray) -> np.ndarray:
     return mask.reshape(60, 32, 80, 32).mean(axis=(1, 3))
 
 
-@pytest.mark.parametrize("distortion", [BARREL, PINCUSHION])
+@pytest.mark.parametrize("distortion", [BARREL, PINCUSHION, WEAK])
 def test_edges_are_where_opencv_projects_them(distortion):
     at = frame()
     image, _ = shoot(distortion, at)
@@ -132,10 +133,10 @@ def test_edges_are_where_opencv_projects_them(distortion):
         middle = [np.average(places, weights=c.sum(axis=1 - axis)) for c in (image.coverage, expected)]
         assert middle[0] == pytest.approx(middle[1], abs=0.02)
     straight = covered(outline_px(camera(None), at))
-    assert np.abs(straight - expected).sum() / length > 0.3  # the lens does something here
+    assert np.abs(straight - expected).sum() / length > 0.05  # the lens does something here
 
 
-@pytest.mark.parametrize("distortion", [BARREL, PINCUSHION])
+@pytest.mark.parametrize("distortion", [BARREL, PINCUSHION, WEAK])
 def test_labels_and_image_agree(distortion):
     at = frame()
     image, _ = shoot(distortion, at)
@@ -152,7 +153,7 @@ def test_labels_and_image_agree(distortion):
 
 @settings(max_examples=8, deadline=None)
 @given(
-    st.sampled_from([BARREL, PINCUSHION]),
+    st.sampled_from([BARREL, PINCUSHION, WEAK]),
     st.floats(-1.2, 1.2),
     st.floats(-0.8, 0.8),
     st.floats(0, 3),
@@ -208,6 +209,10 @@ def test_without_distortion_the_renderer_is_asked_as_it_is():
     alone.open(scene(None))
     expected = alone.render(RenderRequest(frame(), PixelBox(0, 0, 80, 60), None, 0))
     assert np.array_equal(image.radiance_rgb, expected.radiance_rgb)
+
+
+def test_a_weak_lens_is_read_by_fewer_rays():
+    assert [samples(camera(lens)) for lens in (WEAK, PINCUSHION, BARREL)] == [2, 4, 4]
 
 
 def test_the_pinhole_is_finer_than_the_lens_everywhere():

@@ -49,8 +49,11 @@ def command(model: Path, dataset: Path, out: Path, int8: bool, overrides: tuple[
         raise InputError(f"{model}: there is no such file; name a model by 'posse train'")
     registry = load_plugins().registry
     card = read_card(model)
-    if "onnx" not in registry.spec("detector", card.net).capabilities:
+    able = registry.spec("detector", card.net).capabilities
+    if "onnx" not in able:
         raise InputError(f"{model}: {card.net!r} cannot be exported")
+    if int8 and "int8" not in able:
+        raise InputError(f"--int8: {card.net!r} can be exported in float32 alone")
     source = open_dataset(dataset)
     images = [source.image(index) for index in _spread(source, _FRAMES)]
     net = open_model(model, card.task, registry, options_from(overrides))

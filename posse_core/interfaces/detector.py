@@ -36,7 +36,8 @@ class Model(ABC):
     """A net that is trained, or read from a file. What it can do stands in its record's capabilities:
 
     ``boxes`` (it is a :class:`Detector`), ``keypoints`` (a :class:`KeypointFinder`), ``train``, ``onnx``
-    (can be exported), ``.onnx`` (reads ONNX files), ``shipped`` (a trained net comes with it).
+    (can be exported), ``int8`` (in eight bits too), ``.onnx`` (reads ONNX files), ``shipped`` (a trained
+    net comes with it).
     """
 
     shipped: Path | None = None

@@ -9,17 +9,18 @@ from typing import Any
 import numpy as np
 import yaml
 
-from posse_core.constants import Constants
 from posse_core.dataset import Dataset
+from posse_core.environment.earth import R_itrf_from_gcrf
+from posse_core.environment.time import Epoch
 from posse_core.errors import InputError
-from posse_core.frames import unit
+from posse_core.frames import matrix_from_quaternion, unit
 from posse_core.model.arrays import FloatArray
 from posse_core.model.camera import Camera
-from posse_core.model.scene import FrameState
 from posse_core.sky.ellipsoid import SEMI_AXES_M, entry_distance_m
-from posse_core.trajectory import frame_state, load_trajectory
+from posse_core.tables import read_table
 
 BACKGROUNDS = ("space", "limb", "Earth by day", "Earth by night")
+_FIELDS = ("t_s", "q_eci_from_camera", "r_chaser_eci_m", "r_sun_eci_m")
 _ACROSS = 9  # rays along each side of the box
 
 
@@ -37,32 +38,45 @@ def backgrounds(dataset: Dataset, lines: Sequence[Mapping[str, Any]]) -> list[st
     has_earth = {file: _earth_in(file) for file in set(files) if file is not None}
     if True not in has_earth.values():
         return [None if file is None else BACKGROUNDS[0] for file in files]
-    trajectory, constants = load_trajectory(dataset.folder / "trajectory.npz"), Constants()
+    table = read_table(dataset.folder / "trajectory.npz", _FIELDS)
+    if table.epoch_utc is None:
+        raise InputError(f"{table.path} has no 'epoch_utc'; those of 'posse run' have")
+    epoch, camera = Epoch.from_iso(table.epoch_utc), dataset.camera
     result: list[str | None] = []
     for line, file in zip(lines, files, strict=True):
         if file is None or not has_earth[file]:
             result.append(None if file is None else BACKGROUNDS[0])
             continue
-        camera = dataset.camera
+        t_s, q, r_camera_m, r_sun_m = (table[name][line["index"]] for name in _FIELDS)
+        R = R_itrf_from_gcrf(*epoch.tt(t_s), *epoch.ut1(t_s))
         box_px = line["box_visible_px"] or (0, 0, camera.width_px, camera.height_px)
-        result.append(background(frame_state(trajectory, line["index"], constants), camera, box_px))
+        R_ecef_from_cam = R @ matrix_from_quaternion(q)
+        result.append(background(R_ecef_from_cam, R @ r_camera_m, R @ r_sun_m, camera, box_px))
     return result
 
 
-def background(frame: FrameState, camera: Camera, box_px: Sequence[float]) -> str:
-    """One of :data:`BACKGROUNDS`: what is behind the box (x, y, width, height) of a frame."""
+def background(
+    R_ecef_from_cam: FloatArray,
+    r_camera_ecef_m: FloatArray,
+    r_sun_ecef_m: FloatArray,
+    camera: Camera,
+    box_px: Sequence[float],
+) -> str:
+    """One of :data:`BACKGROUNDS`: what is behind the box (x, y, width, height).
+
+    Args:
+        R_ecef_from_cam: (3, 3).
+        r_camera_ecef_m, r_sun_ecef_m: (3,) geocentric, Earth-fixed axes.
+    """
     x, y, width, height = box_px
     along = (np.arange(_ACROSS) + 0.5) / _ACROSS
     u, v = np.meshgrid(x - 0.5 + along * width, y - 0.5 + along * height)
-    rays_cam = unit(camera.rays(np.stack([u, v], axis=-1).reshape(-1, 2)))
-    rays = rays_cam @ frame.R_cam_from_eci @ frame.R_ecef_from_eci.T
-    origin_m = frame.R_ecef_from_eci @ frame.r_camera_eci_m
-    distance_m = entry_distance_m(origin_m, rays)
+    rays = unit(camera.rays(np.stack([u, v], axis=-1).reshape(-1, 2))) @ R_ecef_from_cam.T
+    distance_m = entry_distance_m(r_camera_ecef_m, rays)
     met = np.isfinite(distance_m)
     if not met.all():
         return "limb" if met.any() else "space"
-    places_m = origin_m + distance_m[:, None] * rays
-    lit = _sun_is_up(places_m, frame.R_ecef_from_eci @ frame.r_sun_eci_m)
+    lit = _sun_is_up(r_camera_ecef_m + distance_m[:, None] * rays, r_sun_ecef_m)
     return "Earth by day" if lit > 0.5 else "Earth by night"
 
 

@@ -66,11 +66,6 @@ class Camera:
         """Distance between the pinhole and the sensor."""
         return self.fx_px * self.pixel_pitch_m
 
-    @property
-    def pinhole(self) -> Camera:
-        """The same camera without distortion."""
-        return replace(self, distortion=None)
-
     @cached_property
     def stretch(self) -> tuple[float, float]:
         """Least and largest factor by which the lens stretches a short line, over the image."""

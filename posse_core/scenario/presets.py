@@ -59,6 +59,8 @@ _IMX174: Mapping[str, Any] = MappingProxyType(
         "f_number": 16.0,
         "quantum_efficiency": [0.55, 0.72, 0.70],
         "full_well_e": 32500.0,
+        "color": "mono",
+        "bit_depth": 8,
         "noise": {"read_e": 7.0, "dark_e_s": 4.0},
     }
 )

@@ -1,14 +1,17 @@
 """What a scenario file may say, and what is said of a wrong one."""
 
 import contextlib
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
+from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
+from posse_core.cli.describe import command as describe
 from posse_core.errors import InputError
 from posse_core.plugins import load_plugins
 from posse_core.scenario.load import (
@@ -257,3 +260,19 @@ def test_the_field_of_a_named_camera_can_be_another(tmp_path):
     )
     flat = load(tmp_path, MINIMAL + "camera: {preset: speed-plus, distortion: null}\n").camera.camera()
     assert flat.distortion is None
+
+
+def test_cameras_are_described_by_name():
+    said = CliRunner().invoke(describe, ["camera", "speed-plus", "--json"])
+    value = json.loads(said.output)
+    assert value["camera"]["distortion"][0] == -0.22383016606510672
+    assert value["sensor"]["full_well_e"] == 32500
+    assert "Park et al. 2022" in value["source"]
+    text = CliRunner().invoke(describe, ["camera", "speed"]).output
+    assert "sensor_width_mm: 11.2512" in text
+    for arguments, words in (
+        (["camera", "sped"], "did you mean 'speed'"),
+        (["camera"], "thesis, speed"),
+    ):
+        with pytest.raises(InputError, match=words):
+            CliRunner().invoke(describe, arguments, catch_exceptions=False)

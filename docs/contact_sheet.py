@@ -124,7 +124,7 @@ def pictures(shots: list[Shot], folder: Path, plugins: Plugins) -> list[AnyArray
     executor = plugins.registry.create(
         "executor", "local", plugins.registry.options("executor", "local", {})
     )
-    run(plan, folder, plugins, executor, resume=False, progress=lambda results, *_: results)
+    run(plan, str(folder), plugins, executor, resume=False, progress=lambda results, *_: results)
     return [Dataset(folder).image(i) for i in range(len(shots))]
 
 

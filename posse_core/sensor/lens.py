@@ -14,6 +14,7 @@ from math import ceil
 import cv2
 import numpy as np
 
+from posse_core.errors import ComponentError
 from posse_core.interfaces.renderer import Renderer
 from posse_core.model.arrays import Float32Array, FloatArray
 from posse_core.model.camera import Camera, PixelBox
@@ -21,6 +22,8 @@ from posse_core.model.scene import Radiance, RenderRequest, Scene
 
 FINER = 2
 """Pixels of the pinhole image across one of the distorted image, at least."""
+_WIDEST_PX = 32766
+"""That OpenCV's remap can read."""
 _FLAT = 1e-5
 """How far, over itself, 1/z of four neighbours may be from one plane's."""
 _MARGIN_PX = 2
@@ -39,8 +42,16 @@ class LensRenderer(Renderer):
 
     def open(self, scene: Scene) -> None:
         self._camera = scene.camera
-        self._pinhole = None if scene.camera.distortion is None else pinhole_of(scene.camera)
-        self._renderer.open(scene if self._pinhole is None else replace(scene, camera=self._pinhole))
+        if scene.camera.distortion is not None:
+            self._pinhole = pinhole_of(scene.camera)
+            widest_px = max(self._pinhole.width_px, self._pinhole.height_px)
+            if widest_px > _WIDEST_PX:
+                raise ComponentError(
+                    f"behind this lens the renderer would need an image of {widest_px} px, and"
+                    f" {_WIDEST_PX} px is the most that can be distorted; take fewer pixels"
+                )
+            scene = replace(scene, camera=self._pinhole)
+        self._renderer.open(scene)
 
     def render(self, request: RenderRequest) -> Radiance:
         if self._camera is None or self._pinhole is None:

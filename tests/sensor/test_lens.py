@@ -1,6 +1,7 @@
 """A renderer behind a lens: edges, light and depth against OpenCV's projection and closed forms."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from posse_core.errors import ComponentError
 from posse_core.geometry.raycast import RayCaster
 from posse_core.interfaces.renderer import Renderer
 from posse_core.model.camera import Camera, PixelBox
@@ -225,3 +227,10 @@ def test_the_pinhole_is_finer_than_the_lens_everywhere():
     inside = fine.project(cam.rays(cam.border_px()))
     assert np.all(inside >= 0)
     assert np.all(inside <= [fine.width_px - 1, fine.height_px - 1])
+
+
+def test_an_image_too_large_to_distort_is_refused():
+    renderer = LensRenderer(PlateRenderer(NoOptions()))
+    huge = Camera(16384, 64, 12000.0, 12000.0, 8191.5, 31.5, 0.01, distortion=PINCUSHION)
+    with pytest.raises(ComponentError, match=r"need an image of \d+ px.*fewer pixels"):
+        renderer.open(replace(scene(PINCUSHION), camera=huge))

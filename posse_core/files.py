@@ -11,6 +11,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
 
+PARTIAL = ".partial"
+"""Ends the name of a file being written; one left over is of a process that was killed."""
+
 _PART_BYTES = 1 << 20
 """Read at a time; hashlib's own file_digest fills a buffer for each file, which small ones wait for."""
 
@@ -21,7 +24,7 @@ def atomic_file(path: Path) -> Iterator[BinaryIO]:
 
     The folder must exist. What the block wrote is on the disk before the name changes.
     """
-    descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    descriptor, temporary = tempfile.mkstemp(PARTIAL, f".{path.name}.", path.parent)
     try:
         with os.fdopen(descriptor, "wb") as stream:
             os.fchmod(stream.fileno(), 0o644)

@@ -23,9 +23,12 @@ class Store(ABC):
 
     Attributes:
         name: as the user wrote it.
+        readers: threads that read best. On a disk, two that pass Python to and fro at every small file
+            take longer than one; a network store's answers are waited for together.
     """
 
     name: str
+    readers: int
 
     @abstractmethod
     def read(self, name: str) -> bytes:
@@ -52,6 +55,8 @@ class Store(ABC):
 class LocalStore(Store):
     """A folder of this machine."""
 
+    readers = 1
+
     def __init__(self, folder: Path) -> None:
         self.name = str(folder)
         self._folder = folder
@@ -72,6 +77,8 @@ class LocalStore(Store):
 
 class RemoteStore(Store):
     """A folder of a network store, as in ``s3://bucket/folder``; credentials as for its own tools."""
+
+    readers = 16
 
     def __init__(self, url: str) -> None:
         self.name = url.rstrip("/")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+import os
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -12,7 +13,7 @@ from pathlib import Path
 
 from posse_core.dataset import Dataset, write_camera, write_spacecraft
 from posse_core.errors import ComponentError, InputError, PosseError, StoreError
-from posse_core.files import write_bytes, write_json
+from posse_core.files import PARTIAL, write_bytes, write_json
 from posse_core.interfaces.executor import Executor, FrameResult
 from posse_core.pipeline.frame_maker import FrameMaker, create
 from posse_core.pipeline.manifest import COMPLETE, make_manifest
@@ -123,7 +124,8 @@ class _Run:
         self._write_statics()
         frames = len(self._plan.trajectory)
         self._log = LabelLog(self._folder, frames)
-        done = self._log.recover(self._place.store.sha256)
+        store = self._place.store
+        done = self._log.recover(store.sha256, store.readers)
         todo = [index for index in range(frames) if index not in done]
         if todo or not self._is_complete():
             (self._folder / "manifest.json").unlink(missing_ok=True)
@@ -144,14 +146,21 @@ class _Run:
             write_bytes(folder / "scenario.yaml", dump_scenario(plan.scenario).encode())
         if not (folder / "trajectory.npz").exists():
             save_trajectory(plan.trajectory, folder / "trajectory.npz")
-        for name in ("spacecraft", "images", "truth"):
+        for name in ("spacecraft", "images", "truth", "labels"):
             (folder / name).mkdir(exist_ok=True)
+        for part in (".", "spacecraft", "images", "truth", "labels"):
+            for name in os.listdir(folder / part):
+                if name.endswith(PARTIAL):
+                    (folder / part / name).unlink(missing_ok=True)
         write_camera(plan.scenario.camera.camera(), folder / "camera.json")
         write_spacecraft(plan.spacecraft, folder / "spacecraft")
 
     def _is_complete(self) -> bool:
-        path = self._folder / "manifest.json"
-        return path.exists() and json.loads(path.read_text("utf-8"))["state"] == COMPLETE
+        try:
+            manifest = json.loads((self._folder / "manifest.json").read_bytes())
+            return bool(manifest["state"] == COMPLETE)
+        except (FileNotFoundError, ValueError, KeyError, TypeError):
+            return False
 
     def _enter(self, result: FrameResult) -> None:
         if result.made is None:

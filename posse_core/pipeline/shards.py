@@ -70,19 +70,19 @@ class LabelLog:
         _append(shard_path(self._folder, index), line.encode())
         return block + line.encode()
 
-    def recover(self, digest_of: Callable[[str], str]) -> set[int]:
+    def recover(self, digest_of: Callable[[str], str], readers: int = 1) -> set[int]:
         """Find the frames that are done; drop torn lines, and frames whose files are not as entered.
 
         Args:
             digest_of: a frame's file → its SHA-256 as it is now, or OSError.
+            readers: shards that are looked through at a time.
 
         Returns:
             Indices of frames that are complete.
         """
         path = self._folder / CHECKSUMS
         blocks = _blocks(path)
-        # Reading and hashing leave Python to the other threads.
-        with ThreadPoolExecutor() as threads:
+        with ThreadPoolExecutor(readers) as threads:
             intact = threads.map(partial(self._mend, blocks, digest_of), range(len(self._shards)))
             done = set().union(*intact)
         text = b"".join(block for index, block in blocks.items() if index in done)

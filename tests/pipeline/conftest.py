@@ -1,11 +1,16 @@
 """The small scenario's files, and the dataset that it makes."""
 
 import os
+import subprocess
+import sys
 from importlib.util import find_spec
 from pathlib import Path
 
+import fsspec
 import pytest
 from small_run import BOX_OBJ, SCENARIO
+
+SUPPORT = Path(__file__).parents[1] / "support"
 
 
 @pytest.fixture(scope="session")
@@ -34,3 +39,27 @@ def executor(request) -> str:
             pytest.fail(f"{reason} (POSSE_REQUIRE_RAY=1)")
         pytest.skip(reason)
     return request.param
+
+
+@pytest.fixture(scope="session")
+def refusing(tmp_path_factory) -> Path:
+    """While this file exists, the server refuses every write."""
+    return tmp_path_factory.mktemp("server") / "refusing"
+
+
+@pytest.fixture(scope="session")
+def server(refusing):
+    """The file system of an S3-compatible server on loopback, which the environment names, too."""
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        subprocess.Popen(
+            [sys.executable, SUPPORT / "s3_server.py", refusing], stdout=subprocess.PIPE, text=True
+        ) as process,
+    ):
+        port = process.stdout.readline().strip()
+        patch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{port}")
+        patch.setenv("AWS_ACCESS_KEY_ID", "someone")
+        patch.setenv("AWS_SECRET_ACCESS_KEY", "secret")
+        patch.setenv("AWS_DEFAULT_REGION", "us-east-1")
+        yield fsspec.filesystem("s3", use_listings_cache=False)
+        process.kill()

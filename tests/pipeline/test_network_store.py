@@ -2,12 +2,9 @@
 
 import json
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
-import fsspec
 import pytest
 
 from posse_core.pipeline import lease
@@ -15,30 +12,6 @@ from posse_core.pipeline.lease import LOCK, Lease
 from posse_core.store import RemoteStore
 
 URL = "s3://bucket/sets/box"
-SERVER = Path(__file__).parents[1] / "support" / "s3_server.py"
-
-
-@pytest.fixture(scope="module")
-def refusing(tmp_path_factory) -> Path:
-    """While this file exists, the server refuses every write."""
-    return tmp_path_factory.mktemp("server") / "refusing"
-
-
-@pytest.fixture(scope="module")
-def server(refusing):
-    with (
-        pytest.MonkeyPatch.context() as patch,
-        subprocess.Popen(
-            [sys.executable, SERVER, refusing], stdout=subprocess.PIPE, text=True
-        ) as process,
-    ):
-        port = process.stdout.readline().strip()
-        patch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{port}")
-        patch.setenv("AWS_ACCESS_KEY_ID", "someone")
-        patch.setenv("AWS_SECRET_ACCESS_KEY", "secret")
-        patch.setenv("AWS_DEFAULT_REGION", "us-east-1")
-        yield fsspec.filesystem("s3", use_listings_cache=False)
-        process.kill()
 
 
 @pytest.fixture

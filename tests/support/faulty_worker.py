@@ -1,0 +1,61 @@
+"""A frame worker that makes up its frames quickly, and comes to grief where it is told to.
+
+Apart from ``faults.py``, so that the processes of a pool import no more than this.
+"""
+
+import hashlib
+import os
+import random
+import signal
+import time
+from pathlib import Path
+
+from posse_core.errors import WorkerLost
+from posse_core.store import open_store
+
+
+class FaultyWorker:
+    """Args: faults: frame → what happens there, once (a file in ``marks`` tells that it has)."""
+
+    def __init__(self, place: str, faults: dict[int, str], marks: Path) -> None:
+        self._store = open_store(place)
+        self._faults = faults
+        self._marks = marks
+        self._store.write("renderer.json", b"{}\n")
+
+    def make(self, index: int) -> dict:
+        draw = random.Random(index)
+        names = (f"images/{index:06d}.png", f"truth/{index:06d}.npz")
+        files = {name: draw.randbytes(draw.randint(0, 3000)) for name in names}
+        for stage, (name, data) in enumerate(files.items()):
+            self._suffer(index, stage)
+            self._store.write(name, data)
+        self._suffer(index, len(files))
+        labels = {
+            "index": index,
+            "spacecraft": "box",
+            "image": names[0],
+            "truth": names[1],
+            "q_cam_from_body": [1.0, 0.0, 0.0, 0.0],
+            "t_body_cam_m": [draw.uniform(-5, 5), draw.uniform(-5, 5), draw.uniform(20, 90)],
+            "note": "ß" * draw.randint(0, 300),
+        }
+        return {
+            "labels": labels,
+            "sha256": {name: hashlib.sha256(data).hexdigest() for name, data in files.items()},
+        }
+
+    def _suffer(self, index: int, stage: int) -> None:
+        kind, _, at = self._faults.get(index, "").partition(" at ")
+        mark = self._marks / f"{index}"
+        if not kind or int(at) != stage or mark.exists():
+            return
+        mark.touch()
+        if kind == "killed":
+            os.kill(os.getpid(), signal.SIGKILL)
+        if kind == "hung":
+            time.sleep(3600)
+        raise WorkerLost("the lamp's process has died")
+
+    def close(self) -> None:
+        pass

@@ -58,7 +58,7 @@ def _run(options: argparse.Namespace, folder: Path) -> None:
     camera = Camera(width, height, width, width, (width - 1) / 2, (height - 1) / 2, 0.036)
     box = Detection("aqua", 1.0, np.array([width * 0.3, height * 0.3, height * 0.4, height * 0.3]))
 
-    net = simcc.SimCC(POINTS * len(CLASSES), 256)
+    net = simcc.SimCC(POINTS * len(CLASSES))
     keypoints, points_count = folder / "simcc.onnx", _count(net)
     _write(simcc.Decoded(net), simcc_finder.OUTPUTS, "simcc", "keypoints", 256, keypoints)
     finder = open_keypoint_finder(keypoints, registry, threads)

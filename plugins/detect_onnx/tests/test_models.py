@@ -16,12 +16,13 @@ from posse_core.cli.eval import command as eval_command
 from posse_core.dataset import Dataset, write_camera
 from posse_core.detection.card import ModelCard, dataset_hash
 from posse_core.detection.keypoints import square_for
-from posse_core.detection.models import open_detector, open_keypoint_finder
+from posse_core.detection.models import open_detector, open_keypoint_finder, open_models
 from posse_core.detection.square import whole_image
 from posse_core.errors import InputError
 from posse_core.interfaces.detector import Detection
 from posse_core.model.camera import Camera
 from posse_core.plugins import load_plugins
+from posse_core.registry import Registry
 
 CORNERS = {"A1": [0.0, 0, 0], "A2": [1.0, 0, 0]}
 
@@ -98,6 +99,18 @@ def test_keypoints_are_those_of_the_class_in_the_image(tmp_path):
 def test_a_model_for_another_task_is_refused(tmp_path):
     with pytest.raises(InputError, match="finds boxes, where a model that finds keypoints"):
         open_keypoint_finder(boxes_model(tmp_path / "m.onnx"), load_plugins().registry, {})
+
+
+def test_the_shipped_nets_are_taken_where_none_is_named(tmp_path):
+    registry = load_plugins().registry
+    detector, finder = open_models(None, None, registry, {})
+    assert finder is not None
+    assert tuple(detector.classes) == tuple(finder.classes) == ("aqua", "cluster")
+    detector, finder = open_models(boxes_model(tmp_path / "m.onnx"), None, registry, {})
+    assert tuple(detector.classes) == ("brick", "plate")
+    assert finder is None
+    with pytest.raises(InputError, match="pip install posse-detect-onnx"):
+        open_models(None, None, Registry(), {})
 
 
 def test_from_image_to_pose_by_the_command(tmp_path):

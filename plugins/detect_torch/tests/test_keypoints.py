@@ -8,11 +8,15 @@ import torch
 from torch import nn
 from torch.utils.flop_counter import FlopCounterMode
 
-from posse_detect_torch.simcc import SPLIT, Decoded, SimCC, losses, steps
+from posse_core.detection.card import ModelCard
+from posse_core.errors import InputError
+from posse_detect_torch.checkpoint import read_like, write_model
+from posse_detect_torch.nano import STRIDE, Nano
+from posse_detect_torch.simcc import SPREAD, Decoded, SimCC, losses, steps
 
 
 def test_it_is_light():
-    net = SimCC(22, 256).eval()
+    net = SimCC(22).eval()
     assert sum(p.numel() for p in net.parameters()) <= 2e6
     with FlopCounterMode(display=False) as counter, torch.no_grad():
         net(torch.zeros(1, 1, 256, 256))
@@ -20,41 +24,54 @@ def test_it_is_light():
 
 
 def test_steps_cover_the_square():
-    at = steps(8, torch.device("cpu"))
-    assert len(at) == 8 * SPLIT
-    assert at[0] - 0.5 / SPLIT == -0.5
-    assert at[-1] + 0.5 / SPLIT == 7.5
+    at = steps(4, torch.device("cpu"))
+    assert at[0] - STRIDE / 2 == -0.5
+    assert at[-1] + STRIDE / 2 == 4 * STRIDE - 0.5
 
 
 class Told(nn.Module):
-    size = 64
-
     def __init__(self, mean, sigma):
         super().__init__()
-        at = steps(self.size, torch.device("cpu"))
+        at = steps(20, torch.device("cpu"))
         self.logits = tuple(-(((at - m) / sigma) ** 2)[None, None] / 2 for m in mean)
 
     def forward(self, picture):
         return self.logits
 
 
-@pytest.mark.parametrize("sigma", [1.0, 4.0])
+@pytest.mark.parametrize("sigma", [1.0, 4.0, 12.0])
 def test_a_normal_distribution_is_read_back(sigma):
-    points, deviation, _ = Decoded(Told((20.3, 41.6), sigma))(torch.zeros(1, 1, 64, 64))
-    np.testing.assert_allclose(points[0, 0], [20.3, 41.6], atol=1e-3)
-    assert float(deviation) == pytest.approx(sigma, rel=0.02)
+    """What is told is the truth's own spread and that of not knowing it."""
+    told = Told((70.3, 81.6), np.hypot(sigma, SPREAD))
+    points, deviation, _ = Decoded(told)(torch.zeros(1, 1, 160, 160))
+    np.testing.assert_allclose(points[0, 0], [70.3, 81.6], atol=0.02)
+    assert float(deviation) == pytest.approx(sigma, rel=0.03)
 
 
 def test_the_truth_costs_nothing_and_other_points_do_not_count():
-    told = Told((20.3, 41.6), 2.0 / SPLIT).logits
+    told = Told((60.3, 91.6), SPREAD).logits
     logits = tuple(x.expand(1, 2, -1) for x in told)
-    points = torch.tensor([[[20.3, 41.6], [0.0, 0]]])
+    points = torch.tensor([[[60.3, 91.6], [0.0, 0]]])
     right = losses(logits, points, torch.tensor([[1.0, 0]]))
-    assert float(sum(right.values())) == pytest.approx(0, abs=1e-4)
+    assert float(sum(right.values())) == pytest.approx(0, abs=1e-2)
     wrong = losses(logits, points, torch.tensor([[0.0, 1]]))
     assert min(map(float, wrong.values())) > 1
     swapped = losses(logits, points.flip(-1), torch.tensor([[1.0, 0]]))
     assert min(map(float, swapped.values())) > 1
+
+
+def test_a_net_begins_with_what_another_knows(tmp_path):
+    card = ModelCard("nano", "boxes", ("a",), 64, "", "", "0")
+    boxes, points = Nano(1), SimCC(3)
+    write_model(tmp_path / "boxes.safetensors", boxes.state_dict(), card)
+    own = points.points.weight.clone()
+    read_like(tmp_path / "boxes.safetensors", points)
+    for name, value in boxes.pyramid.state_dict().items():
+        torch.testing.assert_close(points.pyramid.state_dict()[name], value)
+    torch.testing.assert_close(points.points.weight, own)
+    write_model(tmp_path / "strange.safetensors", {"weight": torch.zeros(3)}, card)
+    with pytest.raises(InputError, match="none of its tensors"):
+        read_like(tmp_path / "strange.safetensors", points)
 
 
 @pytest.fixture(scope="module")

@@ -58,5 +58,19 @@ def read_weights(path: Path, net: nn.Module) -> None:
     net.load_state_dict(tensors)
 
 
+def read_like(path: Path, net: nn.Module) -> None:
+    """Put those of a model file's tensors into ``net`` whose name and shape it has too.
+
+    Raises:
+        InputError: not a model file, or none agrees.
+    """
+    read_card(path)
+    own = net.state_dict()
+    tensors = {k: v for k, v in load_file(path).items() if k in own and own[k].shape == v.shape}
+    if not tensors:
+        raise InputError(f"{path}: none of its tensors is one of this net; name another by start")
+    net.load_state_dict(tensors, strict=False)
+
+
 def _plain(tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
     return {name: value.detach().cpu().contiguous() for name, value in tensors.items()}

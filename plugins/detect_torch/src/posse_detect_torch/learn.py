@@ -21,7 +21,7 @@ from posse_core.detection.card import ModelCard
 from posse_core.errors import ComponentError, InputError
 from posse_core.files import write_bytes
 from posse_core.randomness import derived_seed, generator
-from posse_detect_torch.checkpoint import read_state, write_model, write_state
+from posse_detect_torch.checkpoint import read_like, read_state, write_model, write_state
 from posse_detect_torch.curves import page
 from posse_detect_torch.options import TrainOptions
 
@@ -97,6 +97,8 @@ def learn(lesson: Lesson, card: ModelCard, folder: Path) -> Path:
     options = lesson.options
     device = device_of(options)
     net = lesson.net.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+    if options.start is not None:
+        read_like(options.start, net)
     average = copy.deepcopy(net).eval()
     optimizer = lesson.optimizer(net)
     history: list[dict[str, float]] = []

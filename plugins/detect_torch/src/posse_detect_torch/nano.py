@@ -16,7 +16,8 @@ from torch import Tensor, nn
 STRIDE = 8
 _WIDTHS = (48, 96, 192, 320)
 _DEPTHS = (2, 3, 3)
-_NECK = 112
+WIDTH = 112
+"""Channels of the features."""
 _PRIOR = 0.01  # what the class maps say before any training
 _SPREAD = 0.54 / 6  # deviation of the target around a middle, in sides of the box (TTFNet)
 
@@ -51,11 +52,10 @@ class Stem(nn.Sequential):
         super().__init__(conv(1, width, 7, stride=4), nn.ReLU(), Separable(width, width))
 
 
-class Nano(nn.Module):
-    """Grey pictures (B, 1, S, S), 0 … 1 in linear light → class logits (B, C, S/8, S/8), and the
-    logarithms of distances to left, top, right, bottom in strides (B, 4, S/8, S/8)."""
+class Pyramid(nn.Module):
+    """Grey pictures (B, 1, S, S), 0 … 1 in linear light → features (B, :data:`WIDTH`, S/8, S/8)."""
 
-    def __init__(self, classes: int) -> None:
+    def __init__(self) -> None:
         super().__init__()
         self.stem = Stem(_WIDTHS[0])
         stages = []
@@ -64,15 +64,11 @@ class Nano(nn.Module):
             blocks += [Separable(outward, outward) for _ in range(depth)]
             stages.append(nn.Sequential(*blocks))
         self.stages = nn.ModuleList(stages)
-        self.lateral = nn.ModuleList(conv(width, _NECK, 1) for width in _WIDTHS[1:])
-        self.merge = nn.ModuleList(Separable(_NECK, _NECK) for _ in _WIDTHS[2:])
-        self.head = nn.Sequential(Separable(_NECK, _NECK), Separable(_NECK, _NECK))
-        self.classify = nn.Conv2d(_NECK, classes, 1)
-        self.measure = nn.Conv2d(_NECK, 4, 1)
-        nn.init.constant_(self.classify.bias, -math.log(1 / _PRIOR - 1))  # type: ignore[arg-type]
-        nn.init.constant_(self.measure.bias, 1.0)  # type: ignore[arg-type]
+        self.lateral = nn.ModuleList(conv(width, WIDTH, 1) for width in _WIDTHS[1:])
+        self.merge = nn.ModuleList(Separable(WIDTH, WIDTH) for _ in _WIDTHS[2:])
+        self.head = nn.Sequential(Separable(WIDTH, WIDTH), Separable(WIDTH, WIDTH))
 
-    def forward(self, picture: Tensor) -> tuple[Tensor, Tensor]:
+    def forward(self, picture: Tensor) -> Tensor:
         x = self.stem(torch.sqrt(picture))
         levels = []
         for stage in self.stages:
@@ -82,7 +78,23 @@ class Nano(nn.Module):
         y = pyramid[-1]
         for merge, level in zip(self.merge, reversed(pyramid[:-1]), strict=True):
             y = merge(level + F.interpolate(y, scale_factor=2.0, mode="nearest"))
-        y = self.head(y)
+        return self.head(y)  # type: ignore[no-any-return]
+
+
+class Nano(nn.Module):
+    """Grey pictures (B, 1, S, S), 0 … 1 in linear light → class logits (B, C, S/8, S/8), and the
+    logarithms of distances to left, top, right, bottom in strides (B, 4, S/8, S/8)."""
+
+    def __init__(self, classes: int) -> None:
+        super().__init__()
+        self.pyramid = Pyramid()
+        self.classify = nn.Conv2d(WIDTH, classes, 1)
+        self.measure = nn.Conv2d(WIDTH, 4, 1)
+        nn.init.constant_(self.classify.bias, -math.log(1 / _PRIOR - 1))  # type: ignore[arg-type]
+        nn.init.constant_(self.measure.bias, 1.0)  # type: ignore[arg-type]
+
+    def forward(self, picture: Tensor) -> tuple[Tensor, Tensor]:
+        y = self.pyramid(picture)
         return self.classify(y), self.measure(y)
 
 

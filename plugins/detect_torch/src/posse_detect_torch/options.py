@@ -20,9 +20,17 @@ class TrainOptions(Options):
     weight_decay: float = Field(0.01, ge=0, description="of AdamW")
     augment: bool = Field(True, description="turn, zoom, light, blur and cover the pictures")
     turn: bool = Field(True, description="turn them; else the craft is known as the camera holds it")
+    start: FilePath | None = Field(
+        None, description="model file whose weights, where name and shape agree, are begun with"
+    )
     seed: int = Field(0, ge=0, description="of weights, order and augmentation")
     threads: int = Field(1, ge=1, description="CPU threads; a training repeats itself for one number")
     device: Literal["cpu", "cuda"] = Field("cpu", description="where the net runs")
+
+    @field_serializer("start", "backbone_weights", check_fields=False)
+    def _told(self, path: Path | None) -> str | None:
+        """What model files tell: the file and its digest, not its place on this machine."""
+        return None if path is None else f"{path.name}, SHA-256 {sha256(path)}"
 
 
 class BoxOptions(TrainOptions):
@@ -52,11 +60,6 @@ class SdnOptions(BoxOptions):
     )
     sampling: Literal[1, 2] = Field(1, description="samples along a region's bin; 2 is better")
     least_score: float = Field(0.7, ge=0, lt=1, description="detections below are dropped; 0 is better")
-
-    @field_serializer("backbone_weights")
-    def _told(self, path: Path | None) -> str | None:
-        """What model files tell: the file and its digest, not its place on this machine."""
-        return None if path is None else f"{path.name}, SHA-256 {sha256(path)}"
 
 
 class SimccOptions(TrainOptions):

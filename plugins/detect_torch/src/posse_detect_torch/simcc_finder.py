@@ -44,7 +44,7 @@ class SimccLesson(Lesson):
         self._train, self._valid = (self._cut(dataset, folder, part) for part in ("train", "valid"))
         self._ranges = keypoint_ranges(card)
         self._points = sum(len(points) for points in card.keypoints_body_m.values())
-        self.net = seeded(options, lambda: SimCC(self._points, options.input_px))
+        self.net = seeded(options, lambda: SimCC(self._points))
 
     def _cut(self, dataset: Dataset, folder: Path, part: str) -> Pictures:
         def of_box(labels: Mapping[str, Any], height: int, width: int) -> Square:
@@ -132,7 +132,7 @@ class SimccFinder(KeypointFinder):
             raise InputError(f"{path}: a model of {self._card.net!r}, not of 'simcc'")
         self.classes = self._card.classes
         self.keypoints_body_m = points_of(self._card)
-        net = SimCC(sum(map(len, self.keypoints_body_m.values())), self._card.input_px)
+        net = SimCC(sum(map(len, self.keypoints_body_m.values())))
         read_weights(path, net)
         self._decoded = Decoded(net).eval().to(device_of(self.options))
 

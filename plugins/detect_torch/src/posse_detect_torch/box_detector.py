@@ -24,7 +24,7 @@ from posse_core.model.arrays import AnyArray, Float32Array, FloatArray
 from posse_detect_torch.augment import look, move_boxes, random_view, warp
 from posse_detect_torch.checkpoint import read_weights
 from posse_detect_torch.export import compare_detections, export
-from posse_detect_torch.int8 import DENSE, write_int8
+from posse_detect_torch.int8 import write_int8
 from posse_detect_torch.learn import Lesson, device_of, learn
 from posse_detect_torch.options import BoxOptions
 from posse_detect_torch.pictures import Pictures, cut_pictures
@@ -173,7 +173,7 @@ class BoxDetector(Detector):
 
     def write_int8(self, path: Path, out: Path, seen: Sequence[tuple[AnyArray, FloatArray]]) -> None:
         pictures = (_picture(image, self._card.input_px)[0] for image, _ in seen)
-        write_int8(path, out, pictures, DENSE)
+        write_int8(path, out, pictures)
 
 
 def _picture(image: AnyArray, size_px: int) -> tuple[Float32Array, Square]:

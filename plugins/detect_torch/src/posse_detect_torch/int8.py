@@ -6,7 +6,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +16,7 @@ from onnxruntime.quantization import CalibrationDataReader, QuantFormat, QuantTy
 from posse_core.files import write_bytes
 from posse_core.model.arrays import Float32Array
 
-DENSE = ("Conv", "Gemm", "MatMul")
-CONVOLUTIONS = ("Conv",)
+_DENSE = ("Conv", "Gemm", "MatMul")
 
 
 class _Pictures(CalibrationDataReader):  # type: ignore[misc]
@@ -29,16 +28,13 @@ class _Pictures(CalibrationDataReader):  # type: ignore[misc]
         return None if picture is None else {"picture": picture[None]}
 
 
-def write_int8(
-    path: Path, out: Path, pictures: Iterable[Float32Array], operations: Sequence[str]
-) -> None:
+def write_int8(path: Path, out: Path, pictures: Iterable[Float32Array]) -> None:
     """Write the net of ``path`` in eight bits to ``out``, with its metadata.
 
     The first convolution stays in float32: it sees faint light, of which eight bits keep too little.
 
     Args:
         pictures: (1, S, S) each, as the net takes them; they tell how far its activations reach.
-        operations: ONNX's names of those that are made of eight bits.
     """
     exact = onnx.load(path)
     first = next(node.name for node in exact.graph.node if node.op_type == "Conv")
@@ -49,7 +45,7 @@ def write_int8(
             done,
             _Pictures(pictures),
             quant_format=QuantFormat.QDQ,
-            op_types_to_quantize=[*operations, "Relu"],  # which becomes a part of what is before it
+            op_types_to_quantize=[*_DENSE, "Relu"],  # which becomes a part of what is before it
             nodes_to_exclude=[first],
             per_channel=True,
             activation_type=QuantType.QInt8,

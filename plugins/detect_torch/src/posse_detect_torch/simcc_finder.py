@@ -23,7 +23,7 @@ from posse_core.model.arrays import AnyArray, Float32Array, FloatArray
 from posse_detect_torch.augment import look, move_points, random_view, warp
 from posse_detect_torch.checkpoint import read_weights
 from posse_detect_torch.export import Outputs, difference, export, raw_difference
-from posse_detect_torch.int8 import CONVOLUTIONS, write_int8
+from posse_detect_torch.int8 import write_int8
 from posse_detect_torch.learn import Batch, Lesson, device_of, learn, seeded
 from posse_detect_torch.options import SimccOptions
 from posse_detect_torch.pictures import Pictures, cut_pictures
@@ -159,7 +159,7 @@ class SimccFinder(KeypointFinder):
     def write_int8(self, path: Path, out: Path, seen: Sequence[tuple[AnyArray, FloatArray]]) -> None:
         size = self._card.input_px
         pictures = (_picture(image, square_for(box, size)) for image, box in seen)
-        write_int8(path, out, pictures, CONVOLUTIONS)  # a distribution is told by more than eight bits
+        write_int8(path, out, pictures)
 
 
 def _picture(image: AnyArray, square: Square) -> Float32Array:

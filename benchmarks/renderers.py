@@ -35,7 +35,8 @@ from posse_core.interfaces.renderer import Renderer
 from posse_core.model.arrays import AnyArray
 from posse_core.model.camera import PixelBox
 from posse_core.model.scene import Radiance, RenderRequest
-from posse_core.pipeline.frame_maker import BOX_MARGIN_PX, create
+from posse_core.pipeline.frame_maker import create
+from posse_core.pipeline.light import BOX_MARGIN_PX
 from posse_core.plugins import load_plugins
 from posse_core.scenario.component import ComponentChoice
 from posse_core.scenario.load import load_scenario

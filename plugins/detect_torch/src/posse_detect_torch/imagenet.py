@@ -67,6 +67,7 @@ def _counterparts(backbone: Backbone) -> Iterator[tuple[str, nn.Module]]:
         assert isinstance(stage, nn.Sequential)
         for place, block in enumerate(stage):
             base = f"layer{number}.{place}"
+            assert isinstance(block.body, nn.Sequential)
             layers = [m for m in block.body if not isinstance(m, nn.ReLU)]
             for i, layer in enumerate(layers):
                 yield f"{base}.{'bn' if i % 2 else 'conv'}{i // 2 + 1}", layer

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import os
 import time
@@ -146,7 +147,7 @@ def _connect() -> None:
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     address = os.environ.get("RAY_ADDRESS", "local")
     try:
-        ray.init(address, include_dashboard=False, logging_level="warning", log_to_driver=False)
+        ray.init(address, include_dashboard=False, logging_level=logging.WARNING, log_to_driver=False)
     except (ConnectionError, OSError, RuntimeError, ValueError) as error:
         reason = " ".join(str(error).split())
         raise ComponentError(f"ray: no cluster at {address!r} (RAY_ADDRESS): {reason}") from None

@@ -1,7 +1,8 @@
 """The renderers side by side: CPU-seconds a frame at equal noise, start-up, memory.
 
 ``python benchmarks/renderers.py`` prints a table. Each renderer runs in a process of its own, and all
-CPU time of it and its children counts, so other work on the machine matters little. Blender is found
+CPU time of it and its children counts. They take turns, and the least of the rounds counts, so that
+other work and a changing clock of the machine matter little. Blender is found
 as the plugin finds it (POSSE_BLENDER_PYTHON). Linux only: it reads /proc.
 
 Noise is what a second seed changes on the craft's pixels, as the root mean square over the mean, with
@@ -206,28 +207,43 @@ class Remote:
         self._process.join()
 
 
-@dataclass(frozen=True)
-class Row:
-    """A line of the table; ``noise`` and ``spp`` are None where nothing is sampled."""
+@dataclass
+class Entry:
+    """A renderer in its process, and a line of the table. ``spp`` and ``noise`` are None where nothing
+    is sampled; costs are the least of the rounds."""
 
+    title: str
     name: str
+    options: Mapping[str, Any]
+    remote: Remote
     spp: int | None
     noise: float | None
-    box: Cost
-    whole: Cost
     start: Cost
-    memory_mb: tuple[float, float]
+    box: Cost | None = None
+    whole: Cost | None = None
+
+    def memory_mb(self, frames: int) -> tuple[float, float]:
+        """See :meth:`Bench.memory`; with few samples, on which it does not depend."""
+        if self.spp is not None:
+            self.remote.ask("open", self.name, {**self.options, "spp": MEMORY_SPP})
+        fifth_and_last: tuple[float, float] = self.remote.ask("memory", frames)
+        return fifth_and_last
+
+    def take_turn(self) -> None:
+        """Measure box and whole image once more."""
+        box, whole = self.remote.ask("cost", False), self.remote.ask("cost", True)
+        self.box = box if self.box is None else min(box, self.box, key=_cpu)
+        self.whole = whole if self.whole is None else min(whole, self.whole, key=_cpu)
 
 
-def measure(
-    case: ScenarioCase,
-    title: str,
-    name: str,
-    options: dict[str, Any],
-    count: int,
-    target: float | None = None,
-) -> Row:
-    """One renderer; ``target`` is the noise to reach, None to keep the options' samples."""
+def _cpu(cost: Cost) -> float:
+    return cost.cpu_s
+
+
+def enter(
+    case: ScenarioCase, title: str, name: str, options: dict[str, Any], target: float | None = None
+) -> Entry:
+    """Open one renderer; ``target`` is the noise to reach, None to keep the options' samples."""
     remote = Remote(case)
     try:
         start = remote.ask("open", name, options)
@@ -238,22 +254,20 @@ def measure(
                 spp = max(1, round(spp * (noise / target) ** 2))
                 remote.ask("open", name, {**options, "spp": spp})
                 noise = remote.ask("noise")
-        box, whole = remote.ask("cost", False), remote.ask("cost", True)
-        if spp is not None:
-            remote.ask("open", name, {**options, "spp": MEMORY_SPP})
-        memory_mb = remote.ask("memory", count)
-        return Row(title, spp, noise, box, whole, start, memory_mb)
-    finally:
+        return Entry(title, name, options, remote, spp, noise, start)
+    except BaseException:
         remote.close()
+        raise
 
 
 @click.command()
 @click.option("--scenario", default="aqua", show_default=True)
 @click.option("--frames", default=2, show_default=True, help="Poses of crosscheck at its ranges.")
+@click.option("--rounds", default=2, show_default=True, type=click.IntRange(min=1), help="Of turns.")
 @click.option("--memory-frames", default=50, show_default=True, type=click.IntRange(min=1))
 @click.option("--spp", default=64, show_default=True, help="Samples a pixel of the reference.")
 @click.option("--threads", default=1, show_default=True, help="Of each path tracer.")
-def main(scenario: str, frames: int, memory_frames: int, spp: int, threads: int) -> None:
+def main(scenario: str, frames: int, rounds: int, memory_frames: int, spp: int, threads: int) -> None:
     """Measure all renderers that are installed, Cycles on the whole frame being the reference."""
     registry = load_plugins().registry
     checked = load_scenario(scenario, registry, {"renderer.name": "blender"})
@@ -264,36 +278,45 @@ def main(scenario: str, frames: int, memory_frames: int, spp: int, threads: int)
     labels: Cost = bench.ask("labels")
     bench.close()
     click.echo(f"labels of a frame: {labels.cpu_s:.2f}\n")
-    click.echo(
-        f"{'':<15}{'spp':>5}{'noise':>8}{'box':>8}{'whole':>8}{'at equal noise':>16}{'of Cycles':>11}"
-        f"{'box, wall s':>13}{'start':>8}{'MB, frame 5':>13}{f'frame {memory_frames}':>10}"
-    )
     sampled = {"spp": spp, "threads": threads}
-    reference = measure(case, "blender", "blender", sampled, memory_frames)
-    _tell(reference, reference, labels)
+    entries = [enter(case, "blender", "blender", sampled)]
     for title, name, options in CANDIDATES:
         if name not in registry.names("renderer"):
-            click.echo(f"{title:<15} is not installed")
+            click.echo(f"{title} is not installed")
             continue
         if name in SAMPLED:
             options = {**sampled, **options}
         try:
-            _tell(measure(case, title, name, options, memory_frames, reference.noise), reference, labels)
+            entries.append(enter(case, title, name, options, entries[0].noise))
         except click.ClickException as error:
-            click.echo(f"{title:<15} {error}")
-
-
-def _tell(row: Row, reference: Row, labels: Cost) -> None:
-    """``at equal noise``: box and labels; ``of Cycles``: the reference's whole frame over that."""
-    sampled, left = f"{'-':>5}{'-':>8}", 1.0
-    if row.noise is not None and reference.noise is not None:
-        sampled = f"{row.spp:>5}{row.noise:>8.3f}"
-        left = (row.noise / reference.noise) ** 2
-    with_labels_s = row.box.cpu_s * left + labels.cpu_s
+            click.echo(f"{title}: {error}")
+    for _ in range(rounds):
+        for entry in entries:
+            entry.take_turn()
     click.echo(
-        f"{row.name:<15}{sampled}{row.box.cpu_s:>8.2f}{row.whole.cpu_s:>8.2f}{with_labels_s:>16.2f}"
-        f"{reference.whole.cpu_s / with_labels_s:>10.1f}x{row.box.wall_s:>13.2f}"
-        f"{row.start.cpu_s:>8.1f}{row.memory_mb[0]:>13.0f}{row.memory_mb[1]:>10.0f}"
+        f"{'':<15}{'spp':>5}{'noise':>8}{'box':>8}{'whole':>8}{'at equal noise':>16}{'of Cycles':>11}"
+        f"{'box, wall s':>13}{'start':>8}{'MB, frame 5':>13}{f'frame {memory_frames}':>10}"
+    )
+    for entry in entries:
+        _tell(entry, entries[0], labels, memory_frames)
+        entry.remote.close()
+
+
+def _tell(entry: Entry, reference: Entry, labels: Cost, memory_frames: int) -> None:
+    """``at equal noise``: box and labels; ``of Cycles``: the reference's whole image over that."""
+    assert entry.box is not None
+    assert entry.whole is not None
+    assert reference.whole is not None
+    sampled, left = f"{'-':>5}{'-':>8}", 1.0
+    if entry.noise is not None and reference.noise is not None:
+        sampled = f"{entry.spp:>5}{entry.noise:>8.3f}"
+        left = (entry.noise / reference.noise) ** 2
+    with_labels_s = entry.box.cpu_s * left + labels.cpu_s
+    memory_mb = entry.memory_mb(memory_frames)
+    click.echo(
+        f"{entry.title:<15}{sampled}{entry.box.cpu_s:>8.2f}{entry.whole.cpu_s:>8.2f}"
+        f"{with_labels_s:>16.2f}{reference.whole.cpu_s / with_labels_s:>10.1f}x"
+        f"{entry.box.wall_s:>13.2f}{entry.start.cpu_s:>8.1f}{memory_mb[0]:>13.0f}{memory_mb[1]:>10.0f}"
     )
 
 

@@ -94,6 +94,7 @@ class CocoDataset(Dataset):
             none = [None, None, 0]
             line["keypoints"] = {name: points.get(name, none) for name in known.keypoints_body_m}
 
+    # An attribute there; here read when asked for, since boxes need no camera.
     @cached_property
     def camera(self) -> Camera:  # type: ignore[override]
         """Of ``camera.json`` beside the files.

@@ -138,14 +138,13 @@ def starts_of(problem: PropagationProblem, *, elliptic: bool = True) -> list[Sta
 
 
 def planned(problem: PropagationProblem, start: Start) -> Transfer:
-    """The scenario's impulses, none where it has no plan.
+    """The impulses of a scenario that has a plan.
 
     Raises:
         InputError: a transfer that its window is too short for, or at an inclination of 0° or 180°.
     """
     plan = problem.relative.plan
-    if plan is None:
-        return Transfer((), 0.0)
+    assert plan is not None  # who has none is not asked
     if plan.burns is not None:
         burns = [Burn(burn.t_s, np.array(burn.dv_rtn_m_s)) for burn in plan.burns]
         return Transfer(tuple(sorted(burns, key=lambda burn: burn.t_s)), 0.0)

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from small_run import SCENARIO
+from small_run import make_small
 
 LENS = [-0.3, 0.05, 0.01, -0.008, 0.0]
 OPTIONS = (
@@ -22,12 +22,7 @@ OPTIONS = (
 
 @pytest.fixture(scope="module")
 def lensed(posse_in, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("lensed")
-    (folder / "small.yaml").write_text(SCENARIO)
-    options = [word for option in OPTIONS for word in ("-o", option)]
-    done = posse_in(folder, "run", "small.yaml", "--out", "d", *options)
-    assert done.returncode == 0, done.stderr
-    return folder / "d"
+    return make_small(posse_in, tmp_path_factory.mktemp("lensed"), OPTIONS)
 
 
 def test_it_is_proven_and_as_a_pinholes_refuted(posse, lensed):

@@ -36,12 +36,15 @@ def test_a_moving_edge_is_a_ramp_as_wide_as_it_moves(v_m_s):
     line = craft.coverage[craft.box.height // 2].astype(float)
     pixels = craft.box.x0 + np.arange(craft.box.width)
     edge_px = MIDDLE[0] - FOCAL_PX * 2.03 / DISTANCE_M
-    # The ramp's mean over a pixel, by the ramp's integral.
-    integral = lambda x: np.clip((x - edge_px) / ramp_px + 0.5, 0, None) ** 2 / 2 * ramp_px  # noqa: E731
-    beyond = lambda x: np.clip((x - edge_px) / ramp_px - 0.5, 0, None) ** 2 / 2 * ramp_px  # noqa: E731
-    expected = [np.subtract(*(integral(x) - beyond(x) for x in (p + 0.5, p - 0.5))) for p in pixels]
+
+    def integral(x):
+        """Of the ramp, which rises from 0 to 1 around the edge."""
+        begun, done = (np.clip((x - edge_px) / ramp_px + s, 0, None) ** 2 for s in (0.5, -0.5))
+        return (begun - done) / 2 * ramp_px
+
+    expected = integral(pixels + 0.5) - integral(pixels - 0.5)  # the ramp's mean over each pixel
     left = pixels < MIDDLE[0]
-    np.testing.assert_allclose(line[left], np.array(expected)[left], atol=0.01)
+    np.testing.assert_allclose(line[left], expected[left], atol=0.01)
 
 
 def test_blur_keeps_the_light_and_the_place():

@@ -4,7 +4,7 @@ import json
 import shutil
 
 import pytest
-from small_run import SCENARIO
+from small_run import make_small
 
 OPTIONS = (
     "target={name: cubesat}",
@@ -22,12 +22,7 @@ OPTIONS = (
 
 @pytest.fixture(scope="module")
 def rolling(posse_in, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("rolling")
-    (folder / "small.yaml").write_text(SCENARIO)
-    options = [word for option in OPTIONS for word in ("-o", option)]
-    done = posse_in(folder, "run", "small.yaml", "--out", "d", *options)
-    assert done.returncode == 0, done.stderr
-    return folder / "d"
+    return make_small(posse_in, tmp_path_factory.mktemp("rolling"), OPTIONS)
 
 
 def test_it_is_proven_row_by_row(posse, rolling):

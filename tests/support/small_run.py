@@ -1,5 +1,9 @@
 """A scenario small enough to run many times: a box in orbit, 64 × 48 pixels, a flat renderer."""
 
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from subprocess import CompletedProcess
+
 BOX_OBJ = """\
 v -2 -1 -1
 v 2 -1 -1
@@ -31,3 +35,14 @@ renderer: {name: flat, seconds: 0.05}
 writers: [coco, speed]
 seed: 7
 """
+
+
+def make_small(
+    posse_in: Callable[..., CompletedProcess[str]], folder: Path, options: Iterable[str]
+) -> Path:
+    """Run the scenario in ``folder`` with other keys, KEY=VALUE; the dataset's folder."""
+    (folder / "small.yaml").write_text(SCENARIO)
+    words = [word for option in options for word in ("-o", option)]
+    done = posse_in(folder, "run", "small.yaml", "--out", "d", *words)
+    assert done.returncode == 0, done.stderr
+    return folder / "d"

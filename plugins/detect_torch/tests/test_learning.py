@@ -98,7 +98,7 @@ def test_a_training_cut_short_ends_as_if_it_had_not_been(make_dataset, tmp_path)
 
             class Stopped(NanoLesson):
                 def judge(self, net):
-                    if (folder / LAST).exists():  # noqa: B023
+                    if (folder / LAST).exists():  # noqa: B023 - used within this turn
                         raise KeyboardInterrupt
                     return super().judge(net)
 

@@ -8,20 +8,14 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import os
 import tempfile
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 from posse_core.errors import InputError, StoreError
 from posse_core.files import sha256, write_bytes
-
-SHARDS_WORTH_A_PROCESS = 10
-"""A shard of 1000 frames is read in some 0.05 s, and a process starts in half a second."""
 
 
 class Store(ABC):
@@ -29,13 +23,12 @@ class Store(ABC):
 
     Attributes:
         name: as the user wrote it.
+        readers: threads that read best. A few do not help with files that memory holds, nor do they
+            harm; of a disk, as of a network store, answers are waited for together.
     """
 
     name: str
-
-    @abstractmethod
-    def readers(self, shards: int) -> Executor:
-        """Those that look through so many shards of a dataset's frames at a time."""
+    readers: int
 
     @abstractmethod
     def read(self, name: str) -> bytes:
@@ -62,16 +55,11 @@ class Store(ABC):
 class LocalStore(Store):
     """A folder of this machine."""
 
+    readers = 4
+
     def __init__(self, folder: Path) -> None:
         self.name = str(folder)
         self._folder = folder
-
-    def readers(self, shards: int) -> Executor:
-        # Threads that pass Python to and fro at every small file take longer than one alone.
-        processes = min(shards // SHARDS_WORTH_A_PROCESS, os.cpu_count() or 1)
-        if processes < 2:
-            return ThreadPoolExecutor(1)
-        return ProcessPoolExecutor(processes, get_context("spawn"))
 
     def read(self, name: str) -> bytes:
         return (self._folder / name).read_bytes()
@@ -89,6 +77,8 @@ class LocalStore(Store):
 
 class RemoteStore(Store):
     """A folder of a network store, as in ``s3://bucket/folder``; credentials as for its own tools."""
+
+    readers = 16
 
     def __init__(self, url: str) -> None:
         self.name = url.rstrip("/")
@@ -112,9 +102,6 @@ class RemoteStore(Store):
     def write(self, name: str, data: bytes) -> None:
         with self._explained("written to"):
             self._files.pipe_file(f"{self._root}/{name}", data)
-
-    def readers(self, shards: int) -> Executor:
-        return ThreadPoolExecutor(16)  # its answers are waited for together
 
     def create(self, name: str, data: bytes) -> None:
         """Write a file that is not there yet; raises FileExistsError where it is."""

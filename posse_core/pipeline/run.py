@@ -124,7 +124,8 @@ class _Run:
         self._write_statics()
         frames = len(self._plan.trajectory)
         self._log = LabelLog(self._folder, frames)
-        done = self._log.recover(self._place.store)
+        store = self._place.store
+        done = self._log.recover(store.sha256, store.readers)
         todo = [index for index in range(frames) if index not in done]
         if todo or not self._is_complete():
             (self._folder / "manifest.json").unlink(missing_ok=True)

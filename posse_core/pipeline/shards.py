@@ -15,13 +15,13 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from posse_core.files import write_bytes
-from posse_core.store import Store
 
 FRAMES_PER_SHARD = 1000
 CHECKSUMS = "checksums.sha256"
@@ -70,30 +70,43 @@ class LabelLog:
         _append(shard_path(self._folder, index), line.encode())
         return block + line.encode()
 
-    def recover(self, store: Store) -> set[int]:
+    def recover(self, digest_of: Callable[[str], str], readers: int = 1) -> set[int]:
         """Find the frames that are done; drop torn lines, and frames whose files are not as entered.
 
         Args:
-            store: where the frames' files are.
+            digest_of: a frame's file → its SHA-256 as it is now, or OSError.
+            readers: shards that are looked through at a time.
 
         Returns:
             Indices of frames that are complete.
         """
         path = self._folder / CHECKSUMS
         blocks = _blocks(path)
-        sealed: list[dict[int, bytes]] = [{} for _ in self._shards]
-        for index, block in blocks.items():
-            if index // FRAMES_PER_SHARD < len(sealed):
-                sealed[index // FRAMES_PER_SHARD][index] = block
-        with store.readers(len(self._shards)) as readers:
-            kept = list(readers.map(partial(_intact_lines, store.sha256), self._shards, sealed))
-        for shard, lines in zip(self._shards, kept, strict=True):
-            _keep(shard, lines.values())
-        done = set().union(*kept)
+        with ThreadPoolExecutor(readers) as threads:
+            intact = threads.map(partial(self._mend, blocks, digest_of), range(len(self._shards)))
+            done = set().union(*intact)
         text = b"".join(block for index, block in blocks.items() if index in done)
         if path.exists() and path.read_bytes() != text:
             write_bytes(path, text)
         return done
+
+    def _mend(
+        self, blocks: Mapping[int, bytes], digest_of: Callable[[str], str], shard: int
+    ) -> set[int]:
+        """Drop what is not whole from a shard; the frames that are left."""
+        path = self._shards[shard]
+        intact: set[int] = set()
+        lines: list[bytes] = []
+        for line in whole_lines(path):
+            index = _index(line)
+            if index in intact or index // FRAMES_PER_SHARD != shard or index not in blocks:
+                continue
+            if _is_intact(index, line, blocks[index], digest_of):
+                intact.add(index)
+                lines.append(line)
+        if path.exists() and sum(map(len, lines)) != path.stat().st_size:
+            write_bytes(path, b"".join(lines))
+        return intact
 
     def put_in_order(self) -> None:
         """Sort the lines by frame where workers were done out of turn, and the checksums likewise."""
@@ -110,28 +123,6 @@ def replay(folder: Path, entries: bytes) -> None:
     for line in entries.splitlines(keepends=True):
         index = _index(line)
         _append(folder / CHECKSUMS if index < 0 else shard_path(folder, index), line)
-
-
-def _intact_lines(
-    digest_of: Callable[[str], str], shard: Path, blocks: Mapping[int, bytes]
-) -> dict[int, slice]:
-    """Frame → where its line stands in the shard, of the frames that are whole. Writes nothing: where it
-    runs in another process, that may outlive the one that holds the dataset's lock."""
-    found: dict[int, slice] = {}
-    end = 0
-    for line in whole_lines(shard):
-        start, end = end, end + len(line)
-        index = _index(line)
-        if index in blocks and index not in found and _is_intact(index, line, blocks[index], digest_of):
-            found[index] = slice(start, end)
-    return found
-
-
-def _keep(shard: Path, lines: Collection[slice]) -> None:
-    """Drop the rest."""
-    if shard.exists() and sum(line.stop - line.start for line in lines) != shard.stat().st_size:
-        text = shard.read_bytes()
-        write_bytes(shard, b"".join(text[line] for line in lines))
 
 
 def _is_intact(index: int, line: bytes, block: bytes, digest_of: Callable[[str], str]) -> bool:

@@ -1,7 +1,6 @@
 """The log of finished frames, cut and damaged in every way: it ends as if nothing had happened."""
 
 import json
-import os
 import tempfile
 from pathlib import Path
 
@@ -97,14 +96,14 @@ def test_after_any_damage_the_books_are_the_same_to_the_bit(data):
         todo = order
         for _ in range(data.draw(st.integers(1, 3))):
             log = LabelLog(folder, FRAMES)
-            done = log.recover(LocalStore(folder))
+            done = log.recover(LocalStore(folder).sha256)
             todo = [index for index in order if index not in done]
             for index in todo[: data.draw(st.integers(0, FRAMES))]:
                 enter(log, folder, index)
             for kind in data.draw(st.lists(st.sampled_from(KINDS), max_size=3)):
                 damage(folder, kind, data)
         log = LabelLog(folder, FRAMES)
-        done = log.recover(LocalStore(folder))
+        done = log.recover(LocalStore(folder).sha256)
         for index in order:
             if index not in done:
                 enter(log, folder, index)
@@ -120,7 +119,7 @@ def test_what_is_whole_is_not_made_again(entered):
         for index in entered:
             enter(log, folder, index)
         before = books(folder) if entered else {}
-        assert LabelLog(folder, FRAMES).recover(LocalStore(folder)) == entered
+        assert LabelLog(folder, FRAMES).recover(LocalStore(folder).sha256) == entered
         assert (books(folder) if entered else {}) == before
 
 
@@ -128,27 +127,10 @@ def test_only_the_damaged_frame_is_made_again(tmp_path):
     folder = tmp_path / "d"
     undisturbed(folder)
     (tmp_path / "d/truth/000007.npz").write_bytes(b"")
-    assert LabelLog(folder, FRAMES).recover(LocalStore(folder)) == set(range(FRAMES)) - {7}
+    assert LabelLog(folder, FRAMES).recover(LocalStore(folder).sha256) == set(range(FRAMES)) - {7}
     rows = (tmp_path / "d" / CHECKSUMS).read_text()
     assert "000007" not in rows
     image = tmp_path / "d/images/000008.png"
     assert f"{sha256(image)}  images/000008.png\n" in rows
     lines = (tmp_path / "d/labels/shard-00001.jsonl").read_text().splitlines()
     assert [json.loads(line)["index"] for line in lines] == [5, 6, 8, 9]
-
-
-def test_shards_are_looked_through_by_several_processes(tmp_path, monkeypatch):
-    monkeypatch.setattr("posse_core.store.SHARDS_WORTH_A_PROCESS", 1)
-    monkeypatch.setattr("os.cpu_count", lambda: 2)
-    folder = tmp_path / "d"
-    undisturbed(folder)
-    (folder / "truth/000007.npz").write_bytes(b"")
-    store = LocalStore(folder)
-    with store.readers(FRAMES) as readers:
-        assert set(readers.map(_process, range(FRAMES), chunksize=1)) != {os.getpid()}
-    assert LabelLog(folder, FRAMES).recover(store) == set(range(FRAMES)) - {7}
-    assert LabelLog(folder, FRAMES).recover(store) == set(range(FRAMES)) - {7}
-
-
-def _process(_):
-    return os.getpid()

@@ -87,7 +87,8 @@ def region_targets(
     negative = (most < 0.5) & there
     negative = _some(negative, 3 * positive.sum(dim=1), random)
     rank = torch.argsort(2 * positive.int() + negative.int(), dim=1, descending=True, stable=True)
-    rank = rank[:, :_REGIONS]
+    fullest = int((positive | negative).sum(dim=1).max())
+    rank = rank[:, : min(max(fullest, 1), _REGIONS)]  # what is padding in every picture is not looked at
     classes = torch.full_like(mine, PADDING)
     classes[negative] = 0
     classes = torch.where(positive, 1 + torch.gather(labels, 1, mine), classes)

@@ -6,19 +6,20 @@ would then be compiled for each size of box. Here a ray's pixel, the camera and 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import cache
 from typing import Any
 
 import numpy as np
 
 from posse_core.model.arrays import FloatArray
-from posse_core.model.camera import Camera, PixelBox
+from posse_core.model.camera import Camera
 from posse_core.model.scene import FrameState, RenderRequest
 from posse_core.randomness import generator
 from posse_render_mitsuba.options import MitsubaOptions
+from posse_render_mitsuba.samples import further_rounds
 from posse_render_mitsuba.world import World, rotation_with_z
 
+ROUND_SPP = 16
 SAMPLES_PER_CALL = 1 << 22
 """Enough to make the tracing of a call (0.06 s) small; they take 16 bytes each."""
 
@@ -31,7 +32,10 @@ class Wavefront:
 
         self._camera = camera
         self._radius_m = radius_m
-        self._sampler = mi.load_dict({"type": options.sampler, "sample_count": options.spp})
+        # Once a pixel is looked at often enough for two rounds, the second goes to where the noise is.
+        self._rounds = max(1.0, options.spp / ROUND_SPP)
+        spp = options.spp if options.spp <= ROUND_SPP else ROUND_SPP
+        self._sampler = mi.load_dict({"type": options.sampler, "sample_count": spp})
         self._spp = int(self._sampler.sample_count())
         self._sampler.set_samples_per_wavefront(self._spp)
 
@@ -56,14 +60,37 @@ class Wavefront:
             }
         )
         random = generator(request.seed, frame.index, "mitsuba")
-        parts = [
-            self._pixels(world, frame, places, int(random.integers(2**31)))
-            for places in _places(box, SAMPLES_PER_CALL // self._spp)
-        ]
-        return np.concatenate(parts).reshape(box.height, box.width, 4)
+        white = float(frame.sun_irradiance_rgb_w_m2.sum()) / np.pi
+        places = box.pixel_centres_px().reshape(-1, 2)
+        first = self._round(world, frame, places, random, white)
+        image, times = first[:, :4], np.ones(len(places))
+        if self._rounds > 1:
+            shape = box.height, box.width
+            variance, covered = first[:, 4].reshape(shape), first[:, 3].reshape(shape)
+            again = further_rounds(variance, covered, self._rounds).reshape(-1)
+            which = np.repeat(np.arange(len(places)), again)
+            more = self._round(world, frame, places[which], random, white)[:, :4]
+            np.add.at(image, which, more)
+            times += again
+        return (image / times[:, None]).reshape(box.height, box.width, 4)
 
-    def _pixels(self, world: World, frame: FrameState, places: FloatArray, seed: int) -> FloatArray:
-        """(n, 4) of the pixels whose centres are at ``places`` (n, 2)."""
+    def _round(
+        self, world: World, frame: FrameState, places: FloatArray, random: Any, white: float
+    ) -> FloatArray:
+        """See :meth:`_pixels`, of any number."""
+        count = SAMPLES_PER_CALL // self._spp
+        parts = [
+            self._pixels(world, frame, places[i : i + count], int(random.integers(2**31)), white)
+            for i in range(0, len(places), count)
+        ]
+        return np.concatenate([np.zeros((0, 5)), *parts])
+
+    def _pixels(
+        self, world: World, frame: FrameState, places: FloatArray, seed: int, white: float
+    ) -> FloatArray:
+        """(n, 5) of the pixels whose centres are at ``places`` (n, 2): radiance, coverage, and the variance
+        of the samples' radiance, summed over the bands up to ``white``: brighter is a glint of a few
+        pixels, which would be looked at before all else."""
         import drjit as dr
         import mitsuba as mi
 
@@ -86,16 +113,12 @@ class Wavefront:
         )
         rgb, covered, _ = world.integrator.sample(world.scene, sampler, ray)
         channels = [rgb.x, rgb.y, rgb.z, dr.select(covered, mi.Float(1), mi.Float(0))]
+        light = dr.minimum(rgb.x + rgb.y + rgb.z, dr.opaque(mi.Float, white))
+        channels += [light, dr.square(light)]
         dr.eval(channels)  # all at once: one by one, each would be rendered anew
         means = [np.array(dr.block_sum(channel, self._spp), dtype=np.float64) for channel in channels]
-        return np.stack(means, axis=-1) / self._spp
-
-
-def _places(box: PixelBox, largest: int) -> Iterator[FloatArray]:
-    """The box's pixel centres (n, 2) row by row, in runs of ``largest`` at most."""
-    centres_px = box.pixel_centres_px().reshape(-1, 2)
-    for start in range(0, len(centres_px), largest):
-        yield centres_px[start : start + largest]
+        *image, light_mean, square_mean = (mean / self._spp for mean in means)
+        return np.stack([*image, np.maximum(square_mean - light_mean**2, 0)], axis=-1)
 
 
 @cache

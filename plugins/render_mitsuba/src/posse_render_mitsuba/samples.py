@@ -1,0 +1,50 @@
+"""Where samples are worth most: the picture's squared error is least when a pixel has as many as its
+standard deviation asks for (Neyman's allocation, 1934).
+
+Deviations are read from a first round over all pixels. A pixel's own samples do not speak for it, only
+those around it: did they, a pixel that was bright by chance would be looked at again and one that was
+dark by chance would not, and the picture would be too dark.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import correlate, maximum_filter
+
+from posse_core.model.arrays import FloatArray, IntArray
+
+NEIGHBOURS = np.ones((5, 5))
+NEIGHBOURS[2, 2] = 0.0
+MOST_ROUNDS = 16
+"""For one pixel, as a multiple of what all have on average."""
+
+
+def further_rounds(variance: FloatArray, covered: FloatArray, rounds: float) -> IntArray:
+    """How many rounds more each pixel is worth.
+
+    Args:
+        variance: (h, w) of a pixel's samples in the first round.
+        covered: (h, w) share of the samples that met the craft.
+        rounds: for a pixel of the craft on average, the first one included.
+
+    Returns:
+        (h, w), 0 where nothing is near. Their mean over the craft is about ``rounds`` − 1.
+    """
+    result = np.zeros(variance.shape, dtype=np.int64)
+    near = maximum_filter(covered, NEIGHBOURS.shape, mode="constant") > 0
+    deviation = np.sqrt(correlate(variance, NEIGHBOURS, mode="constant"))[near]
+    if deviation.any():
+        most = MOST_ROUNDS * rounds
+        result[near] = np.rint(np.clip(_factor(deviation, rounds, most) * deviation, 1, most)) - 1
+    return result
+
+
+def _factor(deviation: FloatArray, rounds: float, most: float) -> float:
+    """With which clip(factor · deviation, 1, most) is ``rounds`` on average, or as near as it can be."""
+    logarithm = np.log(deviation[deviation > 0])
+    lowest, highest = -logarithm.max(), np.log(most) - logarithm.min()
+    for _ in range(50):
+        middle = (lowest + highest) / 2
+        spent = np.clip(np.exp(middle) * deviation, 1, most).mean()
+        lowest, highest = (middle, highest) if spent < rounds else (lowest, middle)
+    return float(np.exp(lowest))

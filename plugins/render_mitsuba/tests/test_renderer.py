@@ -9,8 +9,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from posse_core.errors import ComponentError
 from posse_core.model.camera import PixelBox
@@ -19,7 +17,6 @@ from posse_core.model.spacecraft import Material
 from posse_core.testing import scenes
 from posse_render_mitsuba.options import MitsubaOptions
 from posse_render_mitsuba.renderer import MitsubaRenderer
-from posse_render_mitsuba.wavefront import _places
 from posse_render_mitsuba.world import sky_weight
 
 CLAY = Material("clay", base_color=(0.8, 0.5, 0.2), specular=0.0)
@@ -33,20 +30,13 @@ def test_the_plugin_imports_no_mitsuba() -> None:
     assert told.stdout.strip() == "False"
 
 
-@given(x0=st.integers(0, 90), y0=st.integers(0, 90), w=st.integers(1, 40), largest=st.integers(1, 99))
-def test_calls_cover_the_box_once_in_order(x0: int, y0: int, w: int, largest: int) -> None:
-    box = PixelBox(x0, y0, w, 7)
-    calls = list(_places(box, largest))
-    assert max(len(call) for call in calls) <= largest
-    np.testing.assert_array_equal(np.concatenate(calls), box.pixel_centres_px().reshape(-1, 2))
-
-
-def test_a_box_of_several_calls_has_no_seam(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("spp", [9, 40], ids=["one round", "two rounds"])
+def test_a_box_of_several_calls_has_no_seam(monkeypatch: pytest.MonkeyPatch, spp: int) -> None:
     """Lambert's law across the border of two calls."""
     monkeypatch.setattr("posse_render_mitsuba.wavefront.SAMPLES_PER_CALL", 9 * 3333)
     plate = scenes.rectangle("plate", "clay", u_m=(50, 0, 0), v_m=(0, 9, 0))
     camera = scenes.camera(600, 20, 1.0)
-    renderer = MitsubaRenderer(MitsubaOptions(spp=9))
+    renderer = MitsubaRenderer(MitsubaOptions(spp=spp))
     renderer.open(scenes.scene(plate, materials=(CLAY,), camera=camera))
     frame = scenes.frame(t_body_cam_m=(0, 0, 9), sun_direction_body=(0.2, 0.1, 1))
     box = PixelBox(5, 3, 590, 12)

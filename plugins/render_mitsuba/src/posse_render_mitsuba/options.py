@@ -13,7 +13,10 @@ class MitsubaOptions(Options):
     """``-o renderer.spp=64`` and its like."""
 
     spp: int = Field(
-        64, ge=1, le=65536, description="samples a pixel; above 16, llvm and cuda spend them by the noise"
+        64,
+        ge=1,
+        le=65536,
+        description="samples a pixel; llvm and cuda spend those above 16 by the noise",
     )
     max_depth: int = Field(
         4, ge=2, le=64, description="longest light path in segments: 2 is direct light alone"

@@ -88,9 +88,9 @@ class Wavefront:
     def _pixels(
         self, world: World, frame: FrameState, places: FloatArray, seed: int, white: float
     ) -> FloatArray:
-        """(n, 5) of the pixels whose centres are at ``places`` (n, 2): radiance, coverage, and the variance
-        of the samples' radiance, summed over the bands up to ``white``: brighter is a glint of a few
-        pixels, which would be looked at before all else."""
+        """(n, 5) of the pixels whose centres are at ``places`` (n, 2): radiance, coverage, and the
+        variance of the samples' radiance, summed over the bands up to ``white``: brighter is a glint of
+        a few pixels, which would be looked at before all else."""
         import drjit as dr
         import mitsuba as mi
 

@@ -8,8 +8,8 @@ as the plugin finds it (POSSE_BLENDER_PYTHON). Linux only: it reads /proc.
 Noise is what a second seed changes on the craft's pixels, as the root mean square over the mean, with
 radiance clipped at a white plate's that faces the Sun: brighter is a glint of a few pixels, without
 which the picture stays the same and with which the noise is theirs alone. The reference is Cycles
-with 64 samples. Others get as many samples as bring them about to its noise; what is left of the
-difference is taken off the cost, which goes with 1/noise².
+with 64 samples in every pixel. Others get as many samples as bring them about to its noise; what is
+left of the difference is taken off the cost, which goes with 1/noise².
 """
 
 from __future__ import annotations
@@ -44,6 +44,7 @@ from posse_core.scenario.load import load_scenario
 
 MEMORY_SPP = 4
 CANDIDATES: tuple[tuple[str, str, dict[str, Any]], ...] = (
+    ("blender", "blender", {}),
     ("mitsuba llvm", "mitsuba", {"variant": "llvm"}),
     ("mitsuba scalar", "mitsuba", {"variant": "scalar"}),
     ("raster", "raster", {}),
@@ -279,7 +280,7 @@ def main(scenario: str, frames: int, rounds: int, memory_frames: int, spp: int, 
     bench.close()
     click.echo(f"labels of a frame: {labels.cpu_s:.2f}\n")
     sampled = {"spp": spp, "threads": threads}
-    entries = [enter(case, "blender", "blender", sampled)]
+    entries = [enter(case, "bare Cycles", "blender", {**sampled, "adaptive_threshold": 0.0})]
     for title, name, options in CANDIDATES:
         if name not in registry.names("renderer"):
             click.echo(f"{title} is not installed")

@@ -157,7 +157,7 @@ def test_doctor_says_what_works(blender: None) -> None:
 
 
 def test_a_worker_killed_in_mid_frame(opened: Callable[..., BlenderRenderer]) -> None:
-    renderer = opened(plate(), spp=ENDLESS_SPP)
+    renderer = opened(plate(), spp=ENDLESS_SPP, adaptive_threshold=0)
     pid = renderer.worker_pid
     assert pid is not None
     killer = threading.Timer(1.0, os.kill, (pid, signal.SIGKILL))
@@ -189,7 +189,7 @@ from posse_render_blender.options import BlenderOptions
 from posse_render_blender.renderer import BlenderRenderer
 sys.path.insert(0, {folder!r})
 import test_faults
-renderer = BlenderRenderer(BlenderOptions(spp=test_faults.ENDLESS_SPP, threads=1))
+renderer = BlenderRenderer(BlenderOptions(spp=test_faults.ENDLESS_SPP, threads=1, adaptive_threshold=0))
 renderer.open(test_faults.plate())
 print(renderer.worker_pid, flush=True)
 renderer.render(test_faults.request())

@@ -16,7 +16,7 @@ class BlenderOptions(Options):
         None, description="a Python that has bpy; else $POSSE_BLENDER_PYTHON, then $POSSE_BLENDER"
     )
     executable: str | None = Field(None, description="a blender executable, in place of python")
-    spp: int = Field(64, ge=1, le=2**24, description="samples a pixel")
+    spp: int = Field(256, ge=1, le=2**24, description="samples a pixel, at most")
     max_bounces: int = Field(
         2, ge=0, le=1024, description="bounces from surface to surface; 0 is direct light alone"
     )
@@ -33,7 +33,7 @@ class BlenderOptions(Options):
         "none", description="smooths noise, and with it what is fine in the image"
     )
     adaptive_threshold: float = Field(
-        0.0, ge=0, le=1, description="stop sampling a pixel at this noise; 0 samples all alike"
+        0.01, ge=0, le=1, description="stop sampling a pixel at this noise; 0 samples all alike"
     )
 
     @model_validator(mode="after")

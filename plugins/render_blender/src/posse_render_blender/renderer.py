@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -67,7 +68,8 @@ class BlenderRenderer(Renderer):
         if self._child is None:
             raise ComponentError("blender: the renderer is not open")
         answer = self._child.ask(
-            frame_message(request, self._radius_m), f"rendering frame {request.frame.index}"
+            frame_message(request, self._radius_m, self.options.adaptive_threshold),
+            f"rendering frame {request.frame.index}",
         )
         return Radiance(
             box=request.box,
@@ -143,7 +145,7 @@ def scene_message(scene: Scene, options: BlenderOptions) -> Message:
         arrays[f"part{i}.uv"] = part.uv.astype(np.float32)
     intrinsics = ("width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px")
     values = {
-        **options.model_dump(exclude={"python", "executable"}),
+        **options.model_dump(exclude={"python", "executable", "adaptive_threshold"}),
         "camera": {key: getattr(camera, key) for key in intrinsics},
         "materials": materials,
         "parts": parts,
@@ -151,8 +153,13 @@ def scene_message(scene: Scene, options: BlenderOptions) -> Message:
     return Message("open", values, arrays)
 
 
-def frame_message(request: RenderRequest, radius_m: float) -> Message:
-    """The request ``render``; ``radius_m`` is of the sphere that holds the craft."""
+def frame_message(request: RenderRequest, radius_m: float, adaptive_threshold: float) -> Message:
+    """The request ``render``; ``radius_m`` is of the sphere that holds the craft.
+
+    Cycles stops at a pixel where the error of its radiance L, over the root of L, is below a threshold.
+    That has a unit, so the option's value, which is for a white plate of radiance 1, goes with the
+    root of such a plate's in the light of this frame.
+    """
     frame, box = request.frame, request.box
     nearest_m = frame.range_m - CLIP_MARGIN * radius_m
     arrays: dict[str, AnyArray] = {
@@ -166,8 +173,16 @@ def frame_message(request: RenderRequest, radius_m: float) -> Message:
     values = {
         "box": [box.x0, box.y0, box.width, box.height],
         "seed": request.seed % 2**31,
+        "adaptive_threshold": adaptive_threshold * math.sqrt(_white(request)),
         "sun_angular_radius_rad": frame.sun_angular_radius_rad,
         # The near plane must be before the craft at any angle of view: half the nearest distance is.
         "clip_m": [max(1e-3, nearest_m / 2), frame.range_m + CLIP_MARGIN * radius_m],
     }
     return Message("render", values, arrays)
+
+
+def _white(request: RenderRequest) -> float:
+    """W m⁻² sr⁻¹ in the strongest band, of a white plate that faces the Sun and an even sky."""
+    sun = float(request.frame.sun_irradiance_rgb_w_m2.max()) / math.pi
+    sky = 0.0 if request.environment is None else float(request.environment.radiance_rgb.mean())
+    return sun + sky

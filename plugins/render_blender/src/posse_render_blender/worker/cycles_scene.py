@@ -103,7 +103,10 @@ class CyclesScene:
         self._point_sun(arrays["sun_direction_body"], arrays["sun_irradiance_rgb_w_m2"], values)
         self._look_at_sky(arrays.get("environment"), R_cam_from_body)
         self._crop(*values["box"])
-        self._scene.cycles.seed = values["seed"]
+        settings = self._scene.cycles
+        settings.seed = values["seed"]
+        settings.use_adaptive_sampling = values["adaptive_threshold"] > 0
+        settings.adaptive_threshold = values["adaptive_threshold"]
         # With persistent data, Cycles does not look at its own settings again unless it is told.
         self._scene.update_tag()
         _passes.clear()
@@ -129,8 +132,6 @@ class CyclesScene:
             render.threads = threads
         settings.device = "CPU" if self.device == "cpu" else "GPU"
         settings.samples = values["spp"]
-        settings.use_adaptive_sampling = values["adaptive_threshold"] > 0
-        settings.adaptive_threshold = values["adaptive_threshold"]
         settings.use_denoising = values["denoiser"] != "none"
         if settings.use_denoising:
             settings.denoiser = "OPENIMAGEDENOISE"  # some distributions build Blender without it

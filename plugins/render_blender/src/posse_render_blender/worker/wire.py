@@ -20,7 +20,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-PROTOCOL = 1
+PROTOCOL = 2
 """Version of the messages; both ends must have the same."""
 
 MAGIC = b"POSSEBL" + bytes([PROTOCOL])

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from posse_render_mitsuba.samples import further_rounds
+from posse_render_mitsuba.samples import further_rounds, mean_of_samples
 
 SHAPE = (9, 11)
 variances = arrays(float, SHAPE, elements=st.floats(0, 1e6, allow_subnormal=False))
@@ -55,3 +55,9 @@ def test_nothing_is_spent_on_space():
 
 def test_without_noise_one_round_is_enough():
     assert not further_rounds(np.zeros(SHAPE), CRAFT, 4).any()
+
+
+def test_a_mean_over_no_sample_is_not_a_number():
+    sums = np.array([[[2.0, 4.0, 6.0, 2.0], [0.0, 0.0, 0.0, 0.0]]])
+    found = mean_of_samples(sums, np.array([[2.0, 0.0]]))
+    np.testing.assert_array_equal(found, [[[1.0, 2.0, 3.0, 1.0], [np.nan] * 4]])

@@ -20,6 +20,7 @@ from posse_core.model.camera import Camera, PixelBox
 from posse_core.model.scene import FrameState, RenderRequest
 from posse_core.randomness import generator
 from posse_render_mitsuba.options import MitsubaOptions
+from posse_render_mitsuba.samples import mean_of_samples
 from posse_render_mitsuba.world import MITSUBA_FROM_CAM, World, homogeneous, rotation_with_z
 
 SAMPLES_PER_PASS = 8
@@ -50,6 +51,7 @@ class Passes:
         directions = _sun_directions_body(frame, self._count, random.uniform(size=2))
         box = request.box
         total = np.zeros((box.height, box.width, 4))
+        passes = np.zeros((box.height, box.width))
         places = [box]
         for number, direction in enumerate(directions):
             turn = homogeneous(rotation_with_z(-direction), np.zeros(3))
@@ -61,9 +63,9 @@ class Passes:
             )
             for place in places:
                 seed = int(random.integers(2**31))
-                top, left = place.y0 - box.y0, place.x0 - box.x0
-                window = total[top : top + place.height, left : left + place.width]
-                window += np.array(
+                rows = slice(place.y0 - box.y0, place.y0 + place.height - box.y0)
+                columns = slice(place.x0 - box.x0, place.x0 + place.width - box.x0)
+                image = np.array(
                     mi.render(
                         world.scene,
                         integrator=world.integrator,
@@ -72,9 +74,12 @@ class Passes:
                         spp=SAMPLES_PER_PASS,
                     )
                 )
+                good = np.isfinite(image).all(axis=-1)
+                total[rows, columns] += np.where(good[..., None], image, 0)
+                passes[rows, columns] += good
             if number == 0:
                 places = _bands(total[..., 3] > 0, box)
-        return total / self._count
+        return mean_of_samples(total, passes)
 
     def _sensor(self, frame: FrameState, box: PixelBox) -> Any:
         """A camera whose film is the box."""

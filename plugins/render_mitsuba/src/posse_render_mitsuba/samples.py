@@ -1,5 +1,7 @@
-"""Where samples are worth most: the picture's squared error is least when a pixel has as many as its
-standard deviation asks for (Neyman's allocation, 1934).
+"""Where samples are worth most, and what they come to.
+
+The picture's squared error is least when a pixel has as many samples as its standard deviation asks for
+(Neyman's allocation, 1934).
 
 Deviations are read from a first round over all pixels. A pixel's own samples do not speak for it, only
 those around it: did they, a pixel that was bright by chance would be looked at again and one that was
@@ -37,6 +39,15 @@ def further_rounds(variance: FloatArray, covered: FloatArray, rounds: float) -> 
         most = MOST_ROUNDS * rounds
         result[near] = np.rint(np.clip(_factor(deviation, rounds, most) * deviation, 1, most)) - 1
     return result
+
+
+def mean_of_samples(sums: FloatArray, counts: FloatArray) -> FloatArray:
+    """(..., 4) from sums (..., 4) over the samples that are finite, and how many (...) these are.
+
+    Some of Mitsuba's are not, about one in 10⁸ on metal; they are left out. NaN where there is no other.
+    """
+    mean = np.full(sums.shape, np.nan)
+    return np.divide(sums, counts[..., None], out=mean, where=counts[..., None] > 0)
 
 
 def _factor(deviation: FloatArray, rounds: float, most: float) -> float:

@@ -16,7 +16,7 @@ from posse_core.model.camera import Camera
 from posse_core.model.scene import FrameState, RenderRequest
 from posse_core.randomness import generator
 from posse_render_mitsuba.options import MitsubaOptions
-from posse_render_mitsuba.samples import further_rounds
+from posse_render_mitsuba.samples import further_rounds, mean_of_samples
 from posse_render_mitsuba.world import World, rotation_with_z
 
 ROUND_SPP = 16
@@ -63,16 +63,14 @@ class Wavefront:
         white = float(frame.sun_irradiance_rgb_w_m2.sum()) / np.pi
         places = box.pixel_centres_px().reshape(-1, 2)
         first = self._round(world, frame, places, random, white)
-        image, times = first[:, :4], np.ones(len(places))
+        sums, variance = first[:, :5], first[:, 5]
         if self._rounds > 1:
             shape = box.height, box.width
-            variance, covered = first[:, 4].reshape(shape), first[:, 3].reshape(shape)
-            again = further_rounds(variance, covered, self._rounds).reshape(-1)
-            which = np.repeat(np.arange(len(places)), again)
-            more = self._round(world, frame, places[which], random, white)[:, :4]
-            np.add.at(image, which, more)
-            times += again
-        return (image / times[:, None]).reshape(box.height, box.width, 4)
+            again = further_rounds(variance.reshape(shape), sums[:, 3].reshape(shape), self._rounds)
+            which = np.repeat(np.arange(len(places)), again.reshape(-1))
+            more = self._round(world, frame, places[which], random, white)
+            np.add.at(sums, which, more[:, :5])
+        return mean_of_samples(sums[:, :4], sums[:, 4]).reshape(box.height, box.width, 4)
 
     def _round(
         self, world: World, frame: FrameState, places: FloatArray, random: Any, white: float
@@ -83,14 +81,14 @@ class Wavefront:
             self._pixels(world, frame, places[i : i + count], int(random.integers(2**31)), white)
             for i in range(0, len(places), count)
         ]
-        return np.concatenate([np.zeros((0, 5)), *parts])
+        return np.concatenate([np.zeros((0, 6)), *parts])
 
     def _pixels(
         self, world: World, frame: FrameState, places: FloatArray, seed: int, white: float
     ) -> FloatArray:
-        """(n, 5) of the pixels whose centres are at ``places`` (n, 2): radiance, coverage, and the
-        variance of the samples' radiance, summed over the bands up to ``white``: brighter is a glint of
-        a few pixels, which would be looked at before all else."""
+        """(n, 6) of the pixels whose centres are at ``places`` (n, 2): sums of radiance and coverage
+        over the samples, how many these are, and the variance of their radiance, summed over the bands
+        up to ``white``: brighter is a glint of few pixels, which would be looked at first."""
         import drjit as dr
         import mitsuba as mi
 
@@ -112,13 +110,17 @@ class Wavefront:
             middle + turn @ (across * near), turn @ dr.normalize(across + mi.Vector3f(0, 0, 1))
         )
         rgb, covered, _ = world.integrator.sample(world.scene, sampler, ray)
-        channels = [rgb.x, rgb.y, rgb.z, dr.select(covered, mi.Float(1), mi.Float(0))]
         light = dr.minimum(rgb.x + rgb.y + rgb.z, dr.opaque(mi.Float, white))
-        channels += [light, dr.square(light)]
+        good = dr.isfinite(rgb.x) & dr.isfinite(rgb.y) & dr.isfinite(rgb.z)
+        values = [rgb.x, rgb.y, rgb.z, dr.select(covered, mi.Float(1), mi.Float(0)), mi.Float(1)]
+        values += [light, dr.square(light)]
+        channels = [dr.select(good, value, mi.Float(0)) for value in values]
         dr.eval(channels)  # all at once: one by one, each would be rendered anew
-        means = [np.array(dr.block_sum(channel, self._spp), dtype=np.float64) for channel in channels]
-        *image, light_mean, square_mean = (mean / self._spp for mean in means)
-        return np.stack([*image, np.maximum(square_mean - light_mean**2, 0)], axis=-1)
+        sums = [np.array(dr.block_sum(channel, self._spp), dtype=np.float64) for channel in channels]
+        *image, count, light_sum, square_sum = sums
+        known = np.maximum(count, 1)
+        variance = np.maximum(square_sum / known - (light_sum / known) ** 2, 0)
+        return np.stack([*image, count, variance], axis=-1)
 
 
 @cache

@@ -252,3 +252,16 @@ def test_temporary_files_are_gone_after_close(
     assert list(tmp_path.iterdir())
     renderer.close()
     assert not list(tmp_path.iterdir())
+
+
+def test_a_worker_sleeps_between_frames(opened: Callable[..., BlenderRenderer]) -> None:
+    renderer = opened(plate(), threads=1)
+    renderer.render(request())
+    before = _cpu_s(renderer.worker_pid)
+    time.sleep(1.0)
+    assert _cpu_s(renderer.worker_pid) - before < 0.2
+
+
+def _cpu_s(pid: int | None) -> float:
+    stat = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+    return (int(stat[11]) + int(stat[12])) / os.sysconf("SC_CLK_TCK")

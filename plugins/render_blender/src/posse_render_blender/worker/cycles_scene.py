@@ -129,7 +129,8 @@ class CyclesScene:
         threads = values["threads"] or int(os.environ.get("POSSE_THREADS") or 0)
         render.threads_mode = "FIXED" if threads else "AUTO"
         if threads:
-            render.threads = threads
+            # With one, Cycles' scheduler (TBB) keeps another one that spins from the first frame on.
+            render.threads = max(threads, 2)
         settings.device = "CPU" if self.device == "cpu" else "GPU"
         settings.samples = values["spp"]
         settings.use_denoising = values["denoiser"] != "none"

@@ -187,7 +187,7 @@ class Remote:
     def __init__(self, case: ScenarioCase) -> None:
         context = get_context("spawn")
         self._pipe, theirs = context.Pipe()
-        self._process: BaseProcess = context.Process(target=_serve, args=(case, theirs))
+        self._process: BaseProcess = context.Process(target=_serve, args=(case, theirs), daemon=True)
         self._process.start()
 
     def ask(self, method: str, *arguments: Any) -> Any:

@@ -87,6 +87,19 @@ def a_lesson(dataset, folder, options):
     return NanoLesson(dataset, folder, card.classes, options), card
 
 
+class StoppedLesson(NanoLesson):
+    """Ends in its second epoch, when a checkpoint is there."""
+
+    def __init__(self, dataset, folder, classes, options):
+        super().__init__(dataset, folder, classes, options)
+        self._last = folder / LAST
+
+    def judge(self, net):
+        if self._last.exists():
+            raise KeyboardInterrupt
+        return super().judge(net)
+
+
 def test_a_training_cut_short_ends_as_if_it_had_not_been(make_dataset, tmp_path):
     small = Dataset(make_dataset(tmp_path / "d", 20))
     options = NanoOptions(epochs=3, input_px=64, batch=8, threads=1)
@@ -95,15 +108,8 @@ def test_a_training_cut_short_ends_as_if_it_had_not_been(make_dataset, tmp_path)
         folder = tmp_path / str(cut)
         lesson, card = a_lesson(small, folder, options)
         if cut:
-
-            class Stopped(NanoLesson):
-                def judge(self, net):
-                    if (folder / LAST).exists():  # noqa: B023 - used within this turn
-                        raise KeyboardInterrupt
-                    return super().judge(net)
-
             with pytest.raises(KeyboardInterrupt):
-                learn(Stopped(small, folder, card.classes, options), card, folder)
+                learn(StoppedLesson(small, folder, card.classes, options), card, folder)
             assert not (folder / MODEL).exists()
         weights.append(learn(lesson, card, folder).read_bytes())
     assert weights[0] == weights[1]

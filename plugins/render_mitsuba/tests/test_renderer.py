@@ -9,6 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from posse_core.errors import ComponentError
 from posse_core.model.camera import PixelBox
@@ -17,6 +19,7 @@ from posse_core.model.spacecraft import Material
 from posse_core.testing import scenes
 from posse_render_mitsuba.options import MitsubaOptions
 from posse_render_mitsuba.renderer import MitsubaRenderer
+from posse_render_mitsuba.wavefront import _runs
 from posse_render_mitsuba.world import sky_weight
 
 CLAY = Material("clay", base_color=(0.8, 0.5, 0.2), specular=0.0)
@@ -28,6 +31,14 @@ def test_the_plugin_imports_no_mitsuba() -> None:
     )
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert told.stdout.strip() == "False"
+
+
+@given(x0=st.integers(0, 90), y0=st.integers(0, 90), w=st.integers(1, 40), largest=st.integers(1, 99))
+def test_calls_cover_the_box_once_in_order(x0: int, y0: int, w: int, largest: int) -> None:
+    box = PixelBox(x0, y0, w, 7)
+    calls = list(_runs(box.pixel_centres_px().reshape(-1, 2), largest))
+    assert max(len(call) for call in calls) <= largest
+    np.testing.assert_array_equal(np.concatenate(calls), box.pixel_centres_px().reshape(-1, 2))
 
 
 @pytest.mark.parametrize("spp", [9, 40], ids=["one round", "two rounds"])

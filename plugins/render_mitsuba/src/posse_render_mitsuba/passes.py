@@ -63,8 +63,7 @@ class Passes:
             )
             for place in places:
                 seed = int(random.integers(2**31))
-                rows = slice(place.y0 - box.y0, place.y0 + place.height - box.y0)
-                columns = slice(place.x0 - box.x0, place.x0 + place.width - box.x0)
+                window = place.within(box)
                 image = np.array(
                     mi.render(
                         world.scene,
@@ -75,8 +74,8 @@ class Passes:
                     )
                 )
                 good = np.isfinite(image).all(axis=-1)
-                total[rows, columns] += np.where(good[..., None], image, 0)
-                passes[rows, columns] += good
+                total[window] += np.where(good[..., None], image, 0)
+                passes[window] += good
             if number == 0:
                 places = _bands(total[..., 3] > 0, box)
         return mean_of_samples(total, passes)

@@ -6,6 +6,7 @@ would then be compiled for each size of box. Here a ray's pixel, the camera and 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cache
 from typing import Any
 
@@ -34,7 +35,7 @@ class Wavefront:
         self._radius_m = radius_m
         # Once a pixel is looked at often enough for two rounds, the second goes to where the noise is.
         self._rounds = max(1.0, options.spp / ROUND_SPP)
-        spp = options.spp if options.spp <= ROUND_SPP else ROUND_SPP
+        spp = min(options.spp, ROUND_SPP)
         self._sampler = mi.load_dict({"type": options.sampler, "sample_count": spp})
         self._spp = int(self._sampler.sample_count())
         self._sampler.set_samples_per_wavefront(self._spp)
@@ -76,10 +77,9 @@ class Wavefront:
         self, world: World, frame: FrameState, places: FloatArray, random: Any, white: float
     ) -> FloatArray:
         """See :meth:`_pixels`, of any number."""
-        count = SAMPLES_PER_CALL // self._spp
         parts = [
-            self._pixels(world, frame, places[i : i + count], int(random.integers(2**31)), white)
-            for i in range(0, len(places), count)
+            self._pixels(world, frame, run, int(random.integers(2**31)), white)
+            for run in _runs(places, SAMPLES_PER_CALL // self._spp)
         ]
         return np.concatenate([np.zeros((0, 6)), *parts])
 
@@ -121,6 +121,12 @@ class Wavefront:
         known = np.maximum(count, 1)
         variance = np.maximum(square_sum / known - (light_sum / known) ** 2, 0)
         return np.stack([*image, count, variance], axis=-1)
+
+
+def _runs(places: FloatArray, largest: int) -> Iterator[FloatArray]:
+    """Rows of ``places`` (n, 2) in order, ``largest`` at most at a time."""
+    for start in range(0, len(places), largest):
+        yield places[start : start + largest]
 
 
 @cache

@@ -18,9 +18,9 @@ from posse_core.model.scene import EnvironmentMap, RenderRequest
 from posse_core.model.spacecraft import Material
 from posse_core.testing import scenes
 from posse_render_mitsuba.options import MitsubaOptions
+from posse_render_mitsuba.passes import sky_weight
 from posse_render_mitsuba.renderer import MitsubaRenderer
 from posse_render_mitsuba.wavefront import _runs
-from posse_render_mitsuba.world import sky_weight
 
 CLAY = Material("clay", base_color=(0.8, 0.5, 0.2), specular=0.0)
 

@@ -10,6 +10,7 @@ met something.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from scipy.ndimage import maximum_filter
 
 from posse_core.model.arrays import BoolArray, Float32Array, FloatArray
 from posse_core.model.camera import Camera, PixelBox
-from posse_core.model.scene import FrameState, RenderRequest
+from posse_core.model.scene import EnvironmentMap, FrameState, RenderRequest
 from posse_core.randomness import generator
 from posse_render_mitsuba.options import MitsubaOptions
 from posse_render_mitsuba.samples import mean_of_samples
@@ -26,21 +27,29 @@ from posse_render_mitsuba.world import MITSUBA_FROM_CAM, World, homogeneous, rot
 SAMPLES_PER_PASS = 8
 ROWS_PER_BAND = 32
 MARGIN_PX = 4
+LEAST_WEIGHT = 1 / 9
+"""Of the sky against the Sun, or the other way round, in choosing where to look for light: one
+tenth of the samples at least, since what is dark in sum may be bright on the side that is seen."""
 
 
 class Passes:
     """Draws boxes of one camera's image with the scalar variant, which must be set."""
 
+    LAMPS: Mapping[str, Any] = {
+        "sun": {"type": "directional", "irradiance": {"type": "rgb", "value": [1.0, 1.0, 1.0]}}
+    }
+    """Scene entries that :meth:`draw` needs: a Sun in one direction."""
+
     def __init__(self, camera: Camera, radius_m: float, options: MitsubaOptions) -> None:
+        import mitsuba as mi
+
         self._camera = camera
         self._radius_m = radius_m
         self._sampler = options.sampler
         self._count = -(-options.spp // SAMPLES_PER_PASS)
-
-    @staticmethod
-    def sun() -> dict[str, Any]:
-        """The scene entry of a Sun in one direction."""
-        return {"type": "directional", "irradiance": {"type": "rgb", "value": [1.0, 1.0, 1.0]}}
+        self._integrator = mi.load_dict(
+            {"type": "path", "max_depth": options.max_depth, "hide_emitters": True}
+        )
 
     def draw(self, world: World, request: RenderRequest) -> FloatArray:
         """(h, w, 4) radiance and coverage of the request's box."""
@@ -48,6 +57,8 @@ class Passes:
 
         frame = request.frame
         random = generator(request.seed, frame.index, "mitsuba")
+        if request.environment is not None:
+            world.set({"sky.sampling_weight": sky_weight(request.environment, frame)})
         directions = _sun_directions_body(frame, self._count, random.uniform(size=2))
         box = request.box
         total = np.zeros((box.height, box.width, 4))
@@ -67,7 +78,7 @@ class Passes:
                 image = np.array(
                     mi.render(
                         world.scene,
-                        integrator=world.integrator,
+                        integrator=self._integrator,
                         sensor=self._sensor(frame, place),
                         seed=mi.UInt32(seed),
                         spp=SAMPLES_PER_PASS,
@@ -136,6 +147,16 @@ def _sun_directions_body(frame: FrameState, count: int, shift: FloatArray) -> Fl
     local = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.ones(count)], axis=-1)
     local /= np.linalg.norm(local, axis=-1, keepdims=True)
     return np.asarray(local @ rotation_with_z(frame.sun_direction_body).T)
+
+
+def sky_weight(environment: EnvironmentMap, frame: FrameState) -> float:
+    """How often the sky is sampled for each time that the Sun is: as their light is, W/m² each."""
+    rows = environment.radiance_rgb.sum(axis=-1, dtype=np.float64).mean(axis=1)
+    polar_rad = np.pi * (np.arange(len(rows)) + 0.5) / len(rows)
+    sky_w_m2 = float(rows @ np.sin(polar_rad)) * 2 * np.pi**2 / len(rows)
+    sun_w_m2 = float(frame.sun_irradiance_rgb_w_m2.sum())
+    share = sky_w_m2 / sun_w_m2 if sun_w_m2 > 0 else np.inf
+    return float(np.clip(share, LEAST_WEIGHT, 1 / LEAST_WEIGHT))
 
 
 def _offset(principal_px: float, size_px: int) -> float:

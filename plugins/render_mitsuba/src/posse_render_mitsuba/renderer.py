@@ -53,8 +53,7 @@ class MitsubaRenderer(Renderer):
         environment = request.environment
         kind = None if environment is None else environment.radiance_rgb.shape
         if kind not in self._worlds:
-            craft, sun = self._scene.spacecraft, self._painter.sun()
-            self._worlds[kind] = World(craft, sun, environment, self.options.max_depth)
+            self._worlds[kind] = World(self._scene.spacecraft, self._painter.LAMPS, environment)
         world = self._worlds[kind]
         if environment is not None:
             world.set_environment(environment, request.frame)

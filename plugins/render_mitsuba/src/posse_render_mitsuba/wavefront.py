@@ -6,8 +6,7 @@ would then be compiled for each size of box. Here a ray's pixel, the camera and 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from functools import cache
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from posse_core.model.scene import FrameState, RenderRequest
 from posse_core.randomness import generator
 from posse_render_mitsuba.options import MitsubaOptions
 from posse_render_mitsuba.samples import further_rounds, mean_of_samples
-from posse_render_mitsuba.world import World, rotation_with_z
+from posse_render_mitsuba.world import World
 
 ROUND_SPP = 16
 SAMPLES_PER_CALL = 1 << 22
@@ -27,6 +26,9 @@ SAMPLES_PER_CALL = 1 << 22
 
 class Wavefront:
     """Draws boxes of one camera's image with a compiled variant, which must be set."""
+
+    LAMPS: Mapping[str, Any] = {}
+    """The Sun is none of the scene's: see :mod:`posse_render_mitsuba.paths`."""
 
     def __init__(self, camera: Camera, radius_m: float, options: MitsubaOptions) -> None:
         import mitsuba as mi
@@ -39,27 +41,11 @@ class Wavefront:
         self._sampler = mi.load_dict({"type": options.sampler, "sample_count": spp})
         self._spp = int(self._sampler.sample_count())
         self._sampler.set_samples_per_wavefront(self._spp)
-
-    @staticmethod
-    def sun() -> dict[str, Any]:
-        """The scene entry of a Sun whose whole disc is sampled, each sample in another place."""
-        import mitsuba as mi
-
-        _register_sun(mi.variant())
-        return {"type": "posse_sun"}
+        self._max_depth = options.max_depth
 
     def draw(self, world: World, request: RenderRequest) -> FloatArray:
         """(h, w, 4) radiance and coverage of the request's box."""
-        import mitsuba as mi
-
         frame, box = request.frame, request.box
-        world.set(
-            {
-                "sun.turn": mi.Matrix3f(rotation_with_z(frame.sun_direction_body)),
-                "sun.tangent": mi.Float(float(np.tan(frame.sun_angular_radius_rad))),
-                "sun.irradiance": mi.Color3f(*map(float, frame.sun_irradiance_rgb_w_m2)),
-            }
-        )
         random = generator(request.seed, frame.index, "mitsuba")
         white = float(frame.sun_irradiance_rgb_w_m2.sum()) / np.pi
         places = box.pixel_centres_px().reshape(-1, 2)
@@ -92,6 +78,8 @@ class Wavefront:
         import drjit as dr
         import mitsuba as mi
 
+        from posse_render_mitsuba.paths import Sun, trace
+
         sampler = self._sampler.clone()
         sampler.seed(dr.opaque(mi.UInt32, seed), len(places) * self._spp)
         corner = (places - [self._camera.cx_px, self._camera.cy_px] - 0.5) / self._camera.fx_px
@@ -109,7 +97,7 @@ class Wavefront:
         ray = mi.RayDifferential3f(
             middle + turn @ (across * near), turn @ dr.normalize(across + mi.Vector3f(0, 0, 1))
         )
-        rgb, covered, _ = world.integrator.sample(world.scene, sampler, ray)
+        rgb, covered = trace(world.scene, Sun(frame), sampler, ray, self._max_depth)
         light = dr.minimum(rgb.x + rgb.y + rgb.z, dr.opaque(mi.Float, white))
         good = dr.isfinite(rgb.x) & dr.isfinite(rgb.y) & dr.isfinite(rgb.z)
         values = [rgb.x, rgb.y, rgb.z, dr.select(covered, mi.Float(1), mi.Float(0)), mi.Float(1)]
@@ -127,54 +115,3 @@ def _runs(places: FloatArray, largest: int) -> Iterator[FloatArray]:
     """Rows of ``places`` (n, 2) in order, ``largest`` at most at a time."""
     for start in range(0, len(places), largest):
         yield places[start : start + largest]
-
-
-@cache
-def _register_sun(variant: str) -> None:
-    """Make ``posse_sun`` known to the variant, which must be set."""
-    import drjit as dr
-    import mitsuba as mi
-
-    class Sun(mi.Emitter):
-        """Even light from a disc at infinity, for light sampling alone: no path meets it by chance."""
-
-        def __init__(self, properties: Any) -> None:
-            super().__init__(properties)
-            self.m_flags = mi.EmitterFlags.Infinite | mi.EmitterFlags.DeltaDirection
-            self.turn = mi.Matrix3f(1)
-            self.tangent = mi.Float(0)
-            self.irradiance = mi.Color3f(0)
-
-        def traverse(self, callback: Any) -> None:
-            super().traverse(callback)
-            for name in ("turn", "tangent", "irradiance"):
-                callback.put(name, getattr(self, name), mi.ParamFlags.NonDifferentiable)
-
-        def sample_direction(self, it: Any, sample: Any, active: Any = True) -> Any:
-            place = mi.warp.square_to_uniform_disk_concentric(sample) * self.tangent
-            found: Any = mi.DirectionSample3f()
-            found.d = dr.normalize(self.turn @ mi.Vector3f(place.x, place.y, 1))
-            found.dist = mi.Float(_FAR_M)
-            found.p = it.p + found.d * _FAR_M
-            found.n = -found.d
-            found.uv = mi.Point2f(0)
-            found.time = it.time
-            found.pdf = mi.Float(1)
-            found.delta = mi.Bool(True)
-            found.emitter = mi.EmitterPtr(self)
-            return found, self.irradiance
-
-        def pdf_direction(self, it: Any, found: Any, active: Any = True) -> Any:
-            return mi.Float(0)
-
-        def eval_direction(self, it: Any, found: Any, active: Any = True) -> Any:
-            return mi.Color3f(0)
-
-        def eval(self, si: Any, active: Any = True) -> Any:
-            return mi.Color3f(0)
-
-    mi.register_emitter("posse_sun", Sun)
-
-
-_FAR_M = 1e4
-"""How far a shadow ray goes."""

@@ -17,34 +17,26 @@ from posse_core.model.spacecraft import Spacecraft
 
 MITSUBA_FROM_CAM: FloatArray = np.diag([-1.0, -1.0, 1.0])
 """OpenCV camera axes → Mitsuba's (x left, y up, z forward), and its own inverse."""
-LEAST_WEIGHT = 1 / 9
-"""Of the sky against the Sun, or the other way round, in choosing where to look for light: one
-tenth of the samples at least, since what is dark in sum may be bright on the side that is seen."""
 
 
 class World:
     """One scene: with or without a sky of one size. The variant must be set before each call.
 
     Attributes:
-        scene, integrator: Mitsuba's.
+        scene: Mitsuba's.
     """
 
     def __init__(
-        self,
-        craft: Spacecraft,
-        sun: dict[str, Any],
-        environment: EnvironmentMap | None,
-        max_depth: int,
+        self, craft: Spacecraft, lamps: Mapping[str, Any], environment: EnvironmentMap | None
     ) -> None:
         import mitsuba as mi
 
         from posse_render_mitsuba.craft import craft_shapes
 
-        entries: dict[str, Any] = {"type": "scene", "sun": sun, **craft_shapes(craft)}
+        entries: dict[str, Any] = {"type": "scene", **lamps, **craft_shapes(craft)}
         if environment is not None:
             entries["sky"] = {"type": "envmap", "bitmap": mi.Bitmap(environment.radiance_rgb.copy())}
         self.scene = mi.load_dict(entries)
-        self.integrator = mi.load_dict({"type": "path", "max_depth": max_depth, "hide_emitters": True})
         self._parameters = mi.traverse(self.scene)
 
     def set(self, values: Mapping[str, Any]) -> None:
@@ -68,19 +60,8 @@ class World:
             {
                 "sky.data": mi.TensorXf(np.ascontiguousarray(padded, dtype=np.float32)),
                 "sky.to_world": mi.Transform4f(homogeneous(rotation, np.zeros(3))),
-                "sky.sampling_weight": sky_weight(environment, frame),
             }
         )
-
-
-def sky_weight(environment: EnvironmentMap, frame: FrameState) -> float:
-    """How often the sky is sampled for each time that the Sun is: as their light is, W/m² each."""
-    rows = environment.radiance_rgb.sum(axis=-1, dtype=np.float64).mean(axis=1)
-    polar_rad = np.pi * (np.arange(len(rows)) + 0.5) / len(rows)
-    sky_w_m2 = float(rows @ np.sin(polar_rad)) * 2 * np.pi**2 / len(rows)
-    sun_w_m2 = float(frame.sun_irradiance_rgb_w_m2.sum())
-    share = sky_w_m2 / sun_w_m2 if sun_w_m2 > 0 else np.inf
-    return float(np.clip(share, LEAST_WEIGHT, 1 / LEAST_WEIGHT))
 
 
 def rotation_with_z(z: FloatArray) -> FloatArray:

@@ -1,0 +1,105 @@
+"""Light paths of compiled variants: each surface that a path meets asks both the Sun and the sky.
+
+Mitsuba's own path tracer asks one emitter a surface, chosen by chance: where Sun and sky give about as
+much light, that choice alone is most of the noise. The shadow ray that the second one costs is cheap.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+from posse_core.model.scene import FrameState
+from posse_render_mitsuba.world import rotation_with_z
+
+FAR_M = 1e4
+"""How far a shadow ray to the Sun goes."""
+FIRST_ROULETTE = 5
+"""Segments of a path from which on it may end by chance, as in Mitsuba's own."""
+
+
+class Sun:
+    """A frame's Sun: even light from a disc at infinity, which no path meets by chance.
+
+    Attributes:
+        irradiance: on a plate that faces it.
+    """
+
+    def __init__(self, frame: FrameState) -> None:
+        self.irradiance = mi.Color3f(*map(float, frame.sun_irradiance_rgb_w_m2))
+        self._turn = mi.Matrix3f(rotation_with_z(frame.sun_direction_body))
+        self._tangent = mi.Float(float(dr.tan(frame.sun_angular_radius_rad)))
+        dr.make_opaque(self.irradiance, self._turn, self._tangent)  # constants would be compiled in
+
+    def direction(self, sample: Any) -> Any:
+        """Unit vector to a place on the disc, from a sample of the unit square."""
+        place = mi.warp.square_to_uniform_disk_concentric(sample) * self._tangent
+        return dr.normalize(self._turn @ mi.Vector3f(place.x, place.y, 1))
+
+
+@dr.syntax
+def trace(scene: Any, sun: Sun, sampler: Any, ray: Any, max_depth: int) -> tuple[Any, Any]:
+    """Radiance along rays and whether they met the craft; the sky itself is not seen.
+
+    Multiple importance sampling of sky and material: Veach, Robust Monte Carlo methods, 1997, chapter 9,
+    with the power heuristic.
+
+    Args:
+        max_depth: longest path in segments; 2 is direct light alone.
+    """
+    sky = scene.environment()
+    context = mi.BSDFContext()
+    ray = mi.Ray3f(ray)
+    light, weight = mi.Color3f(0), mi.Color3f(1)
+    depth, chance = mi.UInt32(0), mi.Float(0)
+    before, active = dr.zeros(mi.Interaction3f), mi.Bool(True)
+    met = mi.Bool(False)
+    while active:
+        hit = scene.ray_intersect(ray, mi.RayFlags.All, depth == 0, active)
+        there = active & hit.is_valid()
+        if dr.hint(sky is not None, mode="scalar"):
+            away = active & ~hit.is_valid() & (depth > 0)
+            found = mi.DirectionSample3f(scene, hit, before)
+            share = _power(chance, sky.pdf_direction(before, found, away))
+            light += dr.select(away, weight * share * sky.eval(hit, away), 0)
+        met |= there & (depth == 0)
+        goes_on = there & (depth + 1 < max_depth)
+        bsdf = hit.bsdf(ray)
+        # The Sun
+        toward = sun.direction(sampler.next_2d(goes_on))
+        local = hit.to_local(toward)
+        value = bsdf.eval(context, hit, local, goes_on)
+        seen = goes_on & dr.any(value != 0)
+        seen &= ~scene.ray_test(hit.spawn_ray_to(hit.p + toward * FAR_M), seen)
+        light += dr.select(seen, weight * value * sun.irradiance, 0)
+        # The sky
+        if dr.hint(sky is not None, mode="scalar"):
+            found, sky_light = sky.sample_direction(hit, sampler.next_2d(goes_on), goes_on)
+            value, likely = bsdf.eval_pdf(context, hit, hit.to_local(found.d), goes_on)
+            seen = goes_on & (found.pdf > 0) & dr.any(value != 0)
+            seen &= ~scene.ray_test(hit.spawn_ray_to(found.p), seen)
+            light += dr.select(seen, weight * value * sky_light * _power(found.pdf, likely), 0)
+        # The next segment
+        way, share_left = bsdf.sample(
+            context, hit, sampler.next_1d(goes_on), sampler.next_2d(goes_on), goes_on
+        )
+        weight = dr.select(goes_on, weight * share_left, weight)
+        chance = dr.select(goes_on, way.pdf, chance)
+        before = mi.Interaction3f(hit)
+        ray = hit.spawn_ray(hit.to_world(way.wo))
+        depth += 1
+        left = dr.max(weight)
+        survives = dr.minimum(left, 0.95)
+        drawn = sampler.next_1d(goes_on)
+        roulette = depth >= FIRST_ROULETTE
+        weight = dr.select(roulette & goes_on, weight / survives, weight)
+        active = goes_on & (left > 0) & (~roulette | (drawn < survives))
+    return light, met
+
+
+def _power(one: Any, other: Any) -> Any:
+    """Power heuristic with exponent 2: the share of ``one``."""
+    square = dr.square(one)
+    return dr.select(one > 0, square / (square + dr.square(other)), 0)

@@ -1,0 +1,72 @@
+"""The compiled variants' own paths against Mitsuba's path tracer, which the scalar variant uses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from posse_core.model.arrays import AnyArray
+from posse_core.model.camera import PixelBox
+from posse_core.model.scene import EnvironmentMap, FrameState, RenderRequest
+from posse_core.model.spacecraft import Material
+from posse_core.testing import scenes
+from posse_render_mitsuba.options import MitsubaOptions
+from posse_render_mitsuba.renderer import MitsubaRenderer
+
+METAL = Material("metal", base_color=(0.9, 0.6, 0.3), metallic=1.0, roughness=0.4)
+GLOSS = Material("gloss", base_color=(0.3, 0.7, 0.5), metallic=0.0, roughness=0.3)
+FRAME = scenes.frame(t_body_cam_m=(0, 0, 6), sun_direction_body=(1, 0.5, 1.5))
+BOX = PixelBox(0, 0, 96, 72)
+
+
+def sky(share: float) -> EnvironmentMap:
+    """Bright on one side; its mean sends ``share`` of the Sun's light to a plate."""
+    radiance = share * FRAME.sun_irradiance_rgb_w_m2.mean() / np.pi
+    rows = np.full((32, 64, 3), radiance, dtype=np.float32)
+    rows[:, :32] *= 1.9
+    rows[:, 32:] *= 0.1
+    return EnvironmentMap(rows)
+
+
+def rendered(
+    variant: str, frame: FrameState, environment: EnvironmentMap | None, depth: int
+) -> AnyArray:
+    """(8, 72, 96, 3), by eight seeds, of a metal ball that touches a glossy plate."""
+    if variant == "compiled":
+        options = MitsubaOptions(spp=16, max_depth=depth)
+    else:
+        options = MitsubaOptions(spp=16, max_depth=depth, variant="scalar")
+    ball = scenes.sphere("ball", "metal", rings=32)
+    plate = scenes.rectangle("plate", "gloss", u_m=(3, 0, 0), v_m=(0, 3, 0), centre_m=(0, 0, -1))
+    renderer = MitsubaRenderer(options)
+    renderer.open(scenes.scene(ball, plate, materials=(METAL, GLOSS), camera=scenes.camera()))
+    if variant == "compiled" and renderer.describe()["variant"] == "scalar_rgb":
+        pytest.skip("no LLVM that works")
+    requests = [RenderRequest(frame, BOX, environment, seed) for seed in range(8)]
+    images = np.stack([renderer.render(request).radiance_rgb for request in requests])
+    renderer.close()
+    return images
+
+
+@pytest.mark.parametrize("share", [None, 0.5], ids=["Sun alone", "Sun and sky"])
+@pytest.mark.parametrize("depth", [2, 3, 12])
+def test_light_is_that_of_mitsubas_own_paths(share: float | None, depth: int) -> None:
+    """In each of twelve parts of the image; twelve segments are enough for paths to end by chance."""
+    environment = None if share is None else sky(share)
+    parts = []
+    for variant in ("compiled", "scalar"):
+        mean = rendered(variant, FRAME, environment, depth).mean(axis=0, dtype=np.float64)
+        parts.append(mean.reshape(3, 24, 4, 24, 3).mean(axis=(1, 3)))
+    np.testing.assert_allclose(parts[0], parts[1], rtol=0.02, atol=0.002 * parts[1].max())
+
+
+def test_the_sun_adds_no_noise() -> None:
+    """Direct light on the plate: the Sun's part is the same in each sample, so that what varies is the
+    sky's. Were one of them chosen by chance, the choice would vary by as much as the Sun's light."""
+    lit = np.s_[:, 60:68, 8:88]
+    without = replace(FRAME, sun_fraction_target=0.0)
+    both, sky_alone = (rendered("compiled", frame, sky(0.5), 2)[lit] for frame in (FRAME, without))
+    assert both.mean() > 2 * sky_alone.mean()
+    assert both.std(axis=0).mean() < 1.02 * sky_alone.std(axis=0).mean()

@@ -89,7 +89,7 @@ def test_regions_are_one_positive_to_three_negative():
     far = np.concatenate([corner, corner + random.uniform(5, 60, (2, 300, 2))], axis=-1)
     found = np.concatenate([near, far, np.zeros((2, 700, 4))], axis=1).astype(np.float32)
     rois, classes, goal = sdn_losses.region_targets(
-        torch.from_numpy(found), goals, labels, torch.Generator().manual_seed(0)
+        torch.from_numpy(found), goals, labels, torch.Generator().manual_seed(0), 512
     )
     overlap = iou_matrix(rois[0], goals[0])[:, 0]
     positive, negative = classes[0] == 2, classes[0] == 0
@@ -101,6 +101,10 @@ def test_regions_are_one_positive_to_three_negative():
     assert (classes[1] == sdn_losses.PADDING).all()  # no craft: nothing to be told apart
     there = sdn.moved(rois[0][positive], goal[0][positive])
     np.testing.assert_allclose(there, goals[0].expand_as(there), atol=1e-3)
+    _, few, _ = sdn_losses.region_targets(
+        torch.from_numpy(found), goals, labels, torch.Generator().manual_seed(0), 16
+    )
+    assert sorted(few[0].tolist()) == 12 * [0] + 4 * [2]
 
 
 def test_every_weight_learns():
@@ -111,7 +115,7 @@ def test_every_weight_learns():
             module.eval()
     goals, labels = (value[:1] for value in truth())
     picture = torch.rand(1, 1, 128, 128)
-    cost = sdn_losses.losses(net, picture, goals, labels, draw=3)
+    cost = sdn_losses.losses(net, picture, goals, labels, draw=3, regions=64)
     assert set(cost) == {"proposal class", "proposal box", "class", "box"}
     # a fresh net's regions may all miss the craft: its head learns from regions that are given
     pyramid, *_ = net.features(picture)

@@ -58,6 +58,9 @@ class SdnOptions(BoxOptions):
     backbone_weights: FilePath | None = Field(
         None, description="safetensors of an ImageNet ResNet, torchvision's or timm's; else random"
     )
+    regions: int = Field(
+        512, ge=4, description="regions of a picture to learn from; the fewer the faster on a CPU"
+    )
     sampling: Literal[1, 2] = Field(1, description="samples along a region's bin; 2 is better")
     least_score: float = Field(0.7, ge=0, lt=1, description="detections below are dropped; 0 is better")
 

@@ -55,7 +55,8 @@ class SdnLesson(BoxLesson):
                 if isinstance(module, nn.BatchNorm2d | nn.BatchNorm1d):
                     module.eval()
         draw = int(batch["draw"][0])
-        return losses(self.net, batch["picture"], batch["boxes"], batch["labels"], draw)
+        truth = batch["boxes"], batch["labels"]
+        return losses(self.net, batch["picture"], *truth, draw, self._options.regions)
 
     def decoded(self, net: nn.Module) -> nn.Module:
         assert isinstance(net, Sdn)

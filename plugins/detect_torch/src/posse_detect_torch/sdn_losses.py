@@ -14,17 +14,19 @@ from posse_detect_torch.sdn import Sdn, anchors, deltas_between, proposals
 
 PADDING = -2
 _ANCHORS = 256  # an image
-_REGIONS, _POSITIVE_REGIONS = 512, 128  # an image; one positive to three negative
 _TRAIN_PROPOSALS = 2000
 
 
-def losses(net: Sdn, picture: Tensor, boxes: Tensor, labels: Tensor, draw: int) -> dict[str, Tensor]:
+def losses(
+    net: Sdn, picture: Tensor, boxes: Tensor, labels: Tensor, draw: int, regions: int
+) -> dict[str, Tensor]:
     """The four losses.
 
     Args:
         picture: (B, 1, S, S).
         boxes: (B, M, 4) left, top, right, bottom; labels: (B, M), −1 where there is none.
         draw: seed of the choice among anchors and regions.
+        regions: most that are looked at in a picture.
     """
     random = torch.Generator(device=picture.device).manual_seed(draw)
     size = picture.shape[-1]
@@ -38,7 +40,7 @@ def losses(net: Sdn, picture: Tensor, boxes: Tensor, labels: Tensor, draw: int) 
     }
     with torch.no_grad():
         found = proposals(logits, deltas, size, _TRAIN_PROPOSALS)
-        rois, classes, goals = region_targets(found, boxes, labels, random)
+        rois, classes, goals = region_targets(found, boxes, labels, random, regions)
     told, moves = net.look_at(pyramid, rois)
     known = classes > PADDING
     positive = classes > 0
@@ -72,23 +74,25 @@ def anchor_targets(
 
 
 def region_targets(
-    found: Tensor, boxes: Tensor, labels: Tensor, random: torch.Generator
+    found: Tensor, boxes: Tensor, labels: Tensor, random: torch.Generator, most_regions: int
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Regions (B, R, 4) to learn from; classes (B, R): 1 + label, 0 background, −2 padding; deltas.
 
-    Positive above an overlap of 0.5, at most 128; three negatives to each.
+    Positive above an overlap of 0.5, at most a quarter of ``most_regions``; three negatives to each.
     """
     real = labels >= 0
     overlap = iou_matrix(found, boxes).masked_fill(~real[:, None], 0.0)
     most, mine = overlap.max(dim=2)
     there = found[..., 2] > found[..., 0]
     positive = (most >= 0.5) & there
-    positive = _some(positive, torch.full_like(labels[:, 0], _POSITIVE_REGIONS), random)
+    positive = _some(positive, torch.full_like(labels[:, 0], most_regions // 4), random)
     negative = (most < 0.5) & there
     negative = _some(negative, 3 * positive.sum(dim=1), random)
     rank = torch.argsort(2 * positive.int() + negative.int(), dim=1, descending=True, stable=True)
     fullest = int((positive | negative).sum(dim=1).max())
-    rank = rank[:, : min(max(fullest, 1), _REGIONS)]  # what is padding in every picture is not looked at
+    rank = rank[
+        :, : min(max(fullest, 1), most_regions)
+    ]  # what is padding in every picture is not looked at
     classes = torch.full_like(mine, PADDING)
     classes[negative] = 0
     classes = torch.where(positive, 1 + torch.gather(labels, 1, mine), classes)

@@ -5,25 +5,28 @@ CPU time of it and its children counts. They take turns, and the least of the ro
 other work and a changing clock of the machine matter little. Blender is found
 as the plugin finds it (POSSE_BLENDER_PYTHON). Linux only: it reads /proc.
 
-Noise is what a second seed changes on the craft's pixels, as the root mean square over the mean, with
+Noise is what another seed changes on the craft's pixels: each round has its own. It is told as the root
+mean square over the mean, with
 radiance clipped at a white plate's that faces the Sun: brighter is a glint of a few pixels, without
-which the picture stays the same and with which the noise is theirs alone. The reference is Cycles
-with 64 samples in every pixel. Others get as many samples as bring them about to its noise; what is
-left of the difference is taken off the cost, which goes with 1/noise².
+which the picture stays the same and with which the noise is theirs alone.
+
+The reference is Cycles with equally many samples in every pixel of the whole image. Its noise falls with
+the root of its time, so its cost is told at the noise that another renderer has with its own options,
+pose by pose; ratios of poses are averaged as logarithms.
 """
 
 from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from statistics import mean
+from statistics import fmean, geometric_mean
 from typing import Any
 
 import click
@@ -101,6 +104,7 @@ class Bench:
         self._boxes = [caster.view(f).box.grown(BOX_MARGIN_PX, camera) for f in self._setting.frames]
         self._skies = [self._setting.environment(frame) for frame in self._setting.frames]
         self._renderer: Renderer | None = None
+        self._images: list[list[Radiance]] = [[] for _ in self._boxes]
 
     def open(self, name: str, options: Mapping[str, Any]) -> Cost:
         """Replace the renderer that is open; what opening and a first frame cost."""
@@ -112,18 +116,31 @@ class Bench:
             self._render(0, self._boxes[0], seed=9)
         return cost()
 
-    def cost(self, whole: bool) -> Cost:
-        """Of the craft's box or of the whole image, mean over the frames."""
-        camera = self._setting.scene.camera
-        image = PixelBox(0, 0, camera.width_px, camera.height_px)
-        with measured() as cost:
-            for i, box in enumerate(self._boxes):
-                self._render(i, image if whole else box, seed=0)
-        return Cost(cost().cpu_s / len(self._boxes), cost().wall_s / len(self._boxes))
+    def boxes(self, seed: int) -> list[Cost]:
+        """What each frame's box costs. The images are kept for :meth:`noise`."""
+        costs = []
+        for i, (images, box) in enumerate(zip(self._images, self._boxes, strict=True)):
+            with measured() as cost:
+                images.append(self._render(i, box, seed))
+            costs.append(cost())
+        return costs
 
-    def noise(self) -> float:
-        """Mean over the frames; see the module's text."""
-        return mean(self._frame_noise(i) for i in range(len(self._boxes)))
+    def wholes(self) -> list[Cost]:
+        """What each frame's whole image costs."""
+        camera = self._setting.scene.camera
+        costs = []
+        for i in range(len(self._boxes)):
+            with measured() as cost:
+                self._render(i, PixelBox(0, 0, camera.width_px, camera.height_px), seed=0)
+            costs.append(cost())
+        return costs
+
+    def noise(self) -> list[float]:
+        """Of each frame, over the images of its box so far; see the module's text."""
+        return [
+            _noise(images, frame.sun_irradiance_rgb_w_m2 / np.pi)
+            for images, frame in zip(self._images, self._setting.frames, strict=True)
+        ]
 
     def memory(self, count: int) -> tuple[float, float]:
         """MB in use after the fifth and after the last of ``count`` frames more."""
@@ -157,16 +174,12 @@ class Bench:
         assert self._renderer is not None
         return self._renderer.render(RenderRequest(self._setting.frames[i], box, self._skies[i], seed))
 
-    def _frame_noise(self, i: int) -> float:
-        white = self._setting.frames[i].sun_irradiance_rgb_w_m2 / np.pi
-        one, other = (self._render(i, self._boxes[i], seed) for seed in (1, 2))
-        covered = (one.coverage > 0.5) & (other.coverage > 0.5)
-        a, b = (_clipped(image, white, covered) for image in (one, other))
-        return float(np.sqrt(((a - b) ** 2).mean() / 2) / ((a + b).mean() / 2))
 
-
-def _clipped(image: Radiance, white_rgb: AnyArray, covered: AnyArray) -> AnyArray:
-    return np.asarray(np.minimum(image.radiance_rgb, white_rgb)[covered].sum(axis=-1), np.float64)
+def _noise(images: Sequence[Radiance], white_rgb: AnyArray) -> float:
+    covered = np.all([image.coverage > 0.5 for image in images], axis=0)
+    seen = [np.minimum(image.radiance_rgb, white_rgb)[covered].sum(axis=-1) for image in images]
+    light = np.array(seen, dtype=np.float64)
+    return float(np.sqrt(light.var(axis=0, ddof=1).mean()) / light.mean())
 
 
 def _serve(case: ScenarioCase, pipe: Connection) -> None:
@@ -210,52 +223,47 @@ class Remote:
 
 @dataclass
 class Entry:
-    """A renderer in its process, and a line of the table. ``spp`` and ``noise`` are None where nothing
-    is sampled; costs are the least of the rounds."""
+    """A renderer in its process, and a line of the table; costs are of each frame, the least of the
+    rounds."""
 
     title: str
     name: str
     options: Mapping[str, Any]
     remote: Remote
-    spp: int | None
-    noise: float | None
     start: Cost
-    box: Cost | None = None
-    whole: Cost | None = None
+    boxes: list[Cost]
+    wholes: list[Cost]
+
+    @property
+    def sampled(self) -> bool:
+        """Whether there is noise."""
+        return self.name in SAMPLED
+
+    def take_turn(self, seed: int) -> None:
+        """Measure boxes and whole images once more."""
+        self.boxes = _least(self.boxes, self.remote.ask("boxes", seed))
+        self.wholes = _least(self.wholes, self.remote.ask("wholes"))
 
     def memory_mb(self, frames: int) -> tuple[float, float]:
         """See :meth:`Bench.memory`; with few samples, on which it does not depend."""
-        if self.spp is not None:
+        if self.sampled:
             self.remote.ask("open", self.name, {**self.options, "spp": MEMORY_SPP})
         fifth_and_last: tuple[float, float] = self.remote.ask("memory", frames)
         return fifth_and_last
 
-    def take_turn(self) -> None:
-        """Measure box and whole image once more."""
-        box, whole = self.remote.ask("cost", False), self.remote.ask("cost", True)
-        self.box = box if self.box is None else min(box, self.box, key=_cpu)
-        self.whole = whole if self.whole is None else min(whole, self.whole, key=_cpu)
+
+def _least(before: Sequence[Cost], now: Sequence[Cost]) -> list[Cost]:
+    if not before:
+        return list(now)
+    pairs = zip(before, now, strict=True)
+    return [one if one.cpu_s <= other.cpu_s else other for one, other in pairs]
 
 
-def _cpu(cost: Cost) -> float:
-    return cost.cpu_s
-
-
-def enter(
-    case: ScenarioCase, title: str, name: str, options: dict[str, Any], target: float | None = None
-) -> Entry:
-    """Open one renderer; ``target`` is the noise to reach, None to keep the options' samples."""
+def enter(case: ScenarioCase, title: str, name: str, options: dict[str, Any]) -> Entry:
+    """Open one renderer."""
     remote = Remote(case)
     try:
-        start = remote.ask("open", name, options)
-        noise = spp = None
-        if "spp" in options:
-            spp, noise = options["spp"], remote.ask("noise")
-            if target is not None:
-                spp = max(1, round(spp * (noise / target) ** 2))
-                remote.ask("open", name, {**options, "spp": spp})
-                noise = remote.ask("noise")
-        return Entry(title, name, options, remote, spp, noise, start)
+        return Entry(title, name, options, remote, remote.ask("open", name, options), [], [])
     except BaseException:
         remote.close()
         raise
@@ -263,8 +271,8 @@ def enter(
 
 @click.command()
 @click.option("--scenario", default="aqua", show_default=True)
-@click.option("--frames", default=2, show_default=True, help="Poses of crosscheck at its ranges.")
-@click.option("--rounds", default=2, show_default=True, type=click.IntRange(min=1), help="Of turns.")
+@click.option("--frames", default=4, show_default=True, help="Poses of crosscheck at its ranges.")
+@click.option("--rounds", default=3, show_default=True, type=click.IntRange(min=2), help="Of turns.")
 @click.option("--memory-frames", default=50, show_default=True, type=click.IntRange(min=1))
 @click.option("--spp", default=64, show_default=True, help="Samples a pixel of the reference.")
 @click.option("--threads", default=1, show_default=True, help="Of each path tracer.")
@@ -279,24 +287,25 @@ def main(scenario: str, frames: int, rounds: int, memory_frames: int, spp: int, 
     labels: Cost = bench.ask("labels")
     bench.close()
     click.echo(f"labels of a frame: {labels.cpu_s:.2f}\n")
-    sampled = {"spp": spp, "threads": threads}
-    entries = [enter(case, "bare Cycles", "blender", {**sampled, "adaptive_threshold": 0.0})]
+    bare = {"threads": threads, "spp": spp, "adaptive_threshold": 0.0}
+    entries = [enter(case, "bare Cycles", "blender", bare)]
     for title, name, options in CANDIDATES:
         if name not in registry.names("renderer"):
             click.echo(f"{title} is not installed")
             continue
         if name in SAMPLED:
-            options = {**sampled, **options}
+            options = {**options, "threads": threads}
         try:
-            entries.append(enter(case, title, name, options, entries[0].noise))
+            entries.append(enter(case, title, name, options))
         except click.ClickException as error:
             click.echo(f"{title}: {error}")
-    for _ in range(rounds):
+    for turn in range(rounds):
         for entry in entries:
-            entry.take_turn()
+            entry.take_turn(seed=turn)
     click.echo(
-        f"{'':<15}{'spp':>5}{'noise':>8}{'box':>8}{'whole':>8}{'at equal noise':>16}{'of Cycles':>11}"
+        f"{'':<15}{'noise':>8}{'box':>8}{'whole':>8}{'Cycles then':>13}{'ratio':>8}"
         f"{'box, wall s':>13}{'start':>8}{'MB, frame 5':>13}{f'frame {memory_frames}':>10}"
+        "   ratio of each pose"
     )
     for entry in entries:
         _tell(entry, entries[0], labels, memory_frames)
@@ -304,20 +313,25 @@ def main(scenario: str, frames: int, rounds: int, memory_frames: int, spp: int, 
 
 
 def _tell(entry: Entry, reference: Entry, labels: Cost, memory_frames: int) -> None:
-    """``at equal noise``: box and labels; ``of Cycles``: the reference's whole image over that."""
-    assert entry.box is not None
-    assert entry.whole is not None
-    assert reference.whole is not None
-    sampled, left = f"{'-':>5}{'-':>8}", 1.0
-    if entry.noise is not None and reference.noise is not None:
-        sampled = f"{entry.spp:>5}{entry.noise:>8.3f}"
-        left = (entry.noise / reference.noise) ** 2
-    with_labels_s = entry.box.cpu_s * left + labels.cpu_s
+    """``Cycles then``: the reference's whole image at this one's noise; ``ratio``: that over box and
+    labels, the geometric mean over the poses. What has no noise is held to the reference's own."""
+    theirs = reference.remote.ask("noise")
+    mine = entry.remote.ask("noise") if entry.sampled else theirs
+    cycles_s = [
+        whole.cpu_s * (ours / own) ** 2
+        for whole, ours, own in zip(reference.wholes, theirs, mine, strict=True)
+    ]
+    ratios = [
+        cost_s / (box.cpu_s + labels.cpu_s) for cost_s, box in zip(cycles_s, entry.boxes, strict=True)
+    ]
+    noise = f"{fmean(mine):>8.3f}" if entry.sampled else f"{'-':>8}"
     memory_mb = entry.memory_mb(memory_frames)
     click.echo(
-        f"{entry.title:<15}{sampled}{entry.box.cpu_s:>8.2f}{entry.whole.cpu_s:>8.2f}"
-        f"{with_labels_s:>16.2f}{reference.whole.cpu_s / with_labels_s:>10.1f}x"
-        f"{entry.box.wall_s:>13.2f}{entry.start.cpu_s:>8.1f}{memory_mb[0]:>13.0f}{memory_mb[1]:>10.0f}"
+        f"{entry.title:<15}{noise}{fmean(box.cpu_s for box in entry.boxes):>8.2f}"
+        f"{fmean(whole.cpu_s for whole in entry.wholes):>8.2f}{fmean(cycles_s):>13.2f}"
+        f"{geometric_mean(ratios):>7.1f}x{fmean(box.wall_s for box in entry.boxes):>13.2f}"
+        f"{entry.start.cpu_s:>8.1f}{memory_mb[0]:>13.0f}{memory_mb[1]:>10.0f}   "
+        + " ".join(f"{ratio:.1f}" for ratio in ratios)
     )
 
 

@@ -16,7 +16,7 @@ class MitsubaOptions(Options):
         64,
         ge=1,
         le=65536,
-        description="samples a pixel; llvm and cuda spend those above 16 by the noise",
+        description="samples a pixel; llvm and cuda spend those above 32 by the noise",
     )
     max_depth: int = Field(
         4, ge=2, le=64, description="longest light path in segments: 2 is direct light alone"

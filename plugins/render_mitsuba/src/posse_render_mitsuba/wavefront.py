@@ -19,7 +19,7 @@ from posse_render_mitsuba.options import MitsubaOptions
 from posse_render_mitsuba.samples import further_rounds, mean_of_samples
 from posse_render_mitsuba.world import World
 
-ROUND_SPP = 16
+ROUND_SPP = 32
 SAMPLES_PER_CALL = 1 << 22
 """Enough to make the tracing of a call (0.06 s) small; they take 16 bytes each."""
 

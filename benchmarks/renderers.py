@@ -223,8 +223,8 @@ class Remote:
 
 @dataclass
 class Entry:
-    """A renderer in its process, and a line of the table; costs are of each frame, the least of the
-    rounds."""
+    """A renderer in its process, and a line of the table; costs, the least of the rounds, and noise are
+    of each frame."""
 
     title: str
     name: str
@@ -233,6 +233,7 @@ class Entry:
     start: Cost
     boxes: list[Cost]
     wholes: list[Cost]
+    noise: list[float]
 
     @property
     def sampled(self) -> bool:
@@ -263,7 +264,7 @@ def enter(case: ScenarioCase, title: str, name: str, options: dict[str, Any]) ->
     """Open one renderer."""
     remote = Remote(case)
     try:
-        return Entry(title, name, options, remote, remote.ask("open", name, options), [], [])
+        return Entry(title, name, options, remote, remote.ask("open", name, options), [], [], [])
     except BaseException:
         remote.close()
         raise
@@ -302,6 +303,8 @@ def main(scenario: str, frames: int, rounds: int, memory_frames: int, spp: int, 
     for turn in range(rounds):
         for entry in entries:
             entry.take_turn(seed=turn)
+    for entry in entries:
+        entry.noise = entry.remote.ask("noise")
     click.echo(
         f"{'':<15}{'noise':>8}{'box':>8}{'whole':>8}{'Cycles then':>13}{'ratio':>8}"
         f"{'box, wall s':>13}{'start':>8}{'MB, frame 5':>13}{f'frame {memory_frames}':>10}"
@@ -315,19 +318,18 @@ def main(scenario: str, frames: int, rounds: int, memory_frames: int, spp: int, 
 def _tell(entry: Entry, reference: Entry, labels: Cost, memory_frames: int) -> None:
     """``Cycles then``: the reference's whole image at this one's noise; ``ratio``: that over box and
     labels, the geometric mean over the poses. What has no noise is held to the reference's own."""
-    theirs = reference.remote.ask("noise")
-    mine = entry.remote.ask("noise") if entry.sampled else theirs
+    noise = entry.noise if entry.sampled else reference.noise
     cycles_s = [
-        whole.cpu_s * (ours / own) ** 2
-        for whole, ours, own in zip(reference.wholes, theirs, mine, strict=True)
+        whole.cpu_s * (theirs / mine) ** 2
+        for whole, theirs, mine in zip(reference.wholes, reference.noise, noise, strict=True)
     ]
     ratios = [
         cost_s / (box.cpu_s + labels.cpu_s) for cost_s, box in zip(cycles_s, entry.boxes, strict=True)
     ]
-    noise = f"{fmean(mine):>8.3f}" if entry.sampled else f"{'-':>8}"
+    told = f"{fmean(noise):>8.3f}" if entry.sampled else f"{'-':>8}"
     memory_mb = entry.memory_mb(memory_frames)
     click.echo(
-        f"{entry.title:<15}{noise}{fmean(box.cpu_s for box in entry.boxes):>8.2f}"
+        f"{entry.title:<15}{told}{fmean(box.cpu_s for box in entry.boxes):>8.2f}"
         f"{fmean(whole.cpu_s for whole in entry.wholes):>8.2f}{fmean(cycles_s):>13.2f}"
         f"{geometric_mean(ratios):>7.1f}x{fmean(box.wall_s for box in entry.boxes):>13.2f}"
         f"{entry.start.cpu_s:>8.1f}{memory_mb[0]:>13.0f}{memory_mb[1]:>10.0f}   "

@@ -144,8 +144,12 @@ def test_training_starts_there_and_the_model_tells_so(posse, make_dataset, tmp_p
 
     mine = load_file(model)["backbone.stages.0.1.body.3.weight"]
     torch.testing.assert_close(mine, checkpoint(18)["layer1.1.conv2.weight"], atol=1e-5, rtol=0)
-    code, _, error = posse("detect", data / "images" / "000000.png", "--model", model)
+    carried_on = ("--detector", "sdn", "--out", tmp_path / "next", *small, "-o", f"start={model}")
+    code, _, error = posse("train", data, *carried_on)
     assert code == 0, error
+    for trained in (model, tmp_path / "next" / "model.safetensors"):
+        code, _, error = posse("detect", data / "images" / "000000.png", "--model", trained)
+        assert code == 0, error
     code, _, error = posse(*arguments, *small, "-o", "backbone_weights=none.safetensors")
     assert code == 2
     assert "backbone_weights" in error

@@ -95,7 +95,7 @@ class SdnDetector(BoxDetector):
         return SdnLesson(dataset, folder, card.classes, self.options)
 
     def net(self, card: ModelCard) -> Sdn:
-        options = {**card.options, "backbone_weights": None}  # the card holds their digest alone
+        options = {**card.options, "backbone_weights": None, "start": None}  # their digests alone
         return _net(len(card.classes), SdnOptions.model_validate(options))
 
     def decoded(self, net: nn.Module) -> nn.Module:

@@ -6,9 +6,8 @@ other work and a changing clock of the machine matter little. Blender is found
 as the plugin finds it (POSSE_BLENDER_PYTHON). Linux only: it reads /proc.
 
 Noise is what another seed changes on the craft's pixels: each round has its own. It is told as the root
-mean square over the mean, with
-radiance clipped at a white plate's that faces the Sun: brighter is a glint of a few pixels, without
-which the picture stays the same and with which the noise is theirs alone.
+mean square over the mean, with radiance clipped at a white plate's that faces the Sun: brighter is a
+glint of a few pixels, without which the picture stays the same and with which the noise is theirs alone.
 
 The reference is Cycles with equally many samples in every pixel of the whole image. Its noise falls with
 the root of its time, so its cost is told at the noise that another renderer has with its own options,
@@ -21,7 +20,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
@@ -120,20 +119,16 @@ class Bench:
         """What each frame's box costs. The images are kept for :meth:`noise`."""
         costs = []
         for i, (images, box) in enumerate(zip(self._images, self._boxes, strict=True)):
-            with measured() as cost:
-                images.append(self._render(i, box, seed))
-            costs.append(cost())
+            image, cost = self._timed(i, box, seed)
+            images.append(image)
+            costs.append(cost)
         return costs
 
     def wholes(self) -> list[Cost]:
         """What each frame's whole image costs."""
         camera = self._setting.scene.camera
-        costs = []
-        for i in range(len(self._boxes)):
-            with measured() as cost:
-                self._render(i, PixelBox(0, 0, camera.width_px, camera.height_px), seed=0)
-            costs.append(cost())
-        return costs
+        image = PixelBox(0, 0, camera.width_px, camera.height_px)
+        return [self._timed(i, image, seed=0)[1] for i in range(len(self._boxes))]
 
     def noise(self) -> list[float]:
         """Of each frame, over the images of its box so far; see the module's text."""
@@ -169,6 +164,11 @@ class Bench:
         if self._renderer is not None:
             self._renderer.close()
         self._renderer = None
+
+    def _timed(self, i: int, box: PixelBox, seed: int) -> tuple[Radiance, Cost]:
+        with measured() as cost:
+            image = self._render(i, box, seed)
+        return image, cost()
 
     def _render(self, i: int, box: PixelBox, seed: int) -> Radiance:
         assert self._renderer is not None
@@ -231,9 +231,9 @@ class Entry:
     options: Mapping[str, Any]
     remote: Remote
     start: Cost
-    boxes: list[Cost]
-    wholes: list[Cost]
-    noise: list[float]
+    boxes: list[Cost] = field(default_factory=list)
+    wholes: list[Cost] = field(default_factory=list)
+    noise: list[float] = field(default_factory=list)
 
     @property
     def sampled(self) -> bool:
@@ -264,7 +264,7 @@ def enter(case: ScenarioCase, title: str, name: str, options: dict[str, Any]) ->
     """Open one renderer."""
     remote = Remote(case)
     try:
-        return Entry(title, name, options, remote, remote.ask("open", name, options), [], [], [])
+        return Entry(title, name, options, remote, remote.ask("open", name, options))
     except BaseException:
         remote.close()
         raise

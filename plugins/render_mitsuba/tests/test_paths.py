@@ -18,6 +18,8 @@ from posse_render_mitsuba.renderer import MitsubaRenderer
 
 METAL = Material("metal", base_color=(0.9, 0.6, 0.3), metallic=1.0, roughness=0.4)
 GLOSS = Material("gloss", base_color=(0.3, 0.7, 0.5), metallic=0.0, roughness=0.3)
+MATT = Material("matt", base_color=(0.8, 0.5, 0.2), specular=0.0)
+SPP = 16
 FRAME = scenes.frame(t_body_cam_m=(0, 0, 6), sun_direction_body=(1, 0.5, 1.5))
 BOX = PixelBox(0, 0, 96, 72)
 
@@ -36,13 +38,14 @@ def rendered(
     frame: FrameState,
     environment: EnvironmentMap | None,
     depth: int,
+    plate: Material = GLOSS,
 ) -> AnyArray:
-    """(8, 72, 96, 3), by eight seeds, of a metal ball that touches a glossy plate."""
-    options = MitsubaOptions(spp=16, max_depth=depth, variant=variant)
+    """(8, 72, 96, 3), by eight seeds, of a metal ball that touches a plate."""
+    options = MitsubaOptions(spp=SPP, max_depth=depth, variant=variant)
     ball = scenes.sphere("ball", "metal", rings=32)
-    plate = scenes.rectangle("plate", "gloss", u_m=(3, 0, 0), v_m=(0, 3, 0), centre_m=(0, 0, -1))
+    square = scenes.rectangle("plate", plate.name, u_m=(3, 0, 0), v_m=(0, 3, 0), centre_m=(0, 0, -1))
     renderer = MitsubaRenderer(options)
-    renderer.open(scenes.scene(ball, plate, materials=(METAL, GLOSS), camera=scenes.camera()))
+    renderer.open(scenes.scene(ball, square, materials=(METAL, plate), camera=scenes.camera()))
     if variant == "auto" and renderer.describe()["variant"] == "scalar_rgb":
         renderer.close()
         # Without a libLLVM there is nothing to compare: auto is then Mitsuba's own path tracer itself.
@@ -66,11 +69,24 @@ def test_light_is_that_of_mitsubas_own_paths(share: float | None, depth: int) ->
     np.testing.assert_allclose(parts[0], parts[1], rtol=0.02, atol=0.002 * parts[1].max())
 
 
+LIT = np.s_[:, 60:68, 8:88]
+"""Of the images: sunlight on the plate; the ball hides a little of the sky."""
+
+
 def test_the_sun_adds_no_noise() -> None:
-    """Direct light on the plate: the Sun's part is the same in each sample, so that what varies is the
-    sky's. Were one of them chosen by chance, the choice would vary by as much as the Sun's light."""
-    lit = np.s_[:, 60:68, 8:88]
-    without = replace(FRAME, sun_fraction_target=0.0)
-    both, sky_alone = (rendered("auto", frame, sky(0.5), 2)[lit] for frame in (FRAME, without))
-    assert both.mean() > 2 * sky_alone.mean()
-    assert both.std(axis=0).mean() < 1.02 * sky_alone.std(axis=0).mean()
+    """Of a Lambertian plate the sky shows its bright or its dark half by turns, 0.9 off its mean. Were
+    Sun or sky chosen by chance, the choice would vary by more than the Sun's own light."""
+    image = rendered("auto", FRAME, sky(0.5), 2, plate=MATT)[LIT]
+    sun_rgb, reflected = FRAME.sun_irradiance_rgb_w_m2, np.array(MATT.base_color) / np.pi
+    sun_light = reflected * sun_rgb * FRAME.sun_direction_body[2]
+    sky_light = reflected * sun_rgb.mean() * 0.5
+    np.testing.assert_allclose(image.mean(axis=(0, 1, 2)), sun_light + sky_light, rtol=0.05)
+    assert (image.std(axis=0).mean(axis=(0, 1)) < 0.9 * sky_light / np.sqrt(SPP)).all()
+
+
+def test_in_shadow_the_noise_is_that_of_eclipse() -> None:
+    """The sky is looked for wherever the Sun does not shine, which makes metal and gloss less noisy."""
+    behind = scenes.frame(t_body_cam_m=(0, 0, 6), sun_direction_body=(0, 0, -1))
+    eclipsed = replace(FRAME, sun_fraction_target=0.0)
+    shadow, eclipse = (rendered("auto", frame, sky(0.5), 2)[LIT] for frame in (behind, eclipsed))
+    np.testing.assert_allclose(shadow.std(axis=0).mean(), eclipse.std(axis=0).mean(), rtol=0.02)

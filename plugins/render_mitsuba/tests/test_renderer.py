@@ -6,19 +6,22 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from posse_core.errors import ComponentError
+from posse_core.model.arrays import BoolArray
 from posse_core.model.camera import PixelBox
-from posse_core.model.scene import EnvironmentMap, RenderRequest
+from posse_core.model.scene import RenderRequest
 from posse_core.model.spacecraft import Material
 from posse_core.testing import scenes
 from posse_render_mitsuba.options import MitsubaOptions
-from posse_render_mitsuba.passes import sky_weight
+from posse_render_mitsuba.passes import MARGIN_PX, _tiles, sun_direction_body
 from posse_render_mitsuba.renderer import MitsubaRenderer
 from posse_render_mitsuba.wavefront import _runs
 
@@ -41,13 +44,16 @@ def test_calls_cover_the_box_once_in_order(x0: int, y0: int, w: int, largest: in
     np.testing.assert_array_equal(np.concatenate(calls), box.pixel_centres_px().reshape(-1, 2))
 
 
-@pytest.mark.parametrize("spp", [9, 40], ids=["one round", "two rounds"])
-def test_a_box_of_several_calls_has_no_seam(monkeypatch: pytest.MonkeyPatch, spp: int) -> None:
-    """Lambert's law across the border of two calls."""
+@pytest.mark.parametrize("variant", ["auto", "scalar"])
+@pytest.mark.parametrize("spp", [9, 40], ids=["one round", "several rounds"])
+def test_a_box_of_several_parts_has_no_seam(
+    monkeypatch: pytest.MonkeyPatch, variant: Literal["auto", "scalar"], spp: int
+) -> None:
+    """Lambert's law across the borders of calls and tiles."""
     monkeypatch.setattr("posse_render_mitsuba.wavefront.SAMPLES_PER_CALL", 9 * 3333)
     plate = scenes.rectangle("plate", "clay", u_m=(50, 0, 0), v_m=(0, 9, 0))
     camera = scenes.camera(600, 20, 1.0)
-    renderer = MitsubaRenderer(MitsubaOptions(spp=spp))
+    renderer = MitsubaRenderer(MitsubaOptions(spp=spp, variant=variant))
     renderer.open(scenes.scene(plate, materials=(CLAY,), camera=camera))
     frame = scenes.frame(t_body_cam_m=(0, 0, 9), sun_direction_body=(0.2, 0.1, 1))
     box = PixelBox(5, 3, 590, 12)
@@ -58,16 +64,34 @@ def test_a_box_of_several_calls_has_no_seam(monkeypatch: pytest.MonkeyPatch, spp
     np.testing.assert_allclose(image.radiance_rgb, np.broadcast_to(expected, (12, 590, 3)), rtol=5e-3)
 
 
-@pytest.mark.parametrize(
-    ("sky_over_sun", "weight"), [(0.5, 0.5), (3.0, 3.0), (100.0, 9.0), (0.0, 1 / 9)]
+@given(
+    arrays(bool, st.tuples(st.integers(1, 70), st.integers(1, 70))), st.integers(0, 9), st.integers(0, 9)
 )
-def test_the_sky_is_sampled_as_its_light_is(sky_over_sun: float, weight: float) -> None:
-    """An even sky of radiance L sends 4 π L to a point, in each of three bands."""
-    frame = scenes.frame(t_body_cam_m=(0, 0, 9), sun_direction_body=(0, 0, 1))
-    radiance = sky_over_sun * frame.sun_irradiance_rgb_w_m2.sum() / (12 * np.pi)
-    sky = EnvironmentMap(np.full((64, 128, 3), radiance, dtype=np.float32))
-    assert sky_weight(sky, frame) == pytest.approx(weight, rel=1e-3)
-    assert sky_weight(sky, replace(frame, sun_fraction_target=0.0)) == 9.0
+def test_tiles_hold_all_that_was_met_and_a_margin(met: BoolArray, x0: int, y0: int) -> None:
+    height, width = met.shape
+    drawn = np.zeros((height, width), dtype=int)
+    for tile in _tiles(met, PixelBox(x0, y0, width, height)):
+        part = drawn[tile.within(PixelBox(x0, y0, width, height))]
+        assert part.shape == (tile.height, tile.width)
+        part += 1
+    assert drawn.max() <= 1
+    for row, column in zip(*np.nonzero(met), strict=True):
+        near = np.s_[max(row - MARGIN_PX, 0) : row + MARGIN_PX + 1]
+        assert drawn[near, max(column - MARGIN_PX, 0) : column + MARGIN_PX + 1].all()
+
+
+@given(st.integers(8, 200), st.floats(0, 1), st.floats(0, 1))
+def test_any_number_of_passes_fills_the_sun_evenly(count: int, u: float, v: float) -> None:
+    """Of an even disc of radius R the mean is the middle, and the mean of r² is R²/2."""
+    frame = scenes.frame(t_body_cam_m=(0, 0, 9), sun_direction_body=(0.3, -0.5, 1))
+    shift = np.array([u, v])
+    places = np.array([sun_direction_body(frame, number, shift) for number in range(count)])
+    along = places @ frame.sun_direction_body
+    off = places / along[:, None] - frame.sun_direction_body
+    radius = np.tan(frame.sun_angular_radius_rad)
+    assert np.linalg.norm(off, axis=1).max() <= radius * (1 + 1e-9)
+    assert np.linalg.norm(off.mean(axis=0)) < 3 * radius / count
+    assert (off**2).sum(axis=1).mean() / radius**2 == pytest.approx(0.5, abs=2.5 / count)
 
 
 def test_threads_are_the_share_of_the_worker(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -83,12 +107,12 @@ def test_threads_are_the_share_of_the_worker(monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.parametrize("variant", ["scalar", "auto"])
-def test_the_number_of_threads_changes_no_bit(variant: str) -> None:
+def test_the_number_of_threads_changes_no_bit(variant: Literal["auto", "scalar"]) -> None:
     ball = scenes.sphere("ball", "clay", rings=24)
     frame = scenes.frame(t_body_cam_m=(0, 0, 4), sun_direction_body=(1, 0, 1))
     images = []
-    for threads in (1, 2, 3):
-        options = MitsubaOptions(variant=variant, threads=threads, spp=8)  # type: ignore[arg-type]
+    for threads in (1, 2, 5):
+        options = MitsubaOptions(variant=variant, threads=threads, spp=40)
         renderer = MitsubaRenderer(options)
         renderer.open(scenes.scene(ball, materials=(CLAY,), camera=scenes.camera()))
         images.append(renderer.render(RenderRequest(frame, PixelBox(0, 0, 96, 72), None, 0)))

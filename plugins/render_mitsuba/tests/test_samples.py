@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from posse_render_mitsuba.samples import further_rounds, mean_of_samples
+from posse_render_mitsuba.samples import allot, further_rounds, mean_of_samples
 
 SHAPE = (9, 11)
 variances = arrays(float, SHAPE, elements=st.floats(0, 1e6, allow_subnormal=False))
@@ -61,3 +61,12 @@ def test_a_mean_over_no_sample_is_not_a_number():
     sums = np.array([[[2.0, 4.0, 6.0, 2.0], [0.0, 0.0, 0.0, 0.0]]])
     found = mean_of_samples(sums, np.array([[2.0, 0.0]]))
     np.testing.assert_array_equal(found, [[[1.0, 2.0, 3.0, 1.0], [np.nan] * 4]])
+
+
+@given(arrays(float, 30, elements=st.floats(1e-3, 1e3)), st.floats(2, 20))
+def test_an_allotment_keeps_its_limits_and_its_average(deviation, rounds):
+    found = allot(deviation, rounds, least=2, most=16 * rounds)
+    assert found.min() >= 2
+    assert found.max() <= np.rint(16 * rounds)
+    assert found.mean() == pytest.approx(rounds, abs=0.51)
+    assert (np.diff(found[np.argsort(deviation)]) >= 0).all()

@@ -3,14 +3,15 @@
 In each pass the Sun is one direction, so no sample is spent on finding it; over the passes the
 directions fill the Sun's disc evenly, which makes penumbras of the right width for the cost of a hard
 shadow. (A disc that emits costs 1.7 times as much; an emitter written in Python would be called for
-each ray.) All passes but the first leave out space, where a ray costs a third of one that meets the
-craft: they draw the box in bands of rows, each from the first column to the last where the first pass
-met something.
+each ray.)
+
+The first pass draws the box; the second one the tiles of it in which the first met the craft; the
+others those that are worth it by what the first two differ in.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,18 +19,24 @@ from scipy.ndimage import maximum_filter
 
 from posse_core.model.arrays import BoolArray, Float32Array, FloatArray
 from posse_core.model.camera import Camera, PixelBox
-from posse_core.model.scene import EnvironmentMap, FrameState, RenderRequest
+from posse_core.model.scene import FrameState, RenderRequest
 from posse_core.randomness import generator
 from posse_render_mitsuba.options import MitsubaOptions
-from posse_render_mitsuba.samples import mean_of_samples
+from posse_render_mitsuba.samples import MOST_ROUNDS, allot, mean_of_samples
 from posse_render_mitsuba.world import MITSUBA_FROM_CAM, World, homogeneous, rotation_with_z
 
 SAMPLES_PER_PASS = 8
-ROWS_PER_BAND = 32
+TILE_PX = 32
+LEAST_PASSES = 4
+"""For a tile of the craft: its edges want samples where its light does not."""
 MARGIN_PX = 4
-LEAST_WEIGHT = 1 / 9
-"""Of the sky against the Sun, or the other way round, in choosing where to look for light: one
-tenth of the samples at least, since what is dark in sum may be bright on the side that is seen."""
+BLOCK_PX = 8
+"""Of a block that one thread draws. Mitsuba's own choice depends on their number, and the random numbers
+on the block."""
+R2: FloatArray = 1.32471795724474602596 ** -np.array([1.0, 2.0])  # the plastic number's powers
+SKY_WEIGHT = 9.0
+"""Of the sky against a Sun that does not shine, in choosing where to look for light. While it shines
+the sky is not looked for: paths find it."""
 
 
 class Passes:
@@ -48,48 +55,71 @@ class Passes:
         self._sampler = options.sampler
         self._count = -(-options.spp // SAMPLES_PER_PASS)
         self._integrator = mi.load_dict(
-            {"type": "path", "max_depth": options.max_depth, "hide_emitters": True}
+            {
+                "type": "path",
+                "max_depth": options.max_depth,
+                "hide_emitters": True,
+                "block_size": BLOCK_PX,
+            }
         )
 
     def draw(self, world: World, request: RenderRequest) -> FloatArray:
         """(h, w, 4) radiance and coverage of the request's box."""
+        frame, box = request.frame, request.box
+        sun_w_m2 = float(frame.sun_irradiance_rgb_w_m2.sum())
+        if request.environment is not None:
+            world.set({"sky.sampling_weight": 0.0 if sun_w_m2 > 0 else SKY_WEIGHT})
+        random = generator(request.seed, frame.index, "mitsuba")
+        shift = random.uniform(size=2)
+        total = first = self._pass(world, request, 0, [box], shift, random)
+        tiles = _tiles(first[..., 3] > 0, box)
+        passes = np.full(len(tiles), min(self._count, 2))
+        number = 1
+        while (more := passes > number).any():
+            places = [tiles[place] for place in np.flatnonzero(more)]
+            image = self._pass(world, request, number, places, shift, random)
+            total = total + image
+            if number == 1:
+                windows = [tile.within(box) for tile in tiles]
+                deviation = _deviation(first, image, sun_w_m2 / np.pi, windows)
+                least = min(LEAST_PASSES, self._count)
+                passes = allot(deviation, self._count, least, most=MOST_ROUNDS * self._count)
+            number += 1
+        return mean_of_samples(total[..., :4], total[..., 4])
+
+    def _pass(
+        self,
+        world: World,
+        request: RenderRequest,
+        number: int,
+        places: Iterable[PixelBox],
+        shift: FloatArray,
+        random: np.random.Generator,
+    ) -> FloatArray:
+        """(h, w, 5) of the request's box: radiance, coverage and 1 in the places, where finite."""
         import mitsuba as mi
 
-        frame = request.frame
-        random = generator(request.seed, frame.index, "mitsuba")
-        if request.environment is not None:
-            world.set({"sky.sampling_weight": sky_weight(request.environment, frame)})
-        directions = _sun_directions_body(frame, self._count, random.uniform(size=2))
-        box = request.box
-        total = np.zeros((box.height, box.width, 4))
-        passes = np.zeros((box.height, box.width))
-        places = [box]
-        for number, direction in enumerate(directions):
-            turn = homogeneous(rotation_with_z(-direction), np.zeros(3))
-            world.set(
-                {
-                    "sun.to_world": mi.Transform4f(turn),
-                    "sun.irradiance.value": mi.Color3f(*map(float, frame.sun_irradiance_rgb_w_m2)),
-                }
+        frame, box = request.frame, request.box
+        turn = homogeneous(rotation_with_z(-sun_direction_body(frame, number, shift)), np.zeros(3))
+        world.set(
+            {
+                "sun.to_world": mi.Transform4f(turn),
+                "sun.irradiance.value": mi.Color3f(*map(float, frame.sun_irradiance_rgb_w_m2)),
+            }
+        )
+        result = np.zeros((box.height, box.width, 5))
+        for place in places:
+            image = mi.render(
+                world.scene,
+                integrator=self._integrator,
+                sensor=self._sensor(frame, place),
+                seed=mi.UInt32(int(random.integers(2**31))),
+                spp=SAMPLES_PER_PASS,
             )
-            for place in places:
-                seed = int(random.integers(2**31))
-                window = place.within(box)
-                image = np.array(
-                    mi.render(
-                        world.scene,
-                        integrator=self._integrator,
-                        sensor=self._sensor(frame, place),
-                        seed=mi.UInt32(seed),
-                        spp=SAMPLES_PER_PASS,
-                    )
-                )
-                good = np.isfinite(image).all(axis=-1)
-                total[window] += np.where(good[..., None], image, 0)
-                passes[window] += good
-            if number == 0:
-                places = _bands(total[..., 3] > 0, box)
-        return mean_of_samples(total, passes)
+            values = np.insert(np.array(image, dtype=np.float64), 4, 1.0, axis=-1)
+            good = np.isfinite(values).all(axis=-1, keepdims=True)
+            result[place.within(box)] = np.where(good, values, 0)
+        return result
 
     def _sensor(self, frame: FrameState, box: PixelBox) -> Any:
         """A camera whose film is the box."""
@@ -122,41 +152,42 @@ class Passes:
         )
 
 
-def _bands(met: BoolArray, box: PixelBox) -> list[PixelBox]:
-    """Boxes that hold what a first pass ``met`` (h, w) of the box, and a margin: a sliver of the craft
+def _tiles(met: BoolArray, box: PixelBox) -> list[PixelBox]:
+    """Those that hold what a first pass ``met`` (h, w) of the box, and a margin: a sliver of the craft
     that eight samples missed lies beside one that they met."""
     near = maximum_filter(met, 2 * MARGIN_PX + 1, mode="constant")
-    bands = []
-    for top in range(0, box.height, ROWS_PER_BAND):
-        rows = near[top : top + ROWS_PER_BAND]
-        columns = np.flatnonzero(rows.any(axis=0))
-        if columns.size:
-            left, right = int(columns[0]), int(columns[-1]) + 1
-            bands.append(PixelBox(box.x0 + left, box.y0 + top, right - left, len(rows)))
-    return bands
+    tiles = []
+    for top in range(0, box.height, TILE_PX):
+        for left in range(0, box.width, TILE_PX):
+            part = near[top : top + TILE_PX, left : left + TILE_PX]
+            if part.any():
+                tiles.append(PixelBox(box.x0 + left, box.y0 + top, part.shape[1], part.shape[0]))
+    return tiles
 
 
-def _sun_directions_body(frame: FrameState, count: int, shift: FloatArray) -> FloatArray:
-    """(count, 3) directions spread evenly over the Sun's disc, moved about by ``shift`` (2,) in 0 … 1.
+def _deviation(
+    first: FloatArray, second: FloatArray, white: float, windows: Sequence[tuple[slice, slice]]
+) -> FloatArray:
+    """(n,) standard deviation of a pass in each window: root mean square over its pixels, of radiance
+    summed over the bands up to ``white``, since brighter is a glint of few pixels, which would have all.
 
-    Vogel's sunflower (1979): even over the area, and seen along any diameter.
+    Args:
+        first: (h, w, 5), and ``second``, of two passes.
     """
-    place = np.arange(count)
-    radius = np.sqrt((place + shift[0]) / count) * np.tan(frame.sun_angular_radius_rad)
-    angle = np.pi * (3 - np.sqrt(5)) * place + 2 * np.pi * shift[1]
-    local = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.ones(count)], axis=-1)
-    local /= np.linalg.norm(local, axis=-1, keepdims=True)
-    return np.asarray(local @ rotation_with_z(frame.sun_direction_body).T)
+    one, other = (np.minimum(image[..., :3].sum(axis=-1), white) for image in (first, second))
+    squares = (one - other) ** 2 / 2
+    return np.sqrt([squares[window].mean() for window in windows])
 
 
-def sky_weight(environment: EnvironmentMap, frame: FrameState) -> float:
-    """How often the sky is sampled for each time that the Sun is: as their light is, W/m² each."""
-    rows = environment.radiance_rgb.sum(axis=-1, dtype=np.float64).mean(axis=1)
-    polar_rad = np.pi * (np.arange(len(rows)) + 0.5) / len(rows)
-    sky_w_m2 = float(rows @ np.sin(polar_rad)) * 2 * np.pi**2 / len(rows)
-    sun_w_m2 = float(frame.sun_irradiance_rgb_w_m2.sum())
-    share = sky_w_m2 / sun_w_m2 if sun_w_m2 > 0 else np.inf
-    return float(np.clip(share, LEAST_WEIGHT, 1 / LEAST_WEIGHT))
+def sun_direction_body(frame: FrameState, number: int, shift: FloatArray) -> FloatArray:
+    """(3,) direction of a pass to the Sun's disc, which the first ones, however many, fill evenly.
+
+    Roberts' sequence R2 (2018) in the unit square, moved about by ``shift`` (2,) in 0 … 1.
+    """
+    across, around = (shift + number * R2) % 1
+    radius, angle = np.sqrt(across) * np.tan(frame.sun_angular_radius_rad), 2 * np.pi * around
+    local = np.array([radius * np.cos(angle), radius * np.sin(angle), 1.0])
+    return np.asarray(rotation_with_z(frame.sun_direction_body) @ (local / np.linalg.norm(local)))
 
 
 def _offset(principal_px: float, size_px: int) -> float:

@@ -1,7 +1,9 @@
-"""Light paths of compiled variants: each surface that a path meets asks both the Sun and the sky.
+"""Light paths of compiled variants: each surface that a path meets asks the Sun, and the sky if the Sun
+does not shine there.
 
 Mitsuba's own path tracer asks one emitter a surface, chosen by chance: where Sun and sky give about as
-much light, that choice alone is most of the noise. The shadow ray that the second one costs is cheap.
+much light, that choice alone is most of the noise. In sunlight the sky's own noise is small beside it,
+and paths that leave the craft find the sky.
 """
 
 from __future__ import annotations
@@ -55,14 +57,15 @@ def trace(scene: Any, sun: Sun, sampler: Any, ray: Any, max_depth: int) -> tuple
     light, weight = mi.Color3f(0), mi.Color3f(1)
     depth, chance = mi.UInt32(0), mi.Float(0)
     before, active = dr.zeros(mi.Interaction3f), mi.Bool(True)
-    met = mi.Bool(False)
+    met, asked = mi.Bool(False), mi.Bool(False)
     while active:
         hit = scene.ray_intersect(ray, mi.RayFlags.All, depth == 0, active)
         there = active & hit.is_valid()
         if dr.hint(sky is not None, mode="scalar"):
             away = active & ~hit.is_valid() & (depth > 0)
             found = mi.DirectionSample3f(scene, hit, before)
-            share = _power(chance, sky.pdf_direction(before, found, away))
+            share = _power(chance, sky.pdf_direction(before, found, away & asked))
+            share = dr.select(asked, share, 1)  # of what the surface before has not got by asking
             light += dr.select(away, weight * share * sky.eval(hit, away), 0)
         met |= there & (depth == 0)
         goes_on = there & (depth + 1 < max_depth)
@@ -70,17 +73,19 @@ def trace(scene: Any, sun: Sun, sampler: Any, ray: Any, max_depth: int) -> tuple
         # The Sun
         toward = sun.direction(sampler.next_2d(goes_on))
         local = hit.to_local(toward)
-        value = bsdf.eval(context, hit, local, goes_on)
-        seen = goes_on & dr.any(value != 0)
+        sunlight = sun.irradiance * bsdf.eval(context, hit, local, goes_on)
+        seen = goes_on & dr.any(sunlight != 0)
         seen &= ~scene.ray_test(hit.spawn_ray_to(hit.p + toward * FAR_M), seen)
-        light += dr.select(seen, weight * value * sun.irradiance, 0)
+        light += dr.select(seen, weight * sunlight, 0)
         # The sky
         if dr.hint(sky is not None, mode="scalar"):
-            found, sky_light = sky.sample_direction(hit, sampler.next_2d(goes_on), goes_on)
-            value, likely = bsdf.eval_pdf(context, hit, hit.to_local(found.d), goes_on)
-            seen = goes_on & (found.pdf > 0) & dr.any(value != 0)
-            seen &= ~scene.ray_test(hit.spawn_ray_to(found.p), seen)
-            light += dr.select(seen, weight * value * sky_light * _power(found.pdf, likely), 0)
+            asked = goes_on & ~seen
+            if asked:
+                found, sky_light = sky.sample_direction(hit, sampler.next_2d())
+                value, likely = bsdf.eval_pdf(context, hit, hit.to_local(found.d))
+                clear = (found.pdf > 0) & dr.any(value != 0)
+                clear &= ~scene.ray_test(hit.spawn_ray_to(found.p), clear)
+                light += dr.select(clear, weight * value * sky_light * _power(found.pdf, likely), 0)
         # The next segment
         way, share_left = bsdf.sample(
             context, hit, sampler.next_1d(goes_on), sampler.next_2d(goes_on), goes_on

@@ -3,9 +3,10 @@
 The picture's squared error is least when a pixel has as many samples as its standard deviation asks for
 (Neyman's allocation, 1934).
 
-Deviations are read from a first round over all pixels. A pixel's own samples do not speak for it, only
-those around it: did they, a pixel that was bright by chance would be looked at again and one that was
-dark by chance would not, and the picture would be too dark.
+Compiled variants read deviations from a first round over all pixels. A pixel's own samples do not
+speak for it, only those around it: did they, a pixel that was bright by chance would be looked at again
+and one that was dark by chance would not, and the picture would be too dark. The scalar variant reads
+them tile by tile; a pixel has little say among a thousand.
 """
 
 from __future__ import annotations
@@ -36,9 +37,23 @@ def further_rounds(variance: FloatArray, covered: FloatArray, rounds: float) -> 
     near = maximum_filter(covered, NEIGHBOURS.shape, mode="constant") > 0
     deviation = np.sqrt(correlate(variance, NEIGHBOURS, mode="constant"))[near]
     if deviation.any():
-        most = MOST_ROUNDS * rounds
-        result[near] = np.rint(np.clip(_factor(deviation, rounds, most) * deviation, 1, most)) - 1
+        result[near] = allot(deviation, rounds, least=1, most=MOST_ROUNDS * rounds) - 1
     return result
+
+
+def allot(deviation: FloatArray, rounds: float, least: float, most: float) -> IntArray:
+    """(n,) rounds in proportion to the deviations (n,), within limits, and ``rounds`` on average."""
+    if not deviation.any():
+        return np.full(len(deviation), int(least))
+    # The factor with which their average is ``rounds``, or as near as it can be
+    logarithm = np.log(deviation[deviation > 0])
+    lowest, highest = np.log(least) - logarithm.max(), np.log(most) - logarithm.min()
+    for _ in range(50):
+        middle = (lowest + highest) / 2
+        spent = np.clip(np.exp(middle) * deviation, least, most).mean()
+        lowest, highest = (middle, highest) if spent < rounds else (lowest, middle)
+    rounded: IntArray = np.rint(np.clip(np.exp(lowest) * deviation, least, most)).astype(np.int64)
+    return rounded
 
 
 def mean_of_samples(sums: FloatArray, counts: FloatArray) -> FloatArray:
@@ -47,15 +62,5 @@ def mean_of_samples(sums: FloatArray, counts: FloatArray) -> FloatArray:
     Some of Mitsuba's are not, about one in 10⁸ on metal; they are left out. NaN where there is no other.
     """
     mean = np.full(sums.shape, np.nan)
-    return np.divide(sums, counts[..., None], out=mean, where=counts[..., None] > 0)
-
-
-def _factor(deviation: FloatArray, rounds: float, most: float) -> float:
-    """With which clip(factor · deviation, 1, most) is ``rounds`` on average, or as near as it can be."""
-    logarithm = np.log(deviation[deviation > 0])
-    lowest, highest = -logarithm.max(), np.log(most) - logarithm.min()
-    for _ in range(50):
-        middle = (lowest + highest) / 2
-        spent = np.clip(np.exp(middle) * deviation, 1, most).mean()
-        lowest, highest = (middle, highest) if spent < rounds else (lowest, middle)
-    return float(np.exp(lowest))
+    np.divide(sums, counts[..., None], out=mean, where=counts[..., None] > 0)
+    return mean

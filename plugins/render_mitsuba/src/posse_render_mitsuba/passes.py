@@ -1,4 +1,4 @@
-"""Rendering by the scalar variant, in passes of eight samples a pixel.
+"""Rendering by the scalar variant, in passes of sixteen samples a pixel.
 
 In each pass the Sun is one direction, so no sample is spent on finding it; over the passes the
 directions fill the Sun's disc evenly, which makes penumbras of the right width for the cost of a hard
@@ -25,10 +25,8 @@ from posse_render_mitsuba.options import MitsubaOptions
 from posse_render_mitsuba.samples import MOST_ROUNDS, allot, mean_of_samples
 from posse_render_mitsuba.world import MITSUBA_FROM_CAM, World, homogeneous, rotation_with_z
 
-SAMPLES_PER_PASS = 8
+SAMPLES_PER_PASS = 16
 TILE_PX = 32
-LEAST_PASSES = 4
-"""For a tile of the craft: its edges want samples where its light does not."""
 MARGIN_PX = 4
 BLOCK_PX = 8
 """Of a block that one thread draws. Mitsuba's own choice depends on their number, and the random numbers
@@ -82,8 +80,7 @@ class Passes:
             if number == 1:
                 windows = [tile.within(box) for tile in tiles]
                 deviation = _deviation(first, image, sun_w_m2 / np.pi, windows)
-                least = min(LEAST_PASSES, self._count)
-                passes = allot(deviation, self._count, least, most=MOST_ROUNDS * self._count)
+                passes = allot(deviation, self._count, least=2, most=MOST_ROUNDS * self._count)
             number += 1
         return mean_of_samples(total[..., :4], total[..., 4])
 
@@ -154,7 +151,7 @@ class Passes:
 
 def _tiles(met: BoolArray, box: PixelBox) -> list[PixelBox]:
     """Those that hold what a first pass ``met`` (h, w) of the box, and a margin: a sliver of the craft
-    that eight samples missed lies beside one that they met."""
+    that sixteen samples missed lies beside one that they met."""
     near = maximum_filter(met, 2 * MARGIN_PX + 1, mode="constant")
     tiles = []
     for top in range(0, box.height, TILE_PX):

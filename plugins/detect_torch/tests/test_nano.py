@@ -7,7 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch.utils.flop_counter import FlopCounterMode
 
+from posse_detect_torch.export import compare_detections
 from posse_detect_torch.nano import STRIDE, Decoded, Nano, boxes_at, generalised_iou, losses
+from posse_detect_torch.nano_detector import tied_scores
 
 
 @pytest.mark.parametrize("size", [320, 416])
@@ -97,3 +99,48 @@ def test_a_box_that_shrank_to_a_point_is_pulled_back():
     sum(losses(logits, distances, box, torch.tensor([[0]])).values()).backward()
     assert distances.grad.min() < -0.1
     assert boxes_at(distances.detach()).shape == (1, 64, 4)
+
+
+def told_outputs(logits, count):
+    """What a net with this map (12, 12) of logits and boxes of one size says of a picture."""
+    maps = torch.from_numpy(logits)[None, None].float()
+    net = Decoded(Told(maps, torch.zeros(1, 4, 12, 12)), count)
+    names = ("boxes", "scores", "labels", "raw")
+    return {
+        name: value.numpy() for name, value in zip(names, net(torch.zeros(1, 1, 96, 96)), strict=True)
+    }
+
+
+def peaks(*places):
+    logits = np.full((12, 12), -4.0)
+    for row, column, value in places:
+        logits[row, column] = value
+    return logits
+
+
+@pytest.mark.parametrize("beside", [1, 3], ids=["neighbours", "strangers"])
+def test_a_last_digit_may_move_the_peak_between_neighbours_that_tie(beside):
+    """Two cells differ by 1 in 10⁷: torch prefers one, ONNX the other. Of strangers both are listed."""
+    first = peaks((5, 5, -3.0), (5, 5 + beside, np.float32(-3.0 - 3e-7)))
+    second = peaks((5, 5, np.float32(-3.0 - 3e-7)), (5, 5 + beside, -3.0))
+    ours, theirs = told_outputs(first, 4), told_outputs(second, 4)
+    ties = tied_scores(ours["raw"][0, :1])
+    found = compare_detections(ours, theirs, ties)
+    assert all(value <= allowed for value, allowed in found.values())
+    away, allowed = compare_detections(ours, theirs)["boxes, px"]
+    assert (away > allowed) == (beside == 1)
+
+
+def test_a_detection_that_is_elsewhere_is_no_tie():
+    """A plateau of the background is one, with scores of its own."""
+    ours, theirs = told_outputs(peaks((5, 5, -1.0)), 4), told_outputs(peaks((5, 6, -1.0)), 4)
+    away, allowed = compare_detections(ours, theirs, tied_scores(ours["raw"][0, :1]))["boxes, px"]
+    assert away == STRIDE > allowed
+
+
+def test_the_end_of_a_full_list_may_be_another():
+    """Three peaks for two places: which of two equal ones is last is chance."""
+    ours = told_outputs(peaks((1, 1, 2.0), (5, 5, np.float32(-1 + 1e-6)), (9, 9, -1.0)), 2)
+    theirs = told_outputs(peaks((1, 1, 2.0), (5, 5, np.float32(-1 - 1e-6)), (9, 9, -1.0)), 2)
+    assert ours["boxes"][0, 1, 0] != theirs["boxes"][0, 1, 0]
+    assert compare_detections(ours, theirs)["boxes, px"][0] == 0

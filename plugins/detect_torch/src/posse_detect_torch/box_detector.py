@@ -23,7 +23,7 @@ from posse_core.interfaces.detector import Detection, Detector
 from posse_core.model.arrays import AnyArray, Float32Array, FloatArray
 from posse_detect_torch.augment import look, move_boxes, random_view, warp
 from posse_detect_torch.checkpoint import read_weights
-from posse_detect_torch.export import compare_detections, export
+from posse_detect_torch.export import Outputs, compare_detections, export
 from posse_detect_torch.int8 import write_int8
 from posse_detect_torch.learn import Lesson, device_of, learn
 from posse_detect_torch.options import BoxOptions
@@ -123,6 +123,10 @@ class BoxDetector(Detector):
     def decoded(self, net: nn.Module) -> nn.Module:
         """``net`` with its decoding: pictures → boxes, scores, labels, raw."""
 
+    def compare(self, ours: Outputs, theirs: Outputs) -> Mapping[str, tuple[float, float]]:
+        """See :data:`posse_detect_torch.export.Compare`."""
+        return compare_detections(ours, theirs)
+
     @property
     def settings(self) -> BoxOptions:
         """The options."""
@@ -168,7 +172,7 @@ class BoxDetector(Detector):
     def export_onnx(self, path: Path, images: Sequence[AnyArray]) -> Mapping[str, float]:
         pictures = np.stack([_picture(image, self._card.input_px)[0] for image in images])
         return export(
-            self._decoded, OUTPUTS, pictures, self._card, path, compare_detections, onnx_translations()
+            self._decoded, OUTPUTS, pictures, self._card, path, self.compare, onnx_translations()
         )
 
     def write_int8(self, path: Path, out: Path, seen: Sequence[tuple[AnyArray, FloatArray]]) -> None:

@@ -19,6 +19,7 @@ from posse_core.errors import ComponentError
 from posse_core.files import write_bytes
 from posse_core.model.arrays import AnyArray, Float32Array
 
+_SCORE = 1e-4  # by which raw tensors and scores may differ
 OPSET = 18  # above it, some runtimes have no RoiAlign or fall back to the CPU
 Outputs = Mapping[str, AnyArray]
 Compare = Callable[[Outputs, Outputs], Mapping[str, tuple[float, float]]]
@@ -134,14 +135,21 @@ def raw_difference(a: AnyArray, b: AnyArray) -> float:
     return difference(a, b) / max(1.0, float(np.max(np.abs(a), initial=0.0)))
 
 
-def compare_detections(ours: Outputs, theirs: Outputs) -> dict[str, tuple[float, float]]:
+def compare_detections(
+    ours: Outputs, theirs: Outputs, tied_scores: Sequence[float] = ()
+) -> dict[str, tuple[float, float]]:
     """Raw tensors within 10⁻⁴; each detection has one of the same class within 0.1 px of its box and
-    10⁻⁴ of its score. They are matched by box, since equal scores come in any order."""
-    result = {"raw": (raw_difference(ours["raw"], theirs["raw"]), 1e-4)}
+    10⁻⁴ of its score. They are matched by box, since equal scores come in any order.
+
+    Where a tie decides whether there is a detection, a last digit does, and there need be no other: at
+    the end of a full list, and for scores that are among the ``tied_scores``.
+    """
+    result = {"raw": (raw_difference(ours["raw"], theirs["raw"]), _SCORE)}
     box_px, score = 0.0, 0.0
     for a, b in ((ours, theirs), (theirs, ours)):
+        least = max(0.0, float(a["scores"][0].min(initial=1.0))) + _SCORE
         for box, label, value in zip(a["boxes"][0], a["labels"][0], a["scores"][0], strict=True):
-            if label < 0 or value <= 1e-4:  # padding, and what is as good as nothing
+            if label < 0 or value <= least or np.isclose(value, tied_scores, rtol=0, atol=1e-6).any():
                 continue
             same = b["labels"][0] == label
             away = np.abs(b["boxes"][0] - box).max(axis=-1, initial=0.0)
@@ -149,4 +157,4 @@ def compare_detections(ours: Outputs, theirs: Outputs) -> dict[str, tuple[float,
             best = int(np.argmin(away))
             box_px = max(box_px, float(away[best]))
             score = max(score, abs(float(value - b["scores"][0][best])))
-    return {**result, "boxes, px": (box_px, 0.1), "scores": (score, 1e-4)}
+    return {**result, "boxes, px": (box_px, 0.1), "scores": (score, _SCORE)}

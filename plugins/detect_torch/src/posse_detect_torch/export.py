@@ -141,15 +141,16 @@ def compare_detections(
     """Raw tensors within 10⁻⁴; each detection has one of the same class within 0.1 px of its box and
     10⁻⁴ of its score. They are matched by box, since equal scores come in any order.
 
-    Where a tie decides whether there is a detection, a last digit does, and there need be no other: at
-    the end of a full list, and for scores that are among the ``tied_scores``.
+    Where a tie decides whether there is a detection, a last digit does: those whose scores are among the
+    ``tied_scores`` need have no other.
     """
     result = {"raw": (raw_difference(ours["raw"], theirs["raw"]), _SCORE)}
     box_px, score = 0.0, 0.0
     for a, b in ((ours, theirs), (theirs, ours)):
-        least = max(0.0, float(a["scores"][0].min(initial=1.0))) + _SCORE
         for box, label, value in zip(a["boxes"][0], a["labels"][0], a["scores"][0], strict=True):
-            if label < 0 or value <= least or np.isclose(value, tied_scores, rtol=0, atol=1e-6).any():
+            if label < 0 or value <= _SCORE:  # padding, and what is as good as nothing
+                continue
+            if np.isclose(value, tied_scores, rtol=0, atol=1e-6).any():
                 continue
             same = b["labels"][0] == label
             away = np.abs(b["boxes"][0] - box).max(axis=-1, initial=0.0)

@@ -57,14 +57,20 @@ class NanoDetector(BoxDetector):
         return Decoded(net, self.options.detections)
 
     def compare(self, ours: Outputs, theirs: Outputs) -> Mapping[str, tuple[float, float]]:
-        """As every detector; where neighbours tie, either is the peak."""
-        return compare_detections(ours, theirs, tied_scores(ours["raw"][0, : len(self.classes)]))
+        """As every detector; but ties decide which places are told."""
+        logits = ours["raw"][0, : len(self.classes)]
+        return compare_detections(ours, theirs, tied_scores(logits, self.options.detections))
 
 
-def tied_scores(logits: AnyArray) -> list[float]:
-    """Scores of those peaks of the maps (C, h, w) that have another within 10⁻⁴ beside them."""
-    maps = torch.from_numpy(logits)
+def tied_scores(logits: AnyArray, count: int) -> list[float]:
+    """Of the maps (C, h, w) the scores of those peaks that have another within 10⁻⁴ beside them, and of
+    all that tie with the last of the ``count`` best when there are more."""
+    maps = torch.from_numpy(logits).double()
     peak = maps >= F.max_pool2d(maps, 3, stride=1, padding=1) - 1e-4
-    around = 9 * F.avg_pool2d(peak.float(), 3, stride=1, padding=1)  # how many, itself included
-    scores: list[float] = torch.sigmoid(maps[peak & (around > 1.5)].double()).tolist()
+    around = 9 * F.avg_pool2d(peak.double(), 3, stride=1, padding=1)  # how many, itself included
+    tied = maps[peak & (around > 1.5)]
+    best = maps[peak].sort(descending=True).values
+    if len(best) > count and best[count - 1] - best[count] <= 1e-4:
+        tied = torch.cat([tied, best[(best - best[count]).abs() <= 1e-4]])
+    scores: list[float] = torch.sigmoid(tied).tolist()
     return scores

@@ -36,8 +36,7 @@ def further_rounds(variance: FloatArray, covered: FloatArray, rounds: float) -> 
     result = np.zeros(variance.shape, dtype=np.int64)
     near = maximum_filter(covered, NEIGHBOURS.shape, mode="constant") > 0
     deviation = np.sqrt(correlate(variance, NEIGHBOURS, mode="constant"))[near]
-    if deviation.any():
-        result[near] = allot(deviation, rounds, least=1, most=MOST_ROUNDS * rounds) - 1
+    result[near] = allot(deviation, rounds, least=1, most=MOST_ROUNDS * rounds) - 1
     return result
 
 

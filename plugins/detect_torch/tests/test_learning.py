@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -18,6 +19,7 @@ from posse_core.detection.card import ModelCard, card_of, read_card
 from posse_core.formats.coco import CocoWriter
 from posse_core.options import NoOptions
 from posse_core.selection.partition import write_partition
+from posse_detect_torch.checkpoint import write_model
 from posse_detect_torch.learn import CURVES, LAST, MODEL, learn
 from posse_detect_torch.nano_detector import NanoLesson
 from posse_detect_torch.options import NanoOptions
@@ -57,7 +59,6 @@ def test_it_learns(make_dataset, posse, dataset, trained, tmp_path):
     options = NanoOptions(epochs=1, input_px=64, learning_rate=1e-9)
     lesson, card = a_lesson(dataset, tmp_path, options)
     (tmp_path / "untrained").mkdir()
-    lesson.judge = lambda net: {}
     untrained = learn(lesson, card, tmp_path / "untrained")
     assert mean_ap50(posse, fresh, untrained) < 0.1
     assert mean_ap50(posse, fresh, trained) > 0.5
@@ -74,7 +75,8 @@ def test_the_model_tells_what_it_learned_from(dataset, trained):
     )
 
 
-def a_lesson(dataset, folder, options):
+def a_lesson(dataset, folder, options, kind=NanoLesson):
+    """What makes the lesson, and its card."""
     card = card_of(
         dataset,
         net="nano",
@@ -84,7 +86,7 @@ def a_lesson(dataset, folder, options):
         options=options.model_dump(mode="json"),
     )
     folder.mkdir(exist_ok=True)
-    return NanoLesson(dataset, folder, card.classes, options), card
+    return partial(kind, dataset, folder, card.classes, options), card
 
 
 class StoppedLesson(NanoLesson):
@@ -106,13 +108,33 @@ def test_a_training_cut_short_ends_as_if_it_had_not_been(make_dataset, tmp_path)
     weights = []
     for cut in (False, True):
         folder = tmp_path / str(cut)
-        lesson, card = a_lesson(small, folder, options)
         if cut:
             with pytest.raises(KeyboardInterrupt):
-                learn(StoppedLesson(small, folder, card.classes, options), card, folder)
+                learn(*a_lesson(small, folder, options, StoppedLesson), folder)
             assert not (folder / MODEL).exists()
-        weights.append(learn(lesson, card, folder).read_bytes())
+        weights.append(learn(*a_lesson(small, folder, options), folder).read_bytes())
     assert weights[0] == weights[1]
+
+
+@pytest.mark.parametrize("detector", ["nano", "simcc", "sdn"])
+def test_a_training_that_cannot_begin_leaves_nothing_behind(detector, dataset, posse, tmp_path):
+    strange = tmp_path / "strange.safetensors"
+    write_model(strange, {"weight": torch.zeros(3)}, ModelCard("nano", "boxes", ("a",), 64, "", "", "0"))
+    out = tmp_path / "out"
+    arguments = ("train", dataset.folder, "--detector", detector, "--out", out, "-o", "input_px=64")
+    code, _, error = posse(*arguments, "-o", f"start={strange}")
+    assert code == 2
+    assert "none of its tensors is one of this net" in error
+    assert not list(out.glob("*"))
+
+
+def test_a_folder_of_another_training_stays_as_it_was(trained, dataset, posse):
+    before = {path.name: path.read_bytes() for path in trained.parent.iterdir()}
+    arguments = ("train", dataset.folder, "--detector", "nano", "--out", trained.parent)
+    code, _, error = posse(*arguments, "-o", "input_px=128")
+    assert code == 2
+    assert "holds a training with other options" in error
+    assert {path.name: path.read_bytes() for path in trained.parent.iterdir()} == before
 
 
 def test_onnx_is_made_of_standard_operations_and_tells_nothing_of_this_machine(exported):

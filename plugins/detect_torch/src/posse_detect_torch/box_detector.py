@@ -25,7 +25,7 @@ from posse_detect_torch.augment import look, move_boxes, random_view, warp
 from posse_detect_torch.checkpoint import read_weights
 from posse_detect_torch.export import Outputs, compare_detections, export
 from posse_detect_torch.int8 import write_int8
-from posse_detect_torch.learn import Lesson, device_of, learn
+from posse_detect_torch.learn import Lesson, device_of, first_net, learn
 from posse_detect_torch.options import BoxOptions
 from posse_detect_torch.pictures import Pictures, cut_pictures
 from posse_detect_torch.regions import onnx_translations
@@ -44,6 +44,7 @@ class BoxLesson(Lesson):
         self, dataset: Dataset, folder: Path, classes: Sequence[str], options: BoxOptions
     ) -> None:
         self.classes, self.options = classes, options
+        self.net = first_net(options, self.untrained)
         self.train, self.valid = (self._cut(dataset, folder, part) for part in ("train", "valid"))
 
     def _cut(self, dataset: Dataset, folder: Path, part: str) -> Pictures:
@@ -51,6 +52,10 @@ class BoxLesson(Lesson):
             return whole_image(height, width, self.options.input_px)
 
         return cut_pictures(dataset, dataset.part(part), self.options.input_px, whole, folder, part)
+
+    @abstractmethod
+    def untrained(self) -> nn.Module:
+        """The net before training."""
 
     @abstractmethod
     def decoded(self, net: nn.Module) -> nn.Module:
@@ -147,7 +152,7 @@ class BoxDetector(Detector):
             options=self.settings.model_dump(mode="json"),
             version=version("posse-detect-torch"),
         )
-        return learn(self.lesson(dataset, folder, card), card, folder)
+        return learn(lambda: self.lesson(dataset, folder, card), card, folder)
 
     def load(self, path: Path) -> None:
         self._card = read_card(path)

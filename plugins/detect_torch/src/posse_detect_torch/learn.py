@@ -6,11 +6,11 @@ import copy
 import math
 import sys
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 import torch
@@ -29,6 +29,7 @@ MODEL, LAST, CURVES = "model.safetensors", "last.safetensors", "curves.html"
 _WARM_UP = 0.03  # share of the steps over which the learning rate rises
 
 Batch = Mapping[str, Tensor]
+NetT = TypeVar("NetT", bound=nn.Module)
 
 
 class Lesson(ABC):
@@ -64,11 +65,23 @@ class Lesson(ABC):
         return min((step + 1) / max(_WARM_UP * steps, 1), 0.5 * (1 + math.cos(math.pi * step / steps)))
 
 
-def seeded(options: TrainOptions, make: Any) -> Any:
-    """Call ``make`` with torch's draws fixed by the seed, and leave torch's state as it was."""
+def first_net(options: TrainOptions, make: Callable[[], NetT]) -> NetT:
+    """What ``make`` returns with torch's draws fixed by the seed, on the device, with ``start`` in it.
+
+    Torch's own state stays as it was. A lesson asks for its net before it cuts pictures, so that a
+    training that cannot begin leaves nothing behind.
+
+    Raises:
+        ComponentError: there is no such device.
+        InputError: ``start`` is no file of such a net.
+    """
+    device = device_of(options)
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(derived_seed(options.seed, -1, "weights"))
-        return make()
+        net = make()
+    if options.start is not None:
+        read_like(options.start, net)
+    return net.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload, no-any-return]
 
 
 def device_of(options: TrainOptions) -> torch.device:
@@ -83,8 +96,11 @@ def device_of(options: TrainOptions) -> torch.device:
     return torch.device(options.device)
 
 
-def learn(lesson: Lesson, card: ModelCard, folder: Path) -> Path:
+def learn(make_lesson: Callable[[], Lesson], card: ModelCard, folder: Path) -> Path:
     """Train to the last epoch, from the last checkpoint in ``folder`` if there is one.
+
+    Args:
+        make_lesson: called once it is known that ``folder`` holds no other training.
 
     Returns:
         The file of the averaged weights.
@@ -92,19 +108,19 @@ def learn(lesson: Lesson, card: ModelCard, folder: Path) -> Path:
     Raises:
         InputError: the folder holds a training with other options or data, or there is no sample.
     """
+    last = folder / LAST
+    kept = _read_last(last, card) if last.exists() else None
+    lesson = make_lesson()
     if len(lesson) == 0:
         raise InputError("the train part shows no spacecraft to learn from; divide the dataset anew")
-    options = lesson.options
-    device = device_of(options)
-    net = lesson.net.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
-    if options.start is not None:
-        read_like(options.start, net)
+    options, net = lesson.options, lesson.net
+    device = next(net.parameters()).device
     average = copy.deepcopy(net).eval()
     optimizer = lesson.optimizer(net)
     history: list[dict[str, float]] = []
-    last = folder / LAST
-    if last.exists():
-        history = _resume(last, net, average, optimizer, card)
+    if kept is not None:
+        tensors, history = kept
+        _resume(tensors, net, average, optimizer)
     steps = math.ceil(len(lesson) / options.batch)
     with ThreadPoolExecutor(options.threads) as pool:
         for epoch in range(len(history), options.epochs):
@@ -187,13 +203,7 @@ def _save(
     write_state(path, tensors, card, list(history))
 
 
-def _resume(
-    path: Path,
-    net: nn.Module,
-    average: nn.Module,
-    optimizer: torch.optim.Optimizer,
-    card: ModelCard,
-) -> list[dict[str, float]]:
+def _read_last(path: Path, card: ModelCard) -> tuple[dict[str, Tensor], list[dict[str, float]]]:
     tensors, theirs, history = read_state(path)
     for what in ("net", "options", "dataset_sha256"):
         if getattr(theirs, what) != getattr(card, what):
@@ -201,6 +211,15 @@ def _resume(
                 f"{path.parent}: holds a training with other {what.replace('_sha256', '')}; name another"
                 " folder by --out"
             )
+    return tensors, list(history)
+
+
+def _resume(
+    tensors: Mapping[str, Tensor],
+    net: nn.Module,
+    average: nn.Module,
+    optimizer: torch.optim.Optimizer,
+) -> None:
     net.load_state_dict(_below("net.", tensors))
     average.load_state_dict(_below("average.", tensors))
     state: dict[int, dict[str, Tensor]] = {}
@@ -208,7 +227,6 @@ def _resume(
         number, key = name.split(".", 1)
         state.setdefault(int(number), {})[key] = value
     optimizer.load_state_dict({**optimizer.state_dict(), "state": state})
-    return list(history)
 
 
 def _below(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:

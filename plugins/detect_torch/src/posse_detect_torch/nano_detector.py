@@ -14,7 +14,7 @@ from posse_core.detection.card import ModelCard
 from posse_core.model.arrays import AnyArray
 from posse_detect_torch.box_detector import BoxDetector, BoxLesson
 from posse_detect_torch.export import Outputs, compare_detections
-from posse_detect_torch.learn import Batch, seeded
+from posse_detect_torch.learn import Batch
 from posse_detect_torch.nano import Decoded, Nano, losses
 from posse_detect_torch.options import NanoOptions
 
@@ -29,7 +29,9 @@ class NanoLesson(BoxLesson):
     ) -> None:
         super().__init__(dataset, folder, classes, options)
         self._detections = options.detections
-        self.net = seeded(options, lambda: Nano(len(classes)))
+
+    def untrained(self) -> Nano:
+        return Nano(len(self.classes))
 
     def losses(self, batch: Batch) -> dict[str, Tensor]:
         logits, distances = self.net(batch["picture"])

@@ -14,7 +14,7 @@ from posse_core.detection.card import ModelCard
 from posse_core.evaluation.metrics import proposal_recall
 from posse_detect_torch.box_detector import BoxDetector, BoxLesson
 from posse_detect_torch.imagenet import load_imagenet
-from posse_detect_torch.learn import Batch, seeded
+from posse_detect_torch.learn import Batch
 from posse_detect_torch.options import SdnOptions
 from posse_detect_torch.sdn import PROPOSALS, Decoded, Sdn, proposals
 from posse_detect_torch.sdn_losses import losses
@@ -33,13 +33,16 @@ class SdnLesson(BoxLesson):
     def __init__(
         self, dataset: Dataset, folder: Path, classes: Sequence[str], options: SdnOptions
     ) -> None:
-        super().__init__(dataset, folder, classes, options)
         self._options = options
-        self.net = seeded(options, lambda: _net(len(classes), options))
-        if options.backbone_weights is not None:
-            load_imagenet(self.net.backbone, options.backbone_weights)
+        super().__init__(dataset, folder, classes, options)
         light = [float(self.train.linear(place).mean()) for place in range(len(self.train))]
         self.net.mean_pixel.fill_(float(np.mean(light)) if light else 0.0)
+
+    def untrained(self) -> Sdn:
+        net = _net(len(self.classes), self._options)
+        if self._options.backbone_weights is not None:
+            load_imagenet(net.backbone, self._options.backbone_weights)
+        return net
 
     def optimizer(self, net: nn.Module) -> torch.optim.Optimizer:
         return torch.optim.SGD(

@@ -24,7 +24,7 @@ from posse_detect_torch.augment import look, move_points, random_view, warp
 from posse_detect_torch.checkpoint import read_weights
 from posse_detect_torch.export import Outputs, difference, export, raw_difference
 from posse_detect_torch.int8 import write_int8
-from posse_detect_torch.learn import Batch, Lesson, device_of, learn, seeded
+from posse_detect_torch.learn import Batch, Lesson, device_of, first_net, learn
 from posse_detect_torch.options import SimccOptions
 from posse_detect_torch.pictures import Pictures, cut_pictures
 from posse_detect_torch.simcc import Decoded, SimCC, losses
@@ -41,22 +41,19 @@ class SimccLesson(Lesson):
 
     def __init__(self, dataset: Dataset, folder: Path, card: ModelCard, options: SimccOptions) -> None:
         self.options = options
-        self._train, self._valid = (self._cut(dataset, folder, part) for part in ("train", "valid"))
+        shown = {part: _shown(dataset, part) for part in ("train", "valid")}
         self._ranges = keypoint_ranges(card)
         self._points = sum(len(points) for points in card.keypoints_body_m.values())
-        self.net = seeded(options, lambda: SimCC(self._points))
+        self.net = first_net(options, lambda: SimCC(self._points))
+        self._train, self._valid = (
+            self._cut(dataset, shown[part], folder, f"keypoints-{part}") for part in shown
+        )
 
-    def _cut(self, dataset: Dataset, folder: Path, part: str) -> Pictures:
+    def _cut(self, dataset: Dataset, shown: Sequence[int], folder: Path, name: str) -> Pictures:
         def of_box(labels: Mapping[str, Any], height: int, width: int) -> Square:
             return square_for(labels["box_visible_px"], self.options.input_px)
 
-        shown = [index for index in dataset.part(part) if truths_of(dataset.frame(index))]
-        if shown and "keypoints" not in dataset.frame(shown[0]):
-            raise InputError(
-                f"{dataset.folder}: the labels have no keypoints; make the dataset with the annotator"
-                " 'keypoints'; to COCO, add spacecraft/NAME.json"
-            )
-        return cut_pictures(dataset, shown, self.options.input_px, of_box, folder, f"keypoints-{part}")
+        return cut_pictures(dataset, shown, self.options.input_px, of_box, folder, name)
 
     def __len__(self) -> int:
         return len(self._train)
@@ -124,7 +121,7 @@ class SimccFinder(KeypointFinder):
             options=self.options.model_dump(mode="json"),
             version=version("posse-detect-torch"),
         )
-        return learn(SimccLesson(dataset, folder, card, self.options), card, folder)
+        return learn(lambda: SimccLesson(dataset, folder, card, self.options), card, folder)
 
     def load(self, path: Path) -> None:
         self._card = read_card(path)
@@ -160,6 +157,17 @@ class SimccFinder(KeypointFinder):
         size = self._card.input_px
         pictures = (_picture(image, square_for(box, size)) for image, box in seen)
         write_int8(path, out, pictures)
+
+
+def _shown(dataset: Dataset, part: str) -> Sequence[int]:
+    """Frames of a part that show a spacecraft, with keypoints."""
+    shown = [index for index in dataset.part(part) if truths_of(dataset.frame(index))]
+    if shown and "keypoints" not in dataset.frame(shown[0]):
+        raise InputError(
+            f"{dataset.folder}: the labels have no keypoints; make the dataset with the annotator"
+            " 'keypoints'; to COCO, add spacecraft/NAME.json"
+        )
+    return shown
 
 
 def _picture(image: AnyArray, square: Square) -> Float32Array:

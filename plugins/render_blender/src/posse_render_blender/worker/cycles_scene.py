@@ -7,6 +7,8 @@ Blender's world is the body frame, so that a frame moves only the camera, the Su
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
+from typing import Any
 
 import bpy
 import cycles
@@ -25,8 +27,8 @@ _passes: dict[str, np.ndarray] = {}
 """The passes of the last render: Blender gives them to its engine alone."""
 
 
-def _keep_passes(render):
-    def wrapped(engine, depsgraph):
+def _keep_passes(render: Callable[..., None]) -> Callable[..., None]:
+    def wrapped(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> None:
         render(engine, depsgraph)
         result = engine.get_result()
         for render_pass in result.layers[0].passes:
@@ -72,11 +74,11 @@ def choose_device(device: str) -> str:
 class CyclesScene:
     """The scene of one run."""
 
-    def __init__(self, values: dict, arrays: dict[str, np.ndarray]) -> None:
+    def __init__(self, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
         """Build it from the message ``open``, described at the sender."""
         bpy.ops.wm.read_factory_settings(use_empty=True)
         self._scene = bpy.context.scene
-        self._sky = None
+        self._sky: bpy.types.World | None = None
         self._dark = _world("dark")
         self._dark.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.0
         self.device = choose_device(values["device"])
@@ -92,7 +94,7 @@ class CyclesScene:
             mesh.materials.append(materials[part["material"]])
             self._scene.collection.objects.link(bpy.data.objects.new(part["name"], mesh))
 
-    def render(self, values: dict, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    def render(self, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Render the message ``render``: radiance_rgb, coverage and depth_m of its box."""
         R_cam_from_body = arrays["R_cam_from_body"]
         camera_from_world = np.eye(4)
@@ -120,7 +122,7 @@ class CyclesScene:
             "depth_m": np.where(depth_m < BACKGROUND_DEPTH_M, depth_m, np.float32(np.nan)),
         }
 
-    def _set_up_cycles(self, values: dict) -> None:
+    def _set_up_cycles(self, values: dict[str, Any]) -> None:
         render, settings = self._scene.render, self._scene.cycles
         render.engine = "CYCLES"
         render.film_transparent = True
@@ -169,7 +171,9 @@ class CyclesScene:
         self._scene.collection.objects.link(sun)
         return sun
 
-    def _point_sun(self, direction_body: np.ndarray, irradiance: np.ndarray, values: dict) -> None:
+    def _point_sun(
+        self, direction_body: np.ndarray, irradiance: np.ndarray, values: dict[str, Any]
+    ) -> None:
         strongest = float(irradiance.max())
         self._sun.data.energy = strongest  # W/m² on a plate that faces it
         self._sun.data.color = irradiance / strongest if strongest > 0 else (1.0, 1.0, 1.0)
@@ -226,7 +230,7 @@ def _mesh(name: str, arrays: dict[str, np.ndarray], prefix: str) -> bpy.types.Me
     return mesh
 
 
-def _material(values: dict, arrays: dict[str, np.ndarray], prefix: str) -> bpy.types.Material:
+def _material(values: dict[str, Any], arrays: dict[str, np.ndarray], prefix: str) -> bpy.types.Material:
     """glTF metallic-roughness as a Principled BSDF."""
     material = bpy.data.materials.new(values["name"])
     if material.node_tree is None:
@@ -240,7 +244,7 @@ def _material(values: dict, arrays: dict[str, np.ndarray], prefix: str) -> bpy.t
     bsdf.inputs["Metallic"].default_value = values["metallic"]
     bsdf.inputs["Roughness"].default_value = values["roughness"]
 
-    def texture(key: str, colorspace: str):
+    def texture(key: str, colorspace: str) -> bpy.types.NodeSocket | None:
         pixels = arrays.get(prefix + key)
         if pixels is None:
             return None

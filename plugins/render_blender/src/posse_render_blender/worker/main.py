@@ -44,7 +44,7 @@ def main() -> None:
 
     from cycles_scene import CyclesScene, choose_device
 
-    scene = None
+    scene: CyclesScene | None = None
     while True:
         request = requests.get()
         try:
@@ -54,6 +54,7 @@ def main() -> None:
                 scene = CyclesScene(request.values, request.arrays)
                 answer = wire.Message("done", {"device": scene.device})
             else:
+                assert scene is not None, "a render before open"
                 answer = wire.Message("done", {}, scene.render(request.values, request.arrays))
         except Exception as error:
             traceback.print_exc()

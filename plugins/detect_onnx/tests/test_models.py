@@ -101,6 +101,37 @@ def test_a_model_for_another_task_is_refused(tmp_path):
         open_keypoint_finder(boxes_model(tmp_path / "m.onnx"), load_plugins().registry, {})
 
 
+def broken_by(path, change):
+    model = onnx.load(boxes_model(path))
+    change(model)
+    path.write_bytes(model.SerializeToString())
+
+
+def newer_format(model):
+    model.ir_version = 99
+
+
+def strange_operation(model):
+    model.graph.node[0].op_type = "Guess"
+
+
+@pytest.mark.parametrize(
+    ("write", "reason"),
+    [
+        (lambda path: path.write_text("boxes"), "Protobuf parsing failed"),
+        (lambda path: broken_by(path, newer_format), "Unsupported model IR version: 99"),
+        (lambda path: broken_by(path, strange_operation), r"[^/]*Guess"),
+    ],
+    ids=["text", "newer", "operation"],
+)
+def test_a_file_that_cannot_be_run_is_told_with_the_reason_alone(write, reason, tmp_path):
+    path = tmp_path / "m.onnx"
+    write(path)
+    with pytest.raises(InputError, match=rf"m\.onnx: not an ONNX [a-z ]*: {reason}") as told:
+        open_detector(path, load_plugins().registry, {})
+    assert "\n" not in str(told.value)
+
+
 def test_the_shipped_nets_are_taken_where_none_is_named(tmp_path):
     registry = load_plugins().registry
     detector, finder = open_models(None, None, registry, {})

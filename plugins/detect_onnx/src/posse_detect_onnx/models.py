@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +20,8 @@ from posse_core.model.arrays import AnyArray, Float32Array, FloatArray
 from posse_detect_onnx.options import OnnxOptions
 
 _NETS = Path(__file__).parent / "nets"
+_BEFORE_REASON = re.compile(r"^.*? failed:(/\S+:\d+ .*?\) (?=[A-Z]))?")
+"""What onnxruntime puts before the reason: its code, the file, and the place in its own source."""
 
 
 def _open(path: Path, task: str, threads: int) -> tuple[onnxruntime.InferenceSession, ModelCard]:
@@ -37,8 +40,8 @@ def _open(path: Path, task: str, threads: int) -> tuple[onnxruntime.InferenceSes
             str(path), sess_options=options, providers=["CPUExecutionProvider"]
         )
     except Exception as error:  # each fault has a class of its own, which onnxruntime does not name
-        first = str(error).strip().splitlines()[0]
-        raise InputError(f"{path}: not an ONNX file that onnxruntime can run: {first}") from None
+        reason = _BEFORE_REASON.sub("", str(error).strip().splitlines()[0])
+        raise InputError(f"{path}: not an ONNX file that onnxruntime can run: {reason}") from None
     card = ModelCard.from_metadata(session.get_modelmeta().custom_metadata_map, path)
     if card.task != task:
         raise InputError(f"{path}: it finds {card.task}, where a model that finds {task} is needed")

@@ -8,11 +8,14 @@ and paths that leave the craft find the sky.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 
+from posse_core.model.camera import Camera
 from posse_core.model.scene import FrameState
 from posse_render_mitsuba.world import rotation_with_z
 
@@ -22,23 +25,93 @@ FIRST_ROULETTE = 5
 """Segments of a path from which on it may end by chance, as in Mitsuba's own."""
 
 
+@dataclass
 class Sun:
     """A frame's Sun: even light from a disc at infinity, which no path meets by chance.
 
     Attributes:
-        irradiance: on a plate that faces it.
+        irradiance: on a plate that faces it, W/m² of three bands.
+        R_body_from_sun: whose third column points to the middle of the disc.
+        tangent: of the disc's angular radius.
     """
 
-    def __init__(self, frame: FrameState) -> None:
-        self.irradiance = mi.Color3f(*map(float, frame.sun_irradiance_rgb_w_m2))
-        self._turn = mi.Matrix3f(rotation_with_z(frame.sun_direction_body))
-        self._tangent = mi.Float(float(dr.tan(frame.sun_angular_radius_rad)))
-        dr.make_opaque(self.irradiance, self._turn, self._tangent)  # constants would be compiled in
+    irradiance: mi.Color3f
+    R_body_from_sun: mi.Matrix3f
+    tangent: mi.Float
+
+    @classmethod
+    def of(cls, frame: FrameState) -> Sun:
+        """A frame's Sun as data: constants would be compiled into the kernel."""
+        sun = cls(
+            mi.Color3f(*map(float, frame.sun_irradiance_rgb_w_m2)),
+            mi.Matrix3f(rotation_with_z(frame.sun_direction_body)),
+            mi.Float(float(np.tan(frame.sun_angular_radius_rad))),
+        )
+        dr.make_opaque(sun)
+        return sun
 
     def direction(self, sample: Any) -> Any:
         """Unit vector to a place on the disc, from a sample of the unit square."""
-        place = mi.warp.square_to_uniform_disk_concentric(sample) * self._tangent
-        return dr.normalize(self._turn @ mi.Vector3f(place.x, place.y, 1))
+        place = mi.warp.square_to_uniform_disk_concentric(sample) * self.tangent
+        return dr.normalize(self.R_body_from_sun @ mi.Vector3f(place.x, place.y, 1))
+
+
+@dataclass
+class Eye:
+    """Where a frame's rays begin: in the plane at ``near`` before the camera, in body axes.
+
+    Attributes:
+        middle: where the optical axis meets the plane, m.
+        R_body_from_cam: rotation.
+        near: the plane's depth, m.
+        pixel: its side at depth 1.
+    """
+
+    middle: mi.Point3f
+    R_body_from_cam: mi.Matrix3f
+    near: mi.Float
+    pixel: mi.Float
+
+    @classmethod
+    def of(cls, frame: FrameState, camera: Camera, radius_m: float) -> Eye:
+        """A frame's, as data. The plane is shortly before the craft, so that no digits are lost at
+        large ranges."""
+        R_body_from_cam = frame.R_cam_from_body.T
+        near_m = max(float(frame.t_body_cam_m[2]) - 1.01 * radius_m, 1e-3 * radius_m)
+        eye = cls(
+            mi.Point3f(*map(float, R_body_from_cam @ ([0.0, 0.0, near_m] - frame.t_body_cam_m))),
+            mi.Matrix3f(R_body_from_cam),
+            mi.Float(near_m),
+            mi.Float(1 / camera.fx_px),
+        )
+        dr.make_opaque(eye)
+        return eye
+
+    def ray(self, x: Any, y: Any, sample: Any) -> Any:
+        """A ray through the pixel with its corner at ``x, y`` at depth 1, from a sample of the unit
+        square."""
+        across: Any = mi.Vector3f(x + sample.x * self.pixel, y + sample.y * self.pixel, 0)
+        direction = dr.normalize(across + mi.Vector3f(0, 0, 1))
+        return mi.Ray3f(
+            self.middle + self.R_body_from_cam @ (across * self.near), self.R_body_from_cam @ direction
+        )
+
+
+def look(
+    scene: Any, eye: Eye, sun: Sun, sampler: Any, x: Any, y: Any, white: Any, max_depth: int
+) -> list[Any]:
+    """One sample of each pixel whose corner is at ``x, y`` at depth 1.
+
+    Returns:
+        Radiance of three bands, coverage, 1, the bands' sum up to ``white``, and its square; all are 0
+        where the radiance is not finite.
+    """
+    rgb, covered = trace(scene, sun, sampler, eye.ray(x, y, sampler.next_2d()), max_depth)
+    light = dr.minimum(rgb.x + rgb.y + rgb.z, white)
+    good = dr.isfinite(rgb.x) & dr.isfinite(rgb.y) & dr.isfinite(rgb.z)
+    values = [rgb.x, rgb.y, rgb.z, dr.select(covered, mi.Float(1), mi.Float(0)), mi.Float(1)]
+    values += [light, dr.square(light)]
+    return [dr.select(good, value, mi.Float(0)) for value in values]
 
 
 @dr.syntax
@@ -53,7 +126,6 @@ def trace(scene: Any, sun: Sun, sampler: Any, ray: Any, max_depth: int) -> tuple
     """
     sky = scene.environment()
     context = mi.BSDFContext()
-    ray = mi.Ray3f(ray)
     light, weight = mi.Color3f(0), mi.Color3f(1)
     depth, chance = mi.UInt32(0), mi.Float(0)
     before, active = dr.zeros(mi.Interaction3f), mi.Bool(True)

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from posse_core.errors import ComponentError
-from posse_core.model.arrays import BoolArray
+from posse_core.model.arrays import BoolArray, Float32Array
 from posse_core.model.camera import PixelBox
-from posse_core.model.scene import RenderRequest
+from posse_core.model.scene import EnvironmentMap, RenderRequest
 from posse_core.model.spacecraft import Material
 from posse_core.testing import scenes
 from posse_render_mitsuba.options import MitsubaOptions
@@ -122,6 +122,47 @@ def test_the_number_of_threads_changes_no_bit(variant: Literal["auto", "scalar"]
         renderer.close()
     for image in images[1:]:
         np.testing.assert_array_equal(image.radiance_rgb, images[0].radiance_rgb)
+
+
+@pytest.mark.parametrize("spp", [1, 40])
+def test_what_was_drawn_before_changes_no_bit(
+    spp: int, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A path is traced once and then replayed for other poses, Suns, skies and sizes of box; few samples
+    are often as many as an array of the scene's has entries."""
+    monkeypatch.setattr("posse_render_mitsuba.wavefront.MOST_TRACES", 3)
+    ball = scenes.sphere("ball", "clay", rings=24)
+    scene = scenes.scene(ball, materials=(CLAY,), camera=scenes.camera())
+    sky = EnvironmentMap(np.random.default_rng(0).random((16, 32, 3), dtype=np.float32))
+    boxes = [
+        (40, 30, 1, 1),
+        (40, 30, 2, 1),
+        (20, 20, 30, 26),
+        (0, 0, 96, 72),
+        (40, 30, 1, 1),
+        (30, 25, 9, 4),
+    ]
+    requests = [
+        RenderRequest(
+            scenes.frame(t_body_cam_m=(0, 0, 4 + 0.3 * i), sun_direction_body=(1, i - 3, 1)),
+            PixelBox(*box),
+            (None, sky)[i // 2 % 2],
+            seed=i,
+        )
+        for i, box in enumerate(boxes)
+    ]
+
+    def drawn(*those: RenderRequest) -> list[Float32Array]:
+        renderer = MitsubaRenderer(MitsubaOptions(spp=spp))
+        renderer.open(scene)
+        images = [renderer.render(request).radiance_rgb for request in those]
+        renderer.close()
+        return images
+
+    for alone, after in zip([drawn(each)[0] for each in requests], drawn(*requests), strict=True):
+        assert alone.any()
+        np.testing.assert_array_equal(after, alone)
+    assert capfd.readouterr().err == ""
 
 
 def test_pixels_that_are_not_square_are_refused() -> None:

@@ -21,7 +21,10 @@ from posse_render_mitsuba.world import World
 
 ROUND_SPP = 32
 SAMPLES_PER_CALL = 1 << 22
-"""Enough to make the tracing of a call (0.06 s) small; they take 16 bytes each."""
+"""Enough to make what a call costs beside them (0.01 s) small; they take 60 bytes each or so."""
+MOST_TRACES = 8
+"""That are kept."""
+NEVER = 2**31 - 1
 
 
 class Wavefront:
@@ -45,7 +48,9 @@ class Wavefront:
         self._spp = int(self._sampler.sample_count())
         self._sampler.set_samples_per_wavefront(self._spp)
         self._max_depth = options.max_depth
-        self._look = dr.freeze(look)  # traced once: each time that costs 0.1 s, as much as 10 000 pixels
+        # Traced once and replayed: tracing costs 0.1 s. It is traced again where there are as many
+        # samples as an array of the craft's has entries, which small boxes may bring about often.
+        self._look = dr.freeze(look, limit=MOST_TRACES, warn_after=NEVER)
 
     def draw(self, world: World, request: RenderRequest) -> FloatArray:
         """(h, w, 4) radiance and coverage of the request's box."""

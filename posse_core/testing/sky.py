@@ -57,12 +57,12 @@ class SkyConformance(RendererStage):
                     assert abs(offset @ [axis[1], axis[0]]) < 0.5
 
     def test_a_sky_comes_and_goes(self) -> None:
-        """A frame with a sky leaves nothing behind in one without."""
+        """A frame with a sky leaves nothing behind in one without, or in one whose sky is dark."""
         if "environment" not in self.capabilities:
             return
         dark = replace(facing(sun=(0.0, 0.0, 1.0)), sun_fraction_target=0.0)
         with self.opened(ball()) as stage:
-            for level in (1.0, None, 3.0):
+            for level in (1.0, None, 3.0, 0.0, 2.0):
                 sky = None
                 if level is not None:
                     sky = EnvironmentMap(np.full((8, 16, 3), level, dtype=np.float32))

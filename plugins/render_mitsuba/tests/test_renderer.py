@@ -165,6 +165,20 @@ def test_what_was_drawn_before_changes_no_bit(
     assert capfd.readouterr().err == ""
 
 
+@pytest.mark.parametrize("variant", ["scalar", "auto"])
+@pytest.mark.parametrize("level", [1e-44, 1e-38, 1e-21, 1e-19])
+def test_an_all_but_dark_sky_is_no_fault(variant: Literal["auto", "scalar"], level: float) -> None:
+    """Down to the least numbers that a float holds."""
+    sky = EnvironmentMap(np.full((8, 16, 3), level, dtype=np.float32))
+    frame = scenes.frame(t_body_cam_m=(0, 0, 4), sun_direction_body=(0, 0, 1), sun_fraction=0)
+    renderer = MitsubaRenderer(MitsubaOptions(variant=variant, spp=16))
+    renderer.open(scenes.scene(scenes.sphere("ball", "clay"), materials=(CLAY,), camera=scenes.camera()))
+    image = renderer.render(RenderRequest(frame, PixelBox(0, 0, 96, 72), sky, 0))
+    renderer.close()
+    assert image.radiance_rgb.max() <= 1.5 * level
+    assert image.coverage.max() == 1.0
+
+
 def test_pixels_that_are_not_square_are_refused() -> None:
     plate = scenes.rectangle("plate", "clay")
     camera = replace(scenes.camera(), fy_px=100.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from importlib import metadata
 
 import numpy as np
@@ -17,6 +18,9 @@ from posse_render_mitsuba.passes import Passes
 from posse_render_mitsuba.variants import Choice, choose, load_library
 from posse_render_mitsuba.wavefront import Wavefront
 from posse_render_mitsuba.world import World
+
+DARKEST_W_M2_SR = 1e-20
+"""A sky that is darker everywhere counts as none: Mitsuba divides by a map's light, in floats."""
 
 
 class MitsubaRenderer(Renderer):
@@ -50,6 +54,8 @@ class MitsubaRenderer(Renderer):
         if self._scene is None or self._painter is None:
             raise ComponentError("mitsuba: render before open")
         self._activate()
+        if request.environment is not None and request.environment.radiance_rgb.max() < DARKEST_W_M2_SR:
+            request = replace(request, environment=None)
         environment = request.environment
         kind = None if environment is None else environment.radiance_rgb.shape
         if kind not in self._worlds:

@@ -81,6 +81,7 @@ def first_net(options: TrainOptions, make: Callable[[], NetT]) -> NetT:
         net = make()
     if options.start is not None:
         read_like(options.start, net)
+    # torch's stub of Module.to leaves memory_format out of every overload that takes a device
     return net.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload, no-any-return]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 import torch
@@ -23,12 +23,7 @@ class NanoLesson(BoxLesson):
     """What :class:`posse_detect_torch.nano.Nano` learns."""
 
     net: Nano
-
-    def __init__(
-        self, dataset: Dataset, folder: Path, classes: Sequence[str], options: NanoOptions
-    ) -> None:
-        super().__init__(dataset, folder, classes, options)
-        self._detections = options.detections
+    options: NanoOptions
 
     def untrained(self) -> Nano:
         return Nano(len(self.classes))
@@ -39,7 +34,7 @@ class NanoLesson(BoxLesson):
 
     def decoded(self, net: nn.Module) -> nn.Module:
         assert isinstance(net, Nano)
-        return Decoded(net, self._detections)
+        return Decoded(net, self.options.detections)
 
 
 class NanoDetector(BoxDetector):

@@ -27,21 +27,21 @@ class SdnLesson(BoxLesson):
     """What :class:`posse_detect_torch.sdn.Sdn` learns."""
 
     net: Sdn
+    options: SdnOptions
     clip = 5.0
     average = 0.0
 
     def __init__(
         self, dataset: Dataset, folder: Path, classes: Sequence[str], options: SdnOptions
     ) -> None:
-        self._options = options
         super().__init__(dataset, folder, classes, options)
         light = [float(self.train.linear(place).mean()) for place in range(len(self.train))]
         self.net.mean_pixel.fill_(float(np.mean(light)) if light else 0.0)
 
     def untrained(self) -> Sdn:
-        net = _net(len(self.classes), self._options)
-        if self._options.backbone_weights is not None:
-            load_imagenet(net.backbone, self._options.backbone_weights)
+        net = _net(len(self.classes), self.options)
+        if self.options.backbone_weights is not None:
+            load_imagenet(net.backbone, self.options.backbone_weights)
         return net
 
     def optimizer(self, net: nn.Module) -> torch.optim.Optimizer:
@@ -59,11 +59,11 @@ class SdnLesson(BoxLesson):
                     module.eval()
         draw = int(batch["draw"][0])
         truth = batch["boxes"], batch["labels"]
-        return losses(self.net, batch["picture"], *truth, draw, self._options.regions)
+        return losses(self.net, batch["picture"], *truth, draw, self.options.regions)
 
     def decoded(self, net: nn.Module) -> nn.Module:
         assert isinstance(net, Sdn)
-        return Decoded(net, self._options.least_score)
+        return Decoded(net, self.options.least_score)
 
     @torch.inference_mode()
     def judge(self, net: nn.Module) -> dict[str, float]:

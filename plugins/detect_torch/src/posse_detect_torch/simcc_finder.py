@@ -46,7 +46,7 @@ class SimccLesson(Lesson):
         self._points = sum(len(points) for points in card.keypoints_body_m.values())
         self.net = first_net(options, lambda: SimCC(self._points))
         self._train, self._valid = (
-            self._cut(dataset, shown[part], folder, f"keypoints-{part}") for part in shown
+            self._cut(dataset, indices, folder, f"keypoints-{part}") for part, indices in shown.items()
         )
 
     def _cut(self, dataset: Dataset, shown: Sequence[int], folder: Path, name: str) -> Pictures:

@@ -155,6 +155,7 @@ def _connect() -> None:
 
 def _actor_maker(workers: int, make_worker: Callable[[], FrameWorker]) -> Callable[[], Any]:
     """Makes actors that share the cluster's cores and GPUs evenly, spread over its machines."""
+    # of Ray's functions some, as this one, have no types
     resources = ray.cluster_resources()  # type: ignore[no-untyped-call]
     cores, gpus = resources.get("CPU", 1.0), resources.get("GPU", 0.0)
     environment = {name: value for name, value in os.environ.items() if name.startswith("POSSE_")}

@@ -23,7 +23,13 @@ from posse_core.model.scene import FrameState, RenderRequest
 from posse_core.randomness import generator
 from posse_render_mitsuba.options import MitsubaOptions
 from posse_render_mitsuba.samples import MOST_ROUNDS, allot, mean_of_samples
-from posse_render_mitsuba.world import MITSUBA_FROM_CAM, World, homogeneous, rotation_with_z
+from posse_render_mitsuba.world import (
+    MITSUBA_FROM_CAM,
+    World,
+    homogeneous,
+    near_plane_m,
+    rotation_with_z,
+)
 
 SAMPLES_PER_PASS = 16
 TILE_PX = 32
@@ -193,5 +199,4 @@ def _offset(principal_px: float, size_px: int) -> float:
 
 def _clip_distances_m(z_m: float, radius_m: float) -> tuple[float, float]:
     """Planes before and behind a craft whose origin is at planar depth ``z_m``."""
-    nearest = z_m - 1.01 * radius_m
-    return max(nearest, 1e-3 * radius_m), max(z_m, 0.0) + 1.01 * radius_m
+    return near_plane_m(z_m, radius_m), max(z_m, 0.0) + 1.01 * radius_m

@@ -17,7 +17,7 @@ import numpy as np
 
 from posse_core.model.camera import Camera
 from posse_core.model.scene import FrameState
-from posse_render_mitsuba.world import rotation_with_z
+from posse_render_mitsuba.world import near_plane_m, rotation_with_z
 
 FAR_M = 1e4
 """How far a shadow ray to the Sun goes."""
@@ -77,7 +77,7 @@ class Eye:
         """A frame's, as data. The plane is shortly before the craft, so that no digits are lost at
         large ranges."""
         R_body_from_cam = frame.R_cam_from_body.T
-        near_m = max(float(frame.t_body_cam_m[2]) - 1.01 * radius_m, 1e-3 * radius_m)
+        near_m = near_plane_m(float(frame.t_body_cam_m[2]), radius_m)
         eye = cls(
             mi.Point3f(*map(float, R_body_from_cam @ ([0.0, 0.0, near_m] - frame.t_body_cam_m))),
             mi.Matrix3f(R_body_from_cam),
@@ -98,7 +98,7 @@ class Eye:
 
 
 def look(
-    scene: Any, eye: Eye, sun: Sun, sampler: Any, x: Any, y: Any, white: Any, max_depth: int
+    scene: Any, eye: Eye, sun: Sun, white: Any, max_depth: int, sampler: Any, x: Any, y: Any
 ) -> list[Any]:
     """One sample of each pixel whose corner is at ``x, y`` at depth 1.
 

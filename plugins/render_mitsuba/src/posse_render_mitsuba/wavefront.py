@@ -6,14 +6,15 @@ would then be compiled for each size of box. Here a ray's pixel, the camera and 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from posse_core.model.arrays import FloatArray
 from posse_core.model.camera import Camera
-from posse_core.model.scene import FrameState, RenderRequest
+from posse_core.model.scene import RenderRequest
 from posse_core.randomness import generator
 from posse_render_mitsuba.options import MitsubaOptions
 from posse_render_mitsuba.samples import further_rounds, mean_of_samples
@@ -25,6 +26,7 @@ SAMPLES_PER_CALL = 1 << 20
 MOST_TRACES = 8
 """That are kept."""
 NEVER = 2**31 - 1
+"""More traces than there will be."""
 
 
 class Wavefront:
@@ -54,48 +56,54 @@ class Wavefront:
 
     def draw(self, world: World, request: RenderRequest) -> FloatArray:
         """(h, w, 4) radiance and coverage of the request's box."""
-        frame, box = request.frame, request.box
-        random = generator(request.seed, frame.index, "mitsuba")
-        white = float(frame.sun_irradiance_rgb_w_m2.sum()) / np.pi
-        places = box.pixel_centres_px().reshape(-1, 2)
-        first = self._round(world, frame, places, random, white)
-        sums, variance = first[:, :5], first[:, 5]
-        if self._rounds > 1:
-            shape = box.height, box.width
-            again = further_rounds(variance.reshape(shape), sums[:, 3].reshape(shape), self._rounds)
-            which = np.repeat(np.arange(len(places)), again.reshape(-1))
-            more = self._round(world, frame, places[which], random, white)
-            np.add.at(sums, which, more[:, :5])
-        return mean_of_samples(sums[:, :4], sums[:, 4]).reshape(box.height, box.width, 4)
-
-    def _round(
-        self, world: World, frame: FrameState, places: FloatArray, random: Any, white: float
-    ) -> FloatArray:
-        """See :meth:`_pixels`, of any number."""
-        parts = [
-            self._pixels(world, frame, run, int(random.integers(2**31)), white)
-            for run in _runs(places, SAMPLES_PER_CALL // self._spp)
-        ]
-        return np.concatenate([np.zeros((0, 6)), *parts])
-
-    def _pixels(
-        self, world: World, frame: FrameState, places: FloatArray, seed: int, white: float
-    ) -> FloatArray:
-        """(n, 6) of the pixels whose centres are at ``places`` (n, 2): sums of radiance and coverage
-        over the samples, how many these are, and the variance of their radiance, summed over the bands
-        up to ``white``: brighter is a glint of few pixels, which would be looked at first."""
         import drjit as dr
         import mitsuba as mi
 
         from posse_render_mitsuba.paths import Eye, Sun
 
+        frame, box = request.frame, request.box
+        random = generator(request.seed, frame.index, "mitsuba")
+        white = float(frame.sun_irradiance_rgb_w_m2.sum()) / np.pi
+        places = box.pixel_centres_px().reshape(-1, 2)
+        look = partial(
+            self._look,
+            world.scene,
+            Eye.of(frame, self._camera, self._radius_m),
+            Sun.of(frame),
+            dr.opaque(mi.Float, white),
+            self._max_depth,
+        )
+        first = self._round(look, places, random)
+        sums, variance = first[:, :5], first[:, 5]
+        if self._rounds > 1:
+            shape = box.height, box.width
+            again = further_rounds(variance.reshape(shape), sums[:, 3].reshape(shape), self._rounds)
+            which = np.repeat(np.arange(len(places)), again.reshape(-1))
+            more = self._round(look, places[which], random)
+            np.add.at(sums, which, more[:, :5])
+        return mean_of_samples(sums[:, :4], sums[:, 4]).reshape(box.height, box.width, 4)
+
+    def _round(self, look: Callable[..., Any], places: FloatArray, random: Any) -> FloatArray:
+        """See :meth:`_pixels`, of any number."""
+        parts = [
+            self._pixels(look, run, int(random.integers(2**31)))
+            for run in _runs(places, SAMPLES_PER_CALL // self._spp)
+        ]
+        return np.concatenate([np.zeros((0, 6)), *parts])
+
+    def _pixels(self, look: Callable[..., Any], places: FloatArray, seed: int) -> FloatArray:
+        """(n, 6) of the pixels whose centres are at ``places`` (n, 2): sums of radiance and coverage
+        over the samples, how many these are, and the variance of their radiance, summed over the bands
+        up to white: brighter is a glint of few pixels, which would be looked at first. ``look`` is
+        :func:`posse_render_mitsuba.paths.look` of a frame."""
+        import drjit as dr
+        import mitsuba as mi
+
         sampler = self._sampler.clone()
         sampler.seed(dr.opaque(mi.UInt32, seed), len(places) * self._spp)
         corner = (places - [self._camera.cx_px, self._camera.cy_px] - 0.5) / self._camera.fx_px
         x, y = (dr.repeat(mi.Float(np.float32(column)), self._spp) for column in corner.T)
-        eye, sun = Eye.of(frame, self._camera, self._radius_m), Sun.of(frame)
-        limit = dr.opaque(mi.Float, white)
-        channels = self._look(world.scene, eye, sun, sampler, x, y, limit, self._max_depth)
+        channels = look(sampler, x, y)
         sums = [np.array(dr.block_sum(channel, self._spp), dtype=np.float64) for channel in channels]
         *image, count, light_sum, square_sum = sums
         known = np.maximum(count, 1)

@@ -64,6 +64,11 @@ class World:
         )
 
 
+def near_plane_m(z_m: float, radius_m: float) -> float:
+    """Depth shortly before a craft whose origin is at planar depth ``z_m``, and before the camera."""
+    return max(z_m - 1.01 * radius_m, 1e-3 * radius_m)
+
+
 def rotation_with_z(z: FloatArray) -> FloatArray:
     """(3, 3) rotation whose third column is the unit vector ``z`` (3,)."""
     helper = np.eye(3)[np.argmin(np.abs(z))]

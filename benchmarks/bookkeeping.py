@@ -21,14 +21,14 @@ from typing import Any
 import click
 import numpy as np
 
-from posse_core.files import write_bytes
-from posse_core.interfaces.executor import FrameResult, FrameWorker
-from posse_core.pipeline.attempts import PoolOptions
-from posse_core.pipeline.local import LocalExecutor
-from posse_core.pipeline.plan import make_plan
-from posse_core.pipeline.run import run
-from posse_core.plugins import load_plugins
-from posse_core.scenario.load import load_scenario
+from posse_core._files.atomic import write_bytes
+from posse_core._interfaces.executor import FrameResult, FrameWorker
+from posse_core._plugins.loading import load_plugins
+from posse_core._run.attempts import PoolOptions
+from posse_core._run.local import LocalExecutor
+from posse_core._run.plan import make_plan
+from posse_core._run.run import run
+from posse_core._scenario.load import load_scenario
 
 TENTHS = 10
 

@@ -20,13 +20,13 @@ import onnxruntime
 import torch
 from torch import nn
 
-from posse_core.detection.card import ModelCard
-from posse_core.detection.models import open_detector, open_keypoint_finder
-from posse_core.detection.pnp import solve_pose
-from posse_core.frames import matrix_from_rotation_vector
-from posse_core.interfaces.detector import Detection
-from posse_core.model.camera import Camera
-from posse_core.plugins import load_plugins
+from posse_core._detection.card import ModelCard
+from posse_core._detection.models import open_detector, open_keypoint_finder
+from posse_core._detection.pnp import solve_pose
+from posse_core._frames import matrix_from_rotation_vector
+from posse_core._interfaces.detector import Detection
+from posse_core._model.camera import Camera
+from posse_core._plugins.loading import load_plugins
 from posse_detect_torch import box_detector, nano, sdn, simcc, simcc_finder
 from posse_detect_torch.export import export
 from posse_detect_torch.regions import onnx_translations

@@ -16,17 +16,17 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
-from posse_core.constants import Constants
-from posse_core.dynamics.elements import equinoctial_from_qns, qns_from_keplerian, qns_sign
-from posse_core.dynamics.roe import (
+from posse_core._arrays import FloatArray
+from posse_core._constants import Constants
+from posse_core._dynamics.elements import equinoctial_from_qns, qns_from_keplerian, qns_sign
+from posse_core._dynamics.roe import (
     equinoctial_roe_from_roe,
     rtn_from_equinoctial_roe,
     stream_rtn,
 )
-from posse_core.interfaces.propagator import PropagationProblem
-from posse_core.model.arrays import FloatArray
-from posse_core.plugins import load_plugins
-from posse_core.scenario.orbit import OrbitConfig, RelativeConfig
+from posse_core._interfaces.propagator import PropagationProblem
+from posse_core._plugins.loading import load_plugins
+from posse_core._scenario.orbit import OrbitConfig, RelativeConfig
 
 MU = Constants().mu_earth_m3_s2
 MILLION = 1_000_000

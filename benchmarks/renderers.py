@@ -31,18 +31,18 @@ from typing import Any
 import click
 import numpy as np
 
-from posse_core.errors import PosseError
-from posse_core.evaluation.crosscheck.settings import ScenarioCase, Setting
-from posse_core.geometry.raycast import RayCaster
-from posse_core.interfaces.renderer import Renderer
-from posse_core.model.arrays import AnyArray
-from posse_core.model.camera import PixelBox
-from posse_core.model.scene import Radiance, RenderRequest
-from posse_core.pipeline.frame_maker import create
-from posse_core.pipeline.light import BOX_MARGIN_PX
-from posse_core.plugins import load_plugins
-from posse_core.scenario.component import ComponentChoice
-from posse_core.scenario.load import load_scenario
+from posse_core._arrays import AnyArray
+from posse_core._errors import PosseError
+from posse_core._evaluation.crosscheck.settings import ScenarioCase, Setting
+from posse_core._geometry.raycast import RayCaster
+from posse_core._interfaces.renderer import Renderer
+from posse_core._model.camera import PixelBox
+from posse_core._model.scene import Radiance, RenderRequest
+from posse_core._plugins.loading import load_plugins
+from posse_core._run.frame_maker import create
+from posse_core._run.light import BOX_MARGIN_PX
+from posse_core._scenario.component import ComponentChoice
+from posse_core._scenario.load import load_scenario
 
 MEMORY_SPP = 4
 CANDIDATES: tuple[tuple[str, str, dict[str, Any]], ...] = (

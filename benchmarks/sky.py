@@ -13,12 +13,12 @@ from statistics import median
 import cv2
 import numpy as np
 
-from posse_core.model.camera import Camera
-from posse_core.model.scene import FrameState
-from posse_core.scenario.sensor import SensorConfig
-from posse_core.scenario.sky import SkyConfig
-from posse_core.sensor.sensor import Sensor
-from posse_core.sky.sky import Sky
+from posse_core._model.camera import Camera
+from posse_core._model.scene import FrameState
+from posse_core._scenario.sensor import SensorConfig
+from posse_core._scenario.sky import SkyConfig
+from posse_core._sensor.sensor import Sensor
+from posse_core._sky.sky import Sky
 
 CAMERA = Camera(1280, 960, 640.0, 640.0, 639.5, 479.5, 0.036)
 VIEWS = {"Earth fills the image": -1.0, "limb": -0.45, "no Earth": 1.0}

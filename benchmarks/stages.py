@@ -15,14 +15,14 @@ from statistics import median
 
 import click
 
-from posse_core.geometry.raycast import RayCaster
-from posse_core.interfaces.executor import Executor, FrameResult, FrameWorker
-from posse_core.pipeline.plan import make_plan, make_trajectory
-from posse_core.pipeline.run import run
-from posse_core.plugins import Plugins, load_plugins
-from posse_core.scenario.load import load_scenario
-from posse_core.sensor.sensor import Sensor
-from posse_core.sky.sky import Sky
+from posse_core._geometry.raycast import RayCaster
+from posse_core._interfaces.executor import Executor, FrameResult, FrameWorker
+from posse_core._plugins.loading import Plugins, load_plugins
+from posse_core._run.plan import make_plan, make_trajectory
+from posse_core._run.run import run
+from posse_core._scenario.load import load_scenario
+from posse_core._sensor.sensor import Sensor
+from posse_core._sky.sky import Sky
 
 STAGES = ("geometry", "annotators", "render", "sky", "sensor")
 

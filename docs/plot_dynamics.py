@@ -11,12 +11,12 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from posse_core.constants import Constants
-from posse_core.dynamics.design import coverage
-from posse_core.dynamics.model_errors import cases, errors
-from posse_core.interfaces.propagator import PropagationProblem
-from posse_core.plugins import load_plugins
-from posse_core.scenario.orbit import OrbitConfig, RelativeConfig
+from posse_core._constants import Constants
+from posse_core._dynamics.design import coverage
+from posse_core._evaluation.model_errors import cases, errors
+from posse_core._interfaces.propagator import PropagationProblem
+from posse_core._plugins.loading import load_plugins
+from posse_core._scenario.orbit import OrbitConfig, RelativeConfig
 
 IMAGES = Path(__file__).with_name("images")
 CONSTANTS = Constants()

@@ -36,7 +36,7 @@ def start_posse_in(flat_renderer_path: Path):
     def start(
         folder: Path, *arguments: object, env: dict[str, str] | None = None
     ) -> subprocess.Popen[str]:
-        code = "from posse_core.cli.main import main; main()"
+        code = "from posse_core._cli.main import main; main()"
         path = os.pathsep.join([str(flat_renderer_path), os.environ.get("PYTHONPATH", "")])
         return subprocess.Popen(
             [sys.executable, "-c", code, *map(str, arguments)],

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from posse_core import frames
+from posse_core import _frames as frames
 
 axis_values = st.floats(-1, 1)
 angles = st.sampled_from([0.0, 1e-12, 1e-8, 1e-4, 1.0, np.pi - 1e-4, np.pi - 1e-8, np.pi - 1e-12, np.pi])

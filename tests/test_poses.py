@@ -11,18 +11,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from posse_core.cli.import_poses import command
-from posse_core.dataset import Dataset
-from posse_core.errors import InputError
-from posse_core.evaluation.validate import validate
-from posse_core.formats.speed import SpeedWriter
-from posse_core.formats.urso import read_urso
-from posse_core.options import NoOptions
-from posse_core.pipeline.plan import make_trajectory
-from posse_core.plugins import load_plugins
-from posse_core.poses import read_poses
-from posse_core.scenario.load import load_scenario
-from posse_core.trajectory import frame_state
+from posse_core._cli.import_poses import command
+from posse_core._dataset.dataset import Dataset
+from posse_core._errors import InputError
+from posse_core._evaluation.validate import validate
+from posse_core._formats.speed import SpeedWriter
+from posse_core._formats.urso import read_urso
+from posse_core._plugins.loading import load_plugins
+from posse_core._plugins.options import NoOptions
+from posse_core._run.plan import make_trajectory
+from posse_core._scenario.load import load_scenario
+from posse_core._scenario.poses import read_poses
+from posse_core._trajectory.trajectory import frame_state
 
 
 def run(*arguments):

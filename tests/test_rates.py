@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from posse_core.constants import Constants
-from posse_core.frames import matrix_from_quaternion
-from posse_core.interfaces.propagator import PropagationProblem
-from posse_core.options import Options
-from posse_core.propagators.roe import RoePropagator
-from posse_core.scenario.attitude import (
+from posse_core._constants import Constants
+from posse_core._frames import matrix_from_quaternion
+from posse_core._interfaces.propagator import PropagationProblem
+from posse_core._plugins.options import Options
+from posse_core._propagators.roe import RoePropagator
+from posse_core._scenario.attitude import (
     AttitudeConfig,
     NadirLaw,
     PointingErrorLaw,
@@ -17,8 +17,8 @@ from posse_core.scenario.attitude import (
     TrackLaw,
     TumblingLaw,
 )
-from posse_core.scenario.orbit import OrbitConfig, RelativeConfig
-from posse_core.trajectory import build_trajectory, frame_state
+from posse_core._scenario.orbit import OrbitConfig, RelativeConfig
+from posse_core._trajectory.trajectory import build_trajectory, frame_state
 
 ORBIT = OrbitConfig(
     elements={

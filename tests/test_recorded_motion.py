@@ -9,17 +9,17 @@ import pytest
 from skyfield.api import load
 from skyfield.sgp4lib import TEME
 
-from posse_core.constants import Constants
-from posse_core.environment.time import Epoch
-from posse_core.errors import InputError
-from posse_core.frames import eci_from_rtn
-from posse_core.interfaces.propagator import PropagationProblem
-from posse_core.model.arrays import FloatArray
-from posse_core.model.trajectory import Motion
-from posse_core.propagators.file import FilePropagator
-from posse_core.propagators.options import FileOptions
-from posse_core.scenario.orbit import OrbitConfig, RelativeConfig, StateEciConfig
-from posse_core.tables import write_table
+from posse_core._arrays import FloatArray
+from posse_core._constants import Constants
+from posse_core._environment.time import Epoch
+from posse_core._errors import InputError
+from posse_core._files.tables import write_table
+from posse_core._frames import eci_from_rtn
+from posse_core._interfaces.propagator import PropagationProblem
+from posse_core._model.trajectory import Motion
+from posse_core._propagators.file import FilePropagator
+from posse_core._propagators.options import FileOptions
+from posse_core._scenario.orbit import OrbitConfig, RelativeConfig, StateEciConfig
 
 EPOCH = "2022-01-31T02:02:00"
 T_S = np.array([0.0, 30.0, 60.0])

@@ -12,16 +12,21 @@ import erfa
 import numpy as np
 import pytest
 
-from posse_core.constants import WGS84_FLATTENING, Constants
-from posse_core.environment.time import Epoch
-from posse_core.errors import InputError
-from posse_core.frames import matrix_from_quaternion, unit
-from posse_core.interfaces.propagator import PropagationProblem, Propagator
-from posse_core.model.trajectory import Motion, Trajectory
-from posse_core.options import NoOptions
-from posse_core.scenario.attitude import AttitudeConfig, FileLaw, SpinLaw, TrackLaw
-from posse_core.scenario.orbit import ElementsConfig, OrbitConfig, RelativeConfig
-from posse_core.trajectory import build_trajectory, frame_state, load_trajectory, save_trajectory
+from posse_core._constants import WGS84_FLATTENING, Constants
+from posse_core._environment.time import Epoch
+from posse_core._errors import InputError
+from posse_core._frames import matrix_from_quaternion, unit
+from posse_core._interfaces.propagator import PropagationProblem, Propagator
+from posse_core._model.trajectory import Motion, Trajectory
+from posse_core._plugins.options import NoOptions
+from posse_core._scenario.attitude import AttitudeConfig, FileLaw, SpinLaw, TrackLaw
+from posse_core._scenario.orbit import ElementsConfig, OrbitConfig, RelativeConfig
+from posse_core._trajectory.trajectory import (
+    build_trajectory,
+    frame_state,
+    load_trajectory,
+    save_trajectory,
+)
 
 RADIUS_M = 7.08e6
 PERIOD_S = 2 * np.pi * np.sqrt(RADIUS_M**3 / Constants().mu_earth_m3_s2)
@@ -183,7 +188,7 @@ def test_the_same_bits_in_another_process(trajectory: Trajectory, tmp_path: Path
         f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
         "from pathlib import Path\n"
         "from test_trajectory import build\n"
-        "from posse_core.trajectory import save_trajectory\n"
+        "from posse_core._trajectory.trajectory import save_trajectory\n"
         f"save_trajectory(build(), Path({str(tmp_path / 'b.npz')!r}))\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=120)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from posse_core.model.arrays import FloatArray
-from posse_core.model.camera import Camera
-from posse_core.model.scene import FrameState
+from posse_core._arrays import FloatArray
+from posse_core._model.camera import Camera
+from posse_core._model.scene import FrameState
 
 
 def directions(height: int) -> FloatArray:

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from posse_core.geometry.raycast import RayCaster
-from posse_core.model.camera import PixelBox
-from posse_core.model.spacecraft import Material
+from posse_core._geometry.raycast import RayCaster
+from posse_core._model.camera import PixelBox
+from posse_core._model.spacecraft import Material
 from posse_core.testing import scenes
 from posse_core.testing.closed_forms import polygon_area_and_centroid
 from posse_core.testing.stage import (

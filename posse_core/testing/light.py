@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from posse_core.model.spacecraft import Material
+from posse_core._model.spacecraft import Material
 from posse_core.testing import scenes
 from posse_core.testing.closed_forms import disc_share, lambertian_sphere, polygon_area_and_centroid
 from posse_core.testing.stage import (

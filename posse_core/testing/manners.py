@@ -7,9 +7,9 @@ import multiprocessing
 import numpy as np
 from pydantic import BaseModel
 
-from posse_core.interfaces.renderer import Renderer
-from posse_core.model.camera import PixelBox
-from posse_core.model.scene import FrameState, Radiance, RenderRequest, Scene
+from posse_core._interfaces.renderer import Renderer
+from posse_core._model.camera import PixelBox
+from posse_core._model.scene import FrameState, Radiance, RenderRequest, Scene
 from posse_core.testing import scenes
 from posse_core.testing.stage import RendererStage, attitudes, ball, craft, facing
 

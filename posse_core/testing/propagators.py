@@ -7,12 +7,12 @@ from abc import abstractmethod
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from posse_core.constants import Constants
-from posse_core.frames import eci_from_rtn, rtn_from_eci
-from posse_core.interfaces.propagator import PropagationProblem, Propagator
-from posse_core.model.arrays import FloatArray
-from posse_core.model.trajectory import Motion
-from posse_core.scenario.orbit import ElementsConfig, OrbitConfig, RelativeConfig
+from posse_core._arrays import FloatArray
+from posse_core._constants import Constants
+from posse_core._frames import eci_from_rtn, rtn_from_eci
+from posse_core._interfaces.propagator import PropagationProblem, Propagator
+from posse_core._model.trajectory import Motion
+from posse_core._scenario.orbit import ElementsConfig, OrbitConfig, RelativeConfig
 from posse_core.testing.conformance import Conformance
 
 PERIOD_S = 5900.0

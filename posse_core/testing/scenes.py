@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from posse_core.model.arrays import FloatArray, IntArray
-from posse_core.model.bands import SOLAR_BAND_FRACTIONS
-from posse_core.model.camera import Camera
-from posse_core.model.scene import FrameState, Scene
-from posse_core.model.spacecraft import Material, Part, Spacecraft
+from posse_core._arrays import FloatArray, IntArray
+from posse_core._model.bands import SOLAR_BAND_FRACTIONS
+from posse_core._model.camera import Camera
+from posse_core._model.scene import FrameState, Scene
+from posse_core._model.spacecraft import Material, Part, Spacecraft
 
 AU_M = 149_597_870_700.0
 SUN_ANGULAR_RADIUS_RAD = 4.6525e-3

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from posse_core.model.scene import EnvironmentMap
+from posse_core._model.scene import EnvironmentMap
 from posse_core.testing import scenes
 from posse_core.testing.closed_forms import directions
 from posse_core.testing.stage import SIDES, RendererStage, attitudes, ball, centroid, facing

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from posse_core.interfaces.renderer import Renderer
-from posse_core.model.arrays import AnyArray, BoolArray, FloatArray
-from posse_core.model.camera import Camera, PixelBox
-from posse_core.model.scene import EnvironmentMap, FrameState, Radiance, RenderRequest, Scene
-from posse_core.model.spacecraft import Material, Part
+from posse_core._arrays import AnyArray, BoolArray, FloatArray
+from posse_core._interfaces.renderer import Renderer
+from posse_core._model.camera import Camera, PixelBox
+from posse_core._model.scene import EnvironmentMap, FrameState, Radiance, RenderRequest, Scene
+from posse_core._model.spacecraft import Material, Part
 from posse_core.testing import scenes
 from posse_core.testing.conformance import Conformance
 

@@ -7,10 +7,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from posse_core.model.camera import Camera, PixelBox
-from posse_core.model.labels import View
-from posse_core.model.scene import FrameState, Scene
-from posse_core.model.spacecraft import Material, Part, Spacecraft
+from posse_core._model.camera import Camera, PixelBox
+from posse_core._model.labels import View
+from posse_core._model.scene import FrameState, Scene
+from posse_core._model.spacecraft import Material, Part, Spacecraft
 
 WIDTH_PX, HEIGHT_PX = 30, 20
 

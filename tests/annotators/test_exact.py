@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pycocotools import mask as coco
 from scipy.spatial.transform import Rotation
 
-from posse_core.plugins import Plugins
+from posse_core._plugins.loading import Plugins
 
 NAMES = ["box", "depth", "keypoints", "mask", "normals", "parts", "pose"]
 

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pycocotools import mask as coco
 
-from posse_core.annotators import rle
-from posse_core.model.camera import PixelBox
+from posse_core._annotators import rle
+from posse_core._model.camera import PixelBox
 
 # pycocotools 2.0.11 on numpy 2.4
 pytestmark = pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")

@@ -6,10 +6,10 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
-from posse_core.attitude.camera import R_rtn_from_camera, looking_at_target
-from posse_core.errors import InputError
-from posse_core.frames import unit
-from posse_core.scenario.attitude import PointingErrorLaw, TrackLaw
+from posse_core._attitude.camera import R_rtn_from_camera, looking_at_target
+from posse_core._errors import InputError
+from posse_core._frames import unit
+from posse_core._scenario.attitude import PointingErrorLaw, TrackLaw
 
 coordinate = st.floats(-1e3, 1e3).map(lambda x: 0.0 if abs(x) < 1e-6 else x)
 position = st.tuples(coordinate, coordinate, coordinate).map(np.array)

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from posse_core.errors import InputError
-from posse_core.options import validated
-from posse_core.scenario.attitude import AttitudeConfig, NadirLaw, SpinLaw, TrackLaw
+from posse_core._errors import InputError
+from posse_core._plugins.options import validated
+from posse_core._scenario.attitude import AttitudeConfig, NadirLaw, SpinLaw, TrackLaw
 
 
 def read(raw: dict[str, Any]) -> AttitudeConfig:

@@ -10,11 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from posse_core.attitude.recorded import recorded_attitude
-from posse_core.environment.time import Epoch
-from posse_core.errors import InputError
-from posse_core.model.arrays import FloatArray
-from posse_core.tables import write_table
+from posse_core._arrays import FloatArray
+from posse_core._attitude.recorded import recorded_attitude
+from posse_core._environment.time import Epoch
+from posse_core._errors import InputError
+from posse_core._files.tables import write_table
 
 EPOCH = Epoch.from_iso("2022-01-31T02:02:00")
 HEAD = "CCSDS_AEM_VERS = 2.0\nCREATION_DATE = 2022-02-01T00:00:00\nORIGINATOR = TEST\n"

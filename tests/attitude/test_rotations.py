@@ -8,13 +8,13 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from posse_core.frames import (
+from posse_core._arrays import FloatArray
+from posse_core._frames import (
     R_a_from_b_by_directions,
     matrix_from_rotation_vector,
     rotation_vector_from_matrix,
     unit,
 )
-from posse_core.model.arrays import FloatArray
 
 vector = st.tuples(*[st.floats(-1, 1)] * 3).map(np.array)
 angle = st.one_of(st.floats(0, np.pi), st.sampled_from([0.0, 1e-300, 1e-12, 1e-6, np.pi - 1e-8, np.pi]))

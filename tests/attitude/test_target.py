@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posse_core.attitude.target import ECLIPTIC_NORTH_ECI, R_eci_from_body, Surroundings, body_axes
-from posse_core.environment.ephemeris import sun_eci_m
-from posse_core.environment.time import Epoch
-from posse_core.errors import InputError
-from posse_core.frames import eci_from_rtn, unit
-from posse_core.model.arrays import FloatArray
-from posse_core.scenario.attitude import (
+from posse_core._arrays import FloatArray
+from posse_core._attitude.target import ECLIPTIC_NORTH_ECI, R_eci_from_body, Surroundings, body_axes
+from posse_core._environment.ephemeris import sun_eci_m
+from posse_core._environment.time import Epoch
+from posse_core._errors import InputError
+from posse_core._frames import eci_from_rtn, unit
+from posse_core._scenario.attitude import (
     BodyAxis,
     InertialLaw,
     NadirLaw,

@@ -10,9 +10,9 @@ from pydantic import ValidationError
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from posse_core.attitude.tumbling import torque_free_attitude
-from posse_core.model.arrays import FloatArray
-from posse_core.scenario.attitude import TumblingLaw
+from posse_core._arrays import FloatArray
+from posse_core._attitude.tumbling import torque_free_attitude
+from posse_core._scenario.attitude import TumblingLaw
 
 T_S = np.linspace(0.0, 60.0, 31)
 AXES = Rotation.from_quat([0.3, -0.5, 0.2, 0.8]).as_matrix()

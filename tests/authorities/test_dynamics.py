@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from posse_core.constants import Constants
-from posse_core.dynamics import elements, j2, roe
-from posse_core.dynamics.domain import DomainWarning
-from posse_core.dynamics.linear import any_eccentricity_map
-from posse_core.frames import rtn_from_eci
-from posse_core.interfaces.propagator import PropagationProblem
-from posse_core.plugins import load_plugins
-from posse_core.propagators.flight import starts_of
-from posse_core.scenario.orbit import OrbitConfig, RelativeConfig
+from posse_core._constants import Constants
+from posse_core._dynamics import elements, j2, roe
+from posse_core._dynamics.domain import DomainWarning
+from posse_core._dynamics.linear import any_eccentricity_map
+from posse_core._frames import rtn_from_eci
+from posse_core._interfaces.propagator import PropagationProblem
+from posse_core._plugins.loading import load_plugins
+from posse_core._propagators.flight import starts_of
+from posse_core._scenario.orbit import OrbitConfig, RelativeConfig
 
 FIGURES = json.loads(Path(__file__).with_name("dynamics.json").read_text())
 CONSTANTS = Constants()

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from posse_core.environment.earth import R_gcrf_from_teme, R_itrf_from_gcrf
-from posse_core.environment.eclipse import sun_fraction
-from posse_core.environment.ephemeris import moon_eci_m, sun_eci_m
-from posse_core.environment.time import Epoch
+from posse_core._environment.earth import R_gcrf_from_teme, R_itrf_from_gcrf
+from posse_core._environment.eclipse import sun_fraction
+from posse_core._environment.ephemeris import moon_eci_m, sun_eci_m
+from posse_core._environment.time import Epoch
 
 FIGURES = json.loads(Path(__file__).with_name("environment.json").read_text())
 NOW = np.zeros(())

@@ -107,7 +107,7 @@ def _refused(done, words) -> None:
 def test_listing_loads_no_heavy_library():
     heavy = {"torch", "bpy", "mitsuba", "OpenGL", "pyrender", "moderngl", "drjit"}
     code = (
-        "import sys, posse_core.cli.main as m; m._run(['plugins']);"
+        "import sys, posse_core._cli.main as m; m._run(['plugins']);"
         f" print(sorted({heavy} & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)

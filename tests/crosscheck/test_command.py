@@ -43,7 +43,7 @@ def run(site: Path, code: str, *arguments: str) -> subprocess.CompletedProcess[s
 @pytest.fixture(scope="module")
 def crosscheck(site: Path) -> Crosscheck:
     """The command, in a process of its own."""
-    code = "from posse_core.cli.main import main; main()"
+    code = "from posse_core._cli.main import main; main()"
     return lambda *arguments: run(site, code, "crosscheck", *map(str, arguments))
 
 
@@ -134,7 +134,7 @@ BAD_INPUT = [
 
 def test_bad_input_is_one_line(site: Path) -> None:
     code = (
-        "import sys\nfrom posse_core.cli.main import main\n"
+        "import sys\nfrom posse_core._cli.main import main\n"
         "for line in sys.argv[1:]:\n"
         "    try:\n        main(['crosscheck', *line.split()])\n"
         "    except SystemExit as end:\n        print(end.code)\n"

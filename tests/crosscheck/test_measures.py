@@ -7,13 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posse_core.evaluation.crosscheck.light import (
+from posse_core._arrays import FloatArray
+from posse_core._evaluation.crosscheck.light import (
     agreement,
     noise,
     part_light,
     structural_similarity,
 )
-from posse_core.evaluation.crosscheck.silhouette import (
+from posse_core._evaluation.crosscheck.silhouette import (
     FINE,
     Geometry,
     contour_length,
@@ -23,9 +24,8 @@ from posse_core.evaluation.crosscheck.silhouette import (
     iou,
     landmark_errors_px,
 )
-from posse_core.model.arrays import FloatArray
-from posse_core.model.scene import FrameState
-from posse_core.model.spacecraft import Material
+from posse_core._model.scene import FrameState
+from posse_core._model.spacecraft import Material
 from posse_core.testing import scenes
 
 WHITE = Material("white", specular=0.0)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from posse_core.errors import InputError
-from posse_core.evaluation.crosscheck.closed_forms import CLOSED_FORMS, ClosedFormCase
-from posse_core.evaluation.crosscheck.settings import CLEARANCE, ScenarioCase
-from posse_core.evaluation.crosscheck.silhouette import Geometry
-from posse_core.plugins import load_plugins
-from posse_core.scenario.load import load_scenario
+from posse_core._errors import InputError
+from posse_core._evaluation.crosscheck.closed_forms import CLOSED_FORMS, ClosedFormCase
+from posse_core._evaluation.crosscheck.settings import CLEARANCE, ScenarioCase
+from posse_core._evaluation.crosscheck.silhouette import Geometry
+from posse_core._plugins.loading import load_plugins
+from posse_core._scenario.load import load_scenario
 
 SMALL = {"camera.width_px": 80, "camera.height_px": 60, "sky.earth": False, "sky.stars": None}
 

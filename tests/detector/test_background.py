@@ -7,12 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from posse_core.constants import Constants
-from posse_core.dataset import Dataset
-from posse_core.detection.background import background, backgrounds
-from posse_core.errors import InputError
-from posse_core.model.camera import Camera
-from posse_core.selection.collect import collect
+from posse_core._constants import Constants
+from posse_core._dataset.dataset import Dataset
+from posse_core._detection.background import background, backgrounds
+from posse_core._errors import InputError
+from posse_core._model.camera import Camera
+from posse_core._selection.collect import collect
 
 EARTH_M = Constants().earth_radius_m
 NARROW = Camera(101, 101, 5e4, 5e4, 50.0, 50.0, 0.01)  # 1 mrad on each side

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from posse_core.cli.eval import command
-from posse_core.dataset import Dataset
-from posse_core.detection.card import card_of, dataset_hash
-from posse_core.detection.evaluate import evaluate, frames_of, truths_of
-from posse_core.detection.groups import groups
-from posse_core.errors import InputError
-from posse_core.formats.coco import CocoWriter
-from posse_core.formats.coco_dataset import open_dataset
-from posse_core.interfaces.detector import Detection, Detector
-from posse_core.options import NoOptions
+from posse_core._cli.eval import command
+from posse_core._dataset.coco import open_dataset
+from posse_core._dataset.dataset import Dataset
+from posse_core._detection.card import card_of, dataset_hash
+from posse_core._detection.evaluate import evaluate, frames_of, truths_of
+from posse_core._detection.groups import groups
+from posse_core._errors import InputError
+from posse_core._formats.coco import CocoWriter
+from posse_core._interfaces.detector import Detection, Detector
+from posse_core._plugins.options import NoOptions
 
 pytest.importorskip("faster_coco_eval")
 PLATE = np.array([1.4, 1.4, 0.1])

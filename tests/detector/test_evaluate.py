@@ -11,14 +11,14 @@ import cv2
 import numpy as np
 import pytest
 
-from posse_core.dataset import Dataset
-from posse_core.detection.card import KEY, ModelCard, card_of, dataset_hash, read_card
-from posse_core.detection.evaluate import evaluate, frames_of
-from posse_core.detection.groups import groups
-from posse_core.detection.page import make_page
-from posse_core.errors import InputError
-from posse_core.interfaces.detector import Detection, Detector, KeypointFinder
-from posse_core.model.arrays import AnyArray
+from posse_core._arrays import AnyArray
+from posse_core._dataset.dataset import Dataset
+from posse_core._detection.card import KEY, ModelCard, card_of, dataset_hash, read_card
+from posse_core._detection.evaluate import evaluate, frames_of
+from posse_core._detection.groups import groups
+from posse_core._detection.page import make_page
+from posse_core._errors import InputError
+from posse_core._interfaces.detector import Detection, Detector, KeypointFinder
 
 pytest.importorskip("faster_coco_eval")
 PLATE = np.array([1.4, 1.4, 0.1])
@@ -186,7 +186,7 @@ def test_a_card_travels_whole(dataset, tmp_path):
 
 
 def test_the_hash_follows_the_data_and_its_division(dataset, tmp_path):
-    from posse_core.selection.partition import write_partition
+    from posse_core._selection.partition import write_partition
 
     other = Dataset(cuboid.write_dataset(tmp_path / "d", (("brick", cuboid.HALF * 1.01),)))
     hashes = [dataset_hash(dataset), dataset_hash(other)]

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pycocotools.coco import COCO
 from pycocotools.cocoeval import COCOeval
 
-from posse_core.evaluation.metrics import (
+from posse_core._evaluation.metrics import (
     Truth,
     best_overlaps,
     box_iou,
@@ -18,7 +18,7 @@ from posse_core.evaluation.metrics import (
     precision_by_recall,
     proposal_recall,
 )
-from posse_core.interfaces.detector import Detection
+from posse_core._interfaces.detector import Detection
 
 pytest.importorskip("faster_coco_eval")
 CLASSES = ("aqua", "cluster")

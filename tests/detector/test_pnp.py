@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from posse_core.detection.pnp import solve_pose
-from posse_core.model.camera import Camera
-from posse_core.model.distortion import BrownConrady
+from posse_core._detection.pnp import solve_pose
+from posse_core._model.camera import Camera
+from posse_core._model.distortion import BrownConrady
 
 CAMERA = Camera(1280, 960, 2000.0, 2010.0, 640.0, 470.0, 0.01)
 

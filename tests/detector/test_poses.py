@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
 
-from posse_core.evaluation.poses import (
+from posse_core._evaluation.poses import (
     add_m,
     adi_m,
     pose_errors,

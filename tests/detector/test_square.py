@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posse_core.detection.square import Square, around, grey, whole_image
-from posse_core.errors import InputError
+from posse_core._detection.square import Square, around, grey, whole_image
+from posse_core._errors import InputError
 
 squares = st.builds(
     Square, st.integers(-50, 50), st.integers(-50, 50), st.integers(10, 300), st.integers(8, 400)

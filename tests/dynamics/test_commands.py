@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from posse_core.cli.manoeuvres import command as manoeuvres
-from posse_core.cli.model_errors import command as model_errors
-from posse_core.errors import InputError
+from posse_core._cli.manoeuvres import command as manoeuvres
+from posse_core._cli.model_errors import command as model_errors
+from posse_core._errors import InputError
 
 SCENARIO = """
 target: {name: aqua}

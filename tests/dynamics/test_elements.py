@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posse_core.constants import Constants
-from posse_core.dynamics import elements, roe
-from posse_core.dynamics.kepler import ECCENTRIC_LONGITUDE, eccentric_longitude_rad
+from posse_core._constants import Constants
+from posse_core._dynamics import elements, roe
+from posse_core._dynamics.kepler import ECCENTRIC_LONGITUDE, eccentric_longitude_rad
 
 MU = Constants().mu_earth_m3_s2
 ECCENTRICITIES = (0.0, 1e-12, 1e-8, 1e-4, 0.1, 0.52, 0.9, 0.99)

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posse_core.constants import Constants
-from posse_core.dynamics import elements, j2, linear, roe
-from posse_core.dynamics.elements import later
+from posse_core._constants import Constants
+from posse_core._dynamics import elements, j2, linear, roe
+from posse_core._dynamics.elements import later
 
 CONSTANTS = Constants()
 MU = CONSTANTS.mu_earth_m3_s2

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posse_core.constants import EARTH_ROTATION_RATE_RAD_S, Constants
-from posse_core.dynamics import elements, forces, j2
-from posse_core.dynamics.nonlinear import Body, ForceModel, equations, integrate
+from posse_core._constants import EARTH_ROTATION_RATE_RAD_S, Constants
+from posse_core._dynamics import elements, forces, j2
+from posse_core._dynamics.nonlinear import Body, ForceModel, equations, integrate
 
 CONSTANTS = Constants()
 MU, RADIUS, J2 = CONSTANTS.mu_earth_m3_s2, CONSTANTS.earth_radius_m, CONSTANTS.j2

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from posse_core.constants import Constants
-from posse_core.dynamics.orbit import orbit_epoch, orbit_period_s, target_state
-from posse_core.dynamics.tle import Tle
-from posse_core.errors import InputError
-from posse_core.interfaces.propagator import PropagationProblem
-from posse_core.propagators.flight import starts_of
-from posse_core.scenario.orbit import OrbitConfig, RelativeConfig
+from posse_core._constants import Constants
+from posse_core._dynamics.orbit import orbit_epoch, orbit_period_s, target_state
+from posse_core._dynamics.tle import Tle
+from posse_core._errors import InputError
+from posse_core._interfaces.propagator import PropagationProblem
+from posse_core._propagators.flight import starts_of
+from posse_core._scenario.orbit import OrbitConfig, RelativeConfig
 
 CONSTANTS = Constants()
 # The 2006 verification set's first case (Vallado et al. 2006): state at the epoch in TEME, km.

@@ -9,19 +9,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from posse_core.constants import Constants
-from posse_core.dynamics.design import algorithm_3_1, coverage
-from posse_core.dynamics.domain import DomainWarning
-from posse_core.dynamics.orbit import orbit_period_s
-from posse_core.environment.ephemeris import sun_eci_m
-from posse_core.environment.time import Epoch
-from posse_core.errors import InputError
-from posse_core.frames import eci_from_rtn
-from posse_core.interfaces.propagator import PropagationProblem
-from posse_core.model.trajectory import Motion
-from posse_core.plugins import load_plugins
-from posse_core.propagators.flight import planned, starts_of
-from posse_core.scenario.orbit import OrbitConfig, RelativeConfig
+from posse_core._constants import Constants
+from posse_core._dynamics.design import algorithm_3_1, coverage
+from posse_core._dynamics.domain import DomainWarning
+from posse_core._dynamics.orbit import orbit_period_s
+from posse_core._environment.ephemeris import sun_eci_m
+from posse_core._environment.time import Epoch
+from posse_core._errors import InputError
+from posse_core._frames import eci_from_rtn
+from posse_core._interfaces.propagator import PropagationProblem
+from posse_core._model.trajectory import Motion
+from posse_core._plugins.loading import load_plugins
+from posse_core._propagators.flight import planned, starts_of
+from posse_core._scenario.orbit import OrbitConfig, RelativeConfig
 
 CONSTANTS = Constants()
 REGISTRY = load_plugins().registry

@@ -10,12 +10,12 @@ from skyfield.api import load
 from skyfield.framelib import itrs
 from skyfield.sgp4lib import TEME
 
-from posse_core.environment.earth import (
+from posse_core._environment.earth import (
     R_gcrf_from_teme,
     R_itrf_from_gcrf,
     earth_rotation_angle_rad,
 )
-from posse_core.environment.time import Epoch
+from posse_core._environment.time import Epoch
 
 ARCSECOND_RAD = np.radians(1 / 3600)
 

@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from posse_core.environment import earthlight
-from posse_core.environment.earthlight import EarthLight, earthlight_on_plate
-from posse_core.model.arrays import FloatArray
+from posse_core._arrays import FloatArray
+from posse_core._environment import earthlight
+from posse_core._environment.earthlight import EarthLight, earthlight_on_plate
 
 RADIUS_M = 6378137.0
 SUN_M = np.array([1.496e11, 0.0, 0.0])

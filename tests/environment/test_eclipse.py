@@ -7,15 +7,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import integrate
 
-from posse_core.constants import WGS84_FLATTENING, Constants
-from posse_core.environment.eclipse import (
+from posse_core._arrays import FloatArray
+from posse_core._constants import WGS84_FLATTENING, Constants
+from posse_core._environment.eclipse import (
     disc_fraction_in_view,
     solar_flux_w_m2,
     sun_angular_radius_rad,
     sun_fraction,
 )
-from posse_core.errors import InputError
-from posse_core.model.arrays import FloatArray
+from posse_core._errors import InputError
 
 C = Constants()
 SUN_M = np.array([1.48e11, 0.0, 0.0])

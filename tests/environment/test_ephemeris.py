@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posse_core.environment.ephemeris import moon_eci_m, sun_eci_m
-from posse_core.errors import InputError
+from posse_core._environment.ephemeris import moon_eci_m, sun_eci_m
+from posse_core._errors import InputError
 
 AU_M = 149_597_870_700.0
 DAYS = np.linspace(-36000.0, 18000.0, 400)

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posse_core.environment.time import Epoch
-from posse_core.errors import InputError
+from posse_core._environment.time import Epoch
+from posse_core._errors import InputError
 
 
 @pytest.mark.parametrize(

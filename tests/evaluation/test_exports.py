@@ -8,13 +8,13 @@ import cv2
 import numpy as np
 import pytest
 
-from posse_core.dataset import Dataset
-from posse_core.evaluation.validate import validate
-from posse_core.formats.bop import BopWriter, read_bop
-from posse_core.formats.coco import CocoWriter, read_coco
-from posse_core.formats.speed import SpeedWriter, read_speed
-from posse_core.formats.yolo import YoloWriter, read_yolo
-from posse_core.options import NoOptions
+from posse_core._dataset.dataset import Dataset
+from posse_core._evaluation.validate import validate
+from posse_core._formats.bop import BopWriter, read_bop
+from posse_core._formats.coco import CocoWriter, read_coco
+from posse_core._formats.speed import SpeedWriter, read_speed
+from posse_core._formats.yolo import YoloWriter, read_yolo
+from posse_core._plugins.options import NoOptions
 
 FRAME = 3
 IMAGE = "images/000003.png"

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from posse_core.cli.validate import command
-from posse_core.dataset import Dataset
-from posse_core.errors import InputError
-from posse_core.evaluation.foreign import validate_foreign
-from posse_core.formats.bop import BopWriter
-from posse_core.formats.coco import CocoWriter
-from posse_core.formats.speed import SpeedWriter
-from posse_core.formats.yolo import YoloWriter
-from posse_core.options import NoOptions
+from posse_core._cli.validate import command
+from posse_core._dataset.dataset import Dataset
+from posse_core._errors import InputError
+from posse_core._evaluation.foreign import validate_foreign
+from posse_core._formats.bop import BopWriter
+from posse_core._formats.coco import CocoWriter
+from posse_core._formats.speed import SpeedWriter
+from posse_core._formats.yolo import YoloWriter
+from posse_core._plugins.options import NoOptions
 
 FRAME = 3
 

@@ -14,12 +14,12 @@ from click.testing import CliRunner
 from pycocotools import mask as coco_mask
 from scipy.spatial.transform import Rotation
 
-from posse_core.cli.validate import command
-from posse_core.dataset import Dataset
-from posse_core.errors import CheckFailed, InputError
-from posse_core.evaluation.result import Report
-from posse_core.evaluation.validate import validate
-from posse_core.trajectory import save_trajectory
+from posse_core._cli.validate import command
+from posse_core._dataset.dataset import Dataset
+from posse_core._errors import CheckFailed, InputError
+from posse_core._evaluation.result import Report
+from posse_core._evaluation.validate import validate
+from posse_core._trajectory.trajectory import save_trajectory
 
 FRAME = 3
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from posse_core.evaluation.raster import depth_of_mesh
+from posse_core._evaluation.raster import depth_of_mesh
 
 FACES = np.concatenate([part.faces + 4 * i for i, part in enumerate(cuboid.cuboid().parts)])
 VERTICES = np.concatenate([part.vertices_body_m for part in cuboid.cuboid().parts])

@@ -11,12 +11,12 @@ import pytest
 import trimesh
 import yaml
 
-from posse_core.dataset import Dataset
-from posse_core.errors import InputError
-from posse_core.formats.bop import BopWriter
-from posse_core.formats.yolo import YoloWriter
-from posse_core.options import NoOptions
-from posse_core.selection.partition import write_partition
+from posse_core._dataset.dataset import Dataset
+from posse_core._errors import InputError
+from posse_core._formats.bop import BopWriter
+from posse_core._formats.yolo import YoloWriter
+from posse_core._plugins.options import NoOptions
+from posse_core._selection.partition import write_partition
 
 TWO = (("brick", cuboid.HALF), ("plate", np.array([2.0, 1.0, 0.1])))
 

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from posse_core.dataset import Dataset, Frames, read_camera, write_camera
-from posse_core.errors import InputError
-from posse_core.model.camera import Camera
-from posse_core.model.distortion import BrownConrady
+from posse_core._dataset.dataset import Dataset, Frames, read_camera, write_camera
+from posse_core._errors import InputError
+from posse_core._model.camera import Camera
+from posse_core._model.distortion import BrownConrady
 
 
 def test_frames_are_ordered_by_index_over_shards(dataset_folder, tmp_path):

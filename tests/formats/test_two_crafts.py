@@ -19,7 +19,7 @@ import yaml
 from click.testing import CliRunner
 from scipy.spatial.transform import Rotation
 
-from posse_core.cli import collect, export, partition, validate
+from posse_core._cli import collect, export, partition, validate
 
 # pycocotools' own, with numpy 2
 pytestmark = pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")

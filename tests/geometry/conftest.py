@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from posse_core.model.camera import Camera
-from posse_core.model.scene import FrameState, Scene
-from posse_core.model.spacecraft import Material, Part, Spacecraft
+from posse_core._model.camera import Camera
+from posse_core._model.scene import FrameState, Scene
+from posse_core._model.spacecraft import Material, Part, Spacecraft
 
 
 @pytest.fixture(scope="session")

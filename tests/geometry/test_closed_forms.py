@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from posse_core.geometry.raycast import RayCaster
-from posse_core.model.labels import NOT_IN_FRAME, OCCLUDED, VISIBLE
+from posse_core._geometry.raycast import RayCaster
+from posse_core._model.labels import NOT_IN_FRAME, OCCLUDED, VISIBLE
 
 seeds = st.integers(0, 2**32 - 1)
 

@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from posse_core.evaluation.raster import depth_of_mesh
-from posse_core.evaluation.raster import extent_px as referees_extent_px
-from posse_core.geometry.outline import edges_of, extent_px
-from posse_core.geometry.raycast import RayCaster
-from posse_core.model.camera import Camera
-from posse_core.model.distortion import BrownConrady
-from posse_core.model.labels import NOT_IN_FRAME
+from posse_core._evaluation.raster import depth_of_mesh
+from posse_core._evaluation.raster import extent_px as referees_extent_px
+from posse_core._geometry.outline import edges_of, extent_px
+from posse_core._geometry.raycast import RayCaster
+from posse_core._model.camera import Camera
+from posse_core._model.distortion import BrownConrady
+from posse_core._model.labels import NOT_IN_FRAME
 
 BARREL = BrownConrady(-0.3, 0.08, 0.004, -0.003, 0.0)
 PINCUSHION = BrownConrady(0.25, 0.05, -0.002, 0.005, 0.02)

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from posse_core.model.camera import Camera
-from posse_core.model.distortion import BrownConrady
+from posse_core._model.camera import Camera
+from posse_core._model.distortion import BrownConrady
 
 SPEED_PLUS = BrownConrady(
     -0.22383016606510672, 0.51409797089106379, -0.00066499611998340662, -0.00021404771667484594,

@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from posse_core.geometry import raycast
-from posse_core.geometry.raycast import RayCaster
-from posse_core.geometry.tracer import Tracer
-from posse_core.geometry.triangles import Triangles
-from posse_core.model.labels import View
+from posse_core._geometry import raycast
+from posse_core._geometry.raycast import RayCaster
+from posse_core._geometry.tracer import Tracer
+from posse_core._geometry.triangles import Triangles
+from posse_core._model.labels import View
 
 seeds = st.integers(0, 2**32 - 1)
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from posse_core.pipeline import lease
-from posse_core.pipeline.lease import LOCK, Lease
-from posse_core.store import RemoteStore
+from posse_core._files.store import RemoteStore
+from posse_core._run import lease
+from posse_core._run.lease import LOCK, Lease
 
 URL = "s3://bucket/sets/box"
 

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posse_core.files import sha256
-from posse_core.pipeline import shards
-from posse_core.pipeline.shards import CHECKSUMS, LabelLog
-from posse_core.store import LocalStore
+from posse_core._files.atomic import sha256
+from posse_core._files.store import LocalStore
+from posse_core._run import shards
+from posse_core._run.shards import CHECKSUMS, LabelLog
 
 FRAMES = 13
 PER_SHARD = 5

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from posse_core.hookspecs import COLLECTING_HOOKS
-from posse_core.model.camera import PixelBox
-from posse_core.model.scene import RenderRequest, Scene
-from posse_core.plugins import Plugins
+from posse_core._model.camera import PixelBox
+from posse_core._model.scene import RenderRequest, Scene
+from posse_core._plugins.hooks import COLLECTING_HOOKS
+from posse_core._plugins.loading import Plugins
 from posse_core.testing import scenes
 
 TEXT = (Path(__file__).parents[2] / "docs" / "plugins.md").read_text(encoding="utf-8")

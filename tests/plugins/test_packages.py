@@ -15,8 +15,8 @@ import pytest
 PACKAGES = Path(__file__).parents[1] / "packages"
 LISTING = """
 import json, sys
-from posse_core.errors import PosseError
-from posse_core.plugins import load_plugins
+from posse_core._errors import PosseError
+from posse_core._plugins.loading import load_plugins
 
 plugins = load_plugins()
 print(json.dumps({
@@ -110,9 +110,9 @@ def test_listing_loads_no_renderer_and_no_deep_learning(found: dict[str, Any]) -
 def test_the_added_components_work(site: Path) -> None:
     code = """
 import numpy as np
-from posse_core.model.camera import PixelBox
-from posse_core.model.scene import RenderRequest
-from posse_core.plugins import load_plugins
+from posse_core._model.camera import PixelBox
+from posse_core._model.scene import RenderRequest
+from posse_core._plugins.loading import load_plugins
 from posse_core.testing import scenes
 
 registry = load_plugins().registry
@@ -150,8 +150,8 @@ def test_strict_mode_raises_and_names_the_plugin(site: Path) -> None:
 
 def test_naming_a_component_of_a_broken_plugin_tells_why(site: Path) -> None:
     code = """
-from posse_core.errors import InputError
-from posse_core.plugins import load_plugins
+from posse_core._errors import InputError
+from posse_core._plugins.loading import load_plugins
 try:
     load_plugins().registry.create("renderer", "import_error")
 except InputError as error:
@@ -165,7 +165,7 @@ except InputError as error:
 def test_an_observer_hears_and_one_that_raises_is_a_warning(site: Path) -> None:
     code = """
 import warnings
-from posse_core.plugins import load_plugins
+from posse_core._plugins.loading import load_plugins
 plugins = load_plugins()
 with warnings.catch_warnings(record=True) as caught:
     warnings.simplefilter("always")

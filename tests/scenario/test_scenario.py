@@ -11,17 +11,17 @@ from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posse_core.cli.describe import command as describe
-from posse_core.errors import InputError
-from posse_core.plugins import load_plugins
-from posse_core.scenario.load import (
+from posse_core._cli.describe import command as describe
+from posse_core._errors import InputError
+from posse_core._plugins.loading import load_plugins
+from posse_core._scenario.load import (
     built_in_names,
     dump_scenario,
     load_scenario,
     parse_override,
     scenario_members,
 )
-from posse_core.scenario.yaml_lines import YamlText
+from posse_core._scenario.yaml_lines import YamlText
 
 MINIMAL = """\
 target: {name: aqua}

@@ -12,11 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from posse_core.cli.collect import command
-from posse_core.dataset import Dataset
-from posse_core.errors import InputError
-from posse_core.evaluation.validate import validate
-from posse_core.selection.balance import AXES, BANDS, SECTORS, balanced
+from posse_core._cli.collect import command
+from posse_core._dataset.dataset import Dataset
+from posse_core._errors import InputError
+from posse_core._evaluation.validate import validate
+from posse_core._selection.balance import AXES, BANDS, SECTORS, balanced
 
 bins_of_frames = st.lists(st.tuples(st.sampled_from("abc"), st.integers(0, 3)), max_size=120)
 

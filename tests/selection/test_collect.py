@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from posse_core.cli.collect import command
-from posse_core.dataset import Dataset
-from posse_core.errors import InputError
-from posse_core.evaluation.validate import validate
-from posse_core.trajectory import load_trajectory, save_trajectory
+from posse_core._cli.collect import command
+from posse_core._dataset.dataset import Dataset
+from posse_core._errors import InputError
+from posse_core._evaluation.validate import validate
+from posse_core._trajectory.trajectory import load_trajectory, save_trajectory
 
 
 @pytest.fixture

@@ -12,11 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from posse_core.cli.partition import command
-from posse_core.dataset import Dataset
-from posse_core.errors import InputError
-from posse_core.evaluation.validate import validate
-from posse_core.selection.partition import partition
+from posse_core._cli.partition import command
+from posse_core._dataset.dataset import Dataset
+from posse_core._errors import InputError
+from posse_core._evaluation.validate import validate
+from posse_core._selection.partition import partition
 
 
 @given(

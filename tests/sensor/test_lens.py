@@ -9,17 +9,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from posse_core.errors import ComponentError
-from posse_core.geometry.raycast import RayCaster
-from posse_core.interfaces.renderer import Renderer
-from posse_core.model.camera import Camera, PixelBox
-from posse_core.model.distortion import BrownConrady
-from posse_core.model.scene import Radiance, RenderRequest
-from posse_core.options import NoOptions
-from posse_core.scenario.sensor import NoiseConfig, PsfConfig, SensorConfig
-from posse_core.sensor.lens import LensRenderer, samples
-from posse_core.sensor.sensor import Sensor
-from posse_core.sky.view import SkyView
+from posse_core._errors import ComponentError
+from posse_core._geometry.raycast import RayCaster
+from posse_core._interfaces.renderer import Renderer
+from posse_core._model.camera import Camera, PixelBox
+from posse_core._model.distortion import BrownConrady
+from posse_core._model.scene import Radiance, RenderRequest
+from posse_core._plugins.options import NoOptions
+from posse_core._scenario.sensor import NoiseConfig, PsfConfig, SensorConfig
+from posse_core._sensor.lens import LensRenderer, samples
+from posse_core._sensor.sensor import Sensor
+from posse_core._sky.view import SkyView
 from posse_core.testing import scenes
 
 BARREL = BrownConrady(-0.25, 0.06, 0.002, -0.001, 0.0)

@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import j0, j1
 
-from posse_core.model.camera import Camera
-from posse_core.scenario.sensor import NoiseConfig, PsfConfig, SensorConfig
-from posse_core.sensor.psf import make_psf
-from posse_core.sensor.sensor import Sensor
-from posse_core.sky.view import SkyView
+from posse_core._model.camera import Camera
+from posse_core._scenario.sensor import NoiseConfig, PsfConfig, SensorConfig
+from posse_core._sensor.psf import make_psf
+from posse_core._sensor.sensor import Sensor
+from posse_core._sky.view import SkyView
 
 CAMERA = Camera(65, 49, 40.0, 40.0, 32.0, 24.0, 0.036 * 65 / 1280)
 EXPOSURE_S = 0.002

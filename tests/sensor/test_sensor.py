@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posse_core.errors import ComponentError
-from posse_core.model.bands import SOLAR_BAND_FRACTIONS
-from posse_core.model.camera import Camera, PixelBox
-from posse_core.model.scene import Radiance
-from posse_core.scenario.sensor import NoiseConfig, PsfConfig, SensorConfig
-from posse_core.sensor.sensor import Sensor
-from posse_core.sky.view import SkyView
+from posse_core._errors import ComponentError
+from posse_core._model.bands import SOLAR_BAND_FRACTIONS
+from posse_core._model.camera import Camera, PixelBox
+from posse_core._model.scene import Radiance
+from posse_core._scenario.sensor import NoiseConfig, PsfConfig, SensorConfig
+from posse_core._sensor.sensor import Sensor
+from posse_core._sky.view import SkyView
 
 CAMERA = Camera(64, 48, 32.0, 32.0, 31.5, 23.5, 0.036 * 64 / 1280)
 EXPOSURE_S = 0.002

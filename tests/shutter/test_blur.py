@@ -11,10 +11,10 @@ from moving_plate import (
     plate,
 )
 
-from posse_core.geometry.raycast import RayCaster
-from posse_core.pipeline.light import CraftLight
-from posse_core.scenario.sky import SkyConfig
-from posse_core.sky.sky import Sky
+from posse_core._geometry.raycast import RayCaster
+from posse_core._run.light import CraftLight
+from posse_core._scenario.sky import SkyConfig
+from posse_core._sky.sky import Sky
 
 MIDDLE = camera().matrix[:2, 2]
 DARK = SkyConfig(earth=False, stars=None, sun_disc=False)

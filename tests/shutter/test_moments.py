@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from moving_plate import HEIGHT, WIDTH, camera
 
-from posse_core.model.camera import PixelBox
-from posse_core.model.shutter import fastest_px_s, instants_s, moments
+from posse_core._model.camera import PixelBox
+from posse_core._model.shutter import fastest_px_s, instants_s, moments
 
 vectors = st.tuples(*[st.floats(-1, 1)] * 3).map(np.array)
 WHOLE = PixelBox(0, 0, WIDTH, HEIGHT)

@@ -5,10 +5,10 @@ import pytest
 from moving_plate import DISTANCE_M, FOCAL_PX, HEIGHT, PlateRenderer, camera, moving, plate
 from scipy.optimize import brentq
 
-from posse_core.geometry.raycast import RayCaster
-from posse_core.pipeline.light import CraftLight
-from posse_core.scenario.sky import SkyConfig
-from posse_core.sky.sky import Sky
+from posse_core._geometry.raycast import RayCaster
+from posse_core._run.light import CraftLight
+from posse_core._scenario.sky import SkyConfig
+from posse_core._sky.sky import Sky
 
 LINE_S = 1e-3
 ROWS = np.arange(HEIGHT)

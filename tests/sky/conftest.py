@@ -7,9 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from posse_core.constants import Constants
-from posse_core.model.camera import Camera
-from posse_core.model.scene import FrameState
+from posse_core._constants import Constants
+from posse_core._model.camera import Camera
+from posse_core._model.scene import FrameState
 
 AU_M = Constants().au_m
 SUN_RADIUS_RAD = float(np.arcsin(Constants().sun_radius_m / AU_M))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from posse_core.sky.atmosphere import (
+from posse_core._sky.atmosphere import (
     AEROSOL_DEPTH,
     EXTINCTION,
     GROUND_MU_MIN,

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, minimize_scalar
 
-from posse_core.model.bands import SOLAR_BAND_FRACTIONS
-from posse_core.sky.earth import Earth
-from posse_core.sky.environment import environment_map
-from posse_core.sky.ground import make_ground
+from posse_core._model.bands import SOLAR_BAND_FRACTIONS
+from posse_core._sky.earth import Earth
+from posse_core._sky.environment import environment_map
+from posse_core._sky.ground import make_ground
 
 A_M, B_M = 6378137.0, 6356752.314245
 ALBEDO = (140 / 255) ** 2  # one that the map's 8 bits hold exactly

@@ -5,15 +5,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posse_core.environment.earthlight import earthlight_on_plate
-from posse_core.model.bands import SOLAR_BAND_FRACTIONS
-from posse_core.scenario.sky import SkyConfig
-from posse_core.sky import moon
-from posse_core.sky.clouds import make_clouds
-from posse_core.sky.earth import Earth
-from posse_core.sky.environment import environment_map
-from posse_core.sky.ground import WIND_M_S, blue_marble, glint_radiance
-from posse_core.sky.sky import Sky
+from posse_core._environment.earthlight import earthlight_on_plate
+from posse_core._model.bands import SOLAR_BAND_FRACTIONS
+from posse_core._scenario.sky import SkyConfig
+from posse_core._sky import moon
+from posse_core._sky.clouds import make_clouds
+from posse_core._sky.earth import Earth
+from posse_core._sky.environment import environment_map
+from posse_core._sky.ground import WIND_M_S, blue_marble, glint_radiance
+from posse_core._sky.sky import Sky
 
 PLACES = {
     # latitude, longitude, share of water, red reflectance from … to (MODIS white-sky albedo)

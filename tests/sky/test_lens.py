@@ -7,12 +7,12 @@ import erfa
 import numpy as np
 import pytest
 
-from posse_core.model.bands import SOLAR_BAND_FRACTIONS
-from posse_core.model.distortion import BrownConrady
-from posse_core.scenario.sky import SkyConfig
-from posse_core.sky.ellipsoid import entry_distance_m
-from posse_core.sky.sky import Sky
-from posse_core.sky.stars import hipparcos
+from posse_core._model.bands import SOLAR_BAND_FRACTIONS
+from posse_core._model.distortion import BrownConrady
+from posse_core._scenario.sky import SkyConfig
+from posse_core._sky.ellipsoid import entry_distance_m
+from posse_core._sky.sky import Sky
+from posse_core._sky.stars import hipparcos
 
 BARREL = BrownConrady(-0.22, 0.03, 0.002, -0.003, 0.0)
 PINCUSHION = BrownConrady(0.15, 0.03, -0.002, 0.003, 0.0)

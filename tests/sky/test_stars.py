@@ -4,11 +4,11 @@ import erfa
 import numpy as np
 import pytest
 
-from posse_core.constants import Constants
-from posse_core.model.bands import SOLAR_BAND_FRACTIONS
-from posse_core.scenario.sky import SkyConfig, StarsConfig
-from posse_core.sky.sky import Sky
-from posse_core.sky.stars import hipparcos, irradiance_rgb_w_m2, random_field, temperature_k, v_from_hp
+from posse_core._constants import Constants
+from posse_core._model.bands import SOLAR_BAND_FRACTIONS
+from posse_core._scenario.sky import SkyConfig, StarsConfig
+from posse_core._sky.sky import Sky
+from posse_core._sky.stars import hipparcos, irradiance_rgb_w_m2, random_field, temperature_k, v_from_hp
 
 J2000 = 2451545.0
 # Place at J2000, ICRS, from SIMBAD; Johnson V from the first Hipparcos catalogue (I/239, field H5).

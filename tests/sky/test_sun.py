@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from posse_core.model.bands import SOLAR_BAND_FRACTIONS
-from posse_core.scenario.sky import SkyConfig
-from posse_core.sky.sky import Sky
+from posse_core._model.bands import SOLAR_BAND_FRACTIONS
+from posse_core._scenario.sky import SkyConfig
+from posse_core._sky.sky import Sky
 
 DARK = SkyConfig(earth=False, stars=None)
 

@@ -10,9 +10,9 @@ import sys
 import numpy as np
 import pytest
 
-from posse_core.errors import InputError
-from posse_core.model.spacecraft import KEYPOINT_CATEGORIES
-from posse_core.plugins import load_plugins
+from posse_core._errors import InputError
+from posse_core._model.spacecraft import KEYPOINT_CATEGORIES
+from posse_core._plugins.loading import load_plugins
 
 NAMES = ("aqua", "cluster", "cubesat")
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from posse_core.cli.main import main
-from posse_core.plugins import load_plugins
-from posse_core.spacecraft.proposals import propose_keypoints, rotations, shape_symmetries
+from posse_core._cli.main import main
+from posse_core._plugins.loading import load_plugins
+from posse_core._spacecraft.proposals import propose_keypoints, rotations, shape_symmetries
 
 
 def build(source, **options):

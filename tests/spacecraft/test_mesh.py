@@ -14,8 +14,8 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posse_core.errors import InputError
-from posse_core.plugins import load_plugins
+from posse_core._errors import InputError
+from posse_core._plugins.loading import load_plugins
 
 AXES = [
     f"{'-' if s[0] < 0 else ''}{p[0]} {'-' if s[1] < 0 else ''}{p[1]} {'-' if s[2] < 0 else ''}{p[2]}"

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posse_core.spacecraft import shapes
+from posse_core._spacecraft import shapes
 
 length = st.floats(0.05, 5.0)
 SOLIDS = {

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posse_core.spacecraft import textures
-from posse_core.spacecraft.raw import linear
+from posse_core._spacecraft import textures
+from posse_core._spacecraft.raw import linear
 
 
 def jump(image, axis):

@@ -17,11 +17,11 @@ import numpy as np
 from pycocotools import mask as coco_mask
 from scipy.spatial.transform import Rotation
 
-from posse_core.dataset import write_camera, write_spacecraft
-from posse_core.model.camera import Camera
-from posse_core.model.spacecraft import Material, Part, Spacecraft
-from posse_core.model.trajectory import Trajectory
-from posse_core.trajectory import load_trajectory, save_trajectory
+from posse_core._dataset.dataset import write_camera, write_spacecraft
+from posse_core._model.camera import Camera
+from posse_core._model.spacecraft import Material, Part, Spacecraft
+from posse_core._model.trajectory import Trajectory
+from posse_core._trajectory.trajectory import load_trajectory, save_trajectory
 
 HALF = np.array([1.5, 0.8, 0.5])
 """Half sides of the cuboid, metres."""

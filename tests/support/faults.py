@@ -26,14 +26,14 @@ from pathlib import Path
 import fsspec
 from faulty_worker import FaultyWorker
 
-from posse_core.errors import PosseError
-from posse_core.pipeline import lease, place, shards
-from posse_core.pipeline.attempts import PoolOptions
-from posse_core.pipeline.local import LocalExecutor
-from posse_core.pipeline.plan import Plan, make_plan
-from posse_core.pipeline.run import run
-from posse_core.plugins import load_plugins
-from posse_core.scenario.load import load_scenario
+from posse_core._errors import PosseError
+from posse_core._plugins.loading import load_plugins
+from posse_core._run import lease, place, shards
+from posse_core._run.attempts import PoolOptions
+from posse_core._run.local import LocalExecutor
+from posse_core._run.plan import Plan, make_plan
+from posse_core._run.run import run
+from posse_core._scenario.load import load_scenario
 
 FRAMES = 40
 shards.FRAMES_PER_SHARD = 16

@@ -10,8 +10,8 @@ import signal
 import time
 from pathlib import Path
 
-from posse_core.errors import WorkerLost
-from posse_core.store import open_store
+from posse_core._errors import WorkerLost
+from posse_core._files.store import open_store
 
 
 class FaultyWorker:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from posse_core.interfaces.renderer import Renderer
-from posse_core.model.camera import Camera
-from posse_core.model.scene import FrameState, Radiance, Rates, RenderRequest, Scene
-from posse_core.model.spacecraft import Material, Part, Spacecraft
+from posse_core._interfaces.renderer import Renderer
+from posse_core._model.camera import Camera
+from posse_core._model.scene import FrameState, Radiance, Rates, RenderRequest, Scene
+from posse_core._model.spacecraft import Material, Part, Spacecraft
 
 DISTANCE_M = 10.0
 FOCAL_PX = 100.0

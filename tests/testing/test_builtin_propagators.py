@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import pytest
 
-from posse_core.dynamics.domain import DomainWarning
-from posse_core.interfaces.propagator import PropagationProblem, Propagator
-from posse_core.model.arrays import FloatArray
-from posse_core.plugins import load_plugins
-from posse_core.registry import Registry
-from posse_core.scenario.orbit import OrbitConfig
+from posse_core._arrays import FloatArray
+from posse_core._dynamics.domain import DomainWarning
+from posse_core._interfaces.propagator import PropagationProblem, Propagator
+from posse_core._plugins.loading import load_plugins
+from posse_core._plugins.registry import Registry
+from posse_core._scenario.orbit import OrbitConfig
 from posse_core.testing import PropagatorConformance
 
 AQUA = (

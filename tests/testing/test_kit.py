@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from posse_core.interfaces.propagator import PropagationProblem, Propagator
-from posse_core.model.trajectory import Motion
-from posse_core.options import NoOptions
-from posse_core.propagators.roe import RoePropagator
+from posse_core._interfaces.propagator import PropagationProblem, Propagator
+from posse_core._model.trajectory import Motion
+from posse_core._plugins.options import NoOptions
+from posse_core._propagators.roe import RoePropagator
 from posse_core.testing import PropagatorConformance
 from posse_core.testing.conformance import left_out
 

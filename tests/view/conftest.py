@@ -11,7 +11,7 @@ import cuboid
 import pytest
 from click.testing import CliRunner
 
-from posse_core.cli.view import command
+from posse_core._cli.view import command
 
 FLAGS = (
     "--headless",

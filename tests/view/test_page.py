@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from posse_core.dataset import Dataset
-from posse_core.errors import InputError
-from posse_core.trajectory import load_trajectory
+from posse_core._dataset.dataset import Dataset
+from posse_core._errors import InputError
+from posse_core._trajectory.trajectory import load_trajectory
 
 MIB = 2**20
 

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from posse_core.cli.main import posse
-from posse_core.dataset import Dataset
-from posse_core.evaluation.metrics import box_iou
+from posse_core._cli.main import posse
+from posse_core._dataset.dataset import Dataset
+from posse_core._evaluation.metrics import box_iou
 
 FRAMES = 25
 SCENARIOS = {"aqua": "posse-v2", "cluster": "posse-v1"}

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posse_core.randomness import generator
+from posse_core._randomness import generator
 from posse_detect_torch import augment
 
 SIZE = 96

@@ -14,11 +14,11 @@ import onnx
 import pytest
 import torch
 
-from posse_core.dataset import Dataset
-from posse_core.detection.card import ModelCard, card_of, read_card
-from posse_core.formats.coco import CocoWriter
-from posse_core.options import NoOptions
-from posse_core.selection.partition import write_partition
+from posse_core._dataset.dataset import Dataset
+from posse_core._detection.card import ModelCard, card_of, read_card
+from posse_core._formats.coco import CocoWriter
+from posse_core._plugins.options import NoOptions
+from posse_core._selection.partition import write_partition
 from posse_detect_torch.checkpoint import write_model
 from posse_detect_torch.learn import CURVES, LAST, MODEL, learn
 from posse_detect_torch.nano_detector import NanoLesson
@@ -162,7 +162,7 @@ def test_onnx_finds_what_torch_finds_without_torch(posse, dataset, trained, expo
             assert x["score"] == pytest.approx(y["score"], abs=2e-4)
             np.testing.assert_allclose(x["box_px"], y["box_px"], atol=0.1)
     code = (
-        "import sys; from posse_core.cli.main import _run;"
+        "import sys; from posse_core._cli.main import _run;"
         f" assert _run(['detect', {frames[0]!r}, '--model', {str(exported)!r}]) == 0;"
         " print('torch' in sys.modules)"
     )

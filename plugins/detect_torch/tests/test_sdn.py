@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from torch import nn
 from torch.utils.flop_counter import FlopCounterMode
 
-from posse_core.detection.card import ModelCard
+from posse_core._detection.card import ModelCard
 from posse_detect_torch import sdn, sdn_losses
 from posse_detect_torch.export import difference, export
 from posse_detect_torch.regions import iou_matrix, nms_padded, onnx_translations, roi_align

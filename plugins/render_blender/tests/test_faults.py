@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from posse_core.errors import ComponentError, InputError, WorkerLost
-from posse_core.model.camera import PixelBox
-from posse_core.model.scene import RenderRequest, Scene
-from posse_core.model.spacecraft import Material
-from posse_core.plugins import load_plugins
+from posse_core._errors import ComponentError, InputError, WorkerLost
+from posse_core._model.camera import PixelBox
+from posse_core._model.scene import RenderRequest, Scene
+from posse_core._model.spacecraft import Material
+from posse_core._plugins.loading import load_plugins
 from posse_core.testing import scenes
 from posse_render_blender import child
 from posse_render_blender.interpreter import find_interpreter

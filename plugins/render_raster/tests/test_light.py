@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from posse_core.model.arrays import FloatArray
-from posse_core.model.camera import Camera, PixelBox
-from posse_core.model.scene import EnvironmentMap, FrameState, Radiance, RenderRequest
-from posse_core.model.spacecraft import Material
+from posse_core._arrays import FloatArray
+from posse_core._model.camera import Camera, PixelBox
+from posse_core._model.scene import EnvironmentMap, FrameState, Radiance, RenderRequest
+from posse_core._model.spacecraft import Material
 from posse_core.testing import scenes
 from posse_core.testing.closed_forms import directions
 from posse_render_raster.renderer import RasterRenderer

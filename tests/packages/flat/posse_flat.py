@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from posse_core.errors import WorkerLost
-from posse_core.hookspecs import hookimpl
-from posse_core.interfaces.renderer import Renderer
-from posse_core.model.scene import Radiance
-from posse_core.options import Options
-from posse_core.registry import ComponentSpec
+from posse_core._errors import WorkerLost
+from posse_core._interfaces.renderer import Renderer
+from posse_core._model.scene import Radiance
+from posse_core._plugins.hooks import hookimpl
+from posse_core._plugins.options import Options
+from posse_core._plugins.registry import ComponentSpec
 
 
 @hookimpl

@@ -1,6 +1,6 @@
 """A hook that there is not."""
 
-from posse_core.hookspecs import hookimpl
+from posse_core._plugins.hooks import hookimpl
 
 
 @hookimpl

@@ -1,7 +1,7 @@
 """Written for interfaces that this core does not have."""
 
-from posse_core.hookspecs import hookimpl
-from posse_core.registry import ComponentSpec
+from posse_core._plugins.hooks import hookimpl
+from posse_core._plugins.registry import ComponentSpec
 
 
 @hookimpl

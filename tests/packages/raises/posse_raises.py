@@ -1,6 +1,6 @@
 """Its hook raises."""
 
-from posse_core.hookspecs import hookimpl
+from posse_core._plugins.hooks import hookimpl
 
 
 @hookimpl

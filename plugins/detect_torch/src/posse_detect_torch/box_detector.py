@@ -12,15 +12,15 @@ import numpy as np
 import torch
 from torch import nn
 
-from posse_core.dataset import Dataset
-from posse_core.detection.card import ModelCard, card_of, read_card
-from posse_core.detection.evaluate import truths_of
-from posse_core.detection.results import detections_from
-from posse_core.detection.square import Square, grey, whole_image
-from posse_core.errors import InputError
-from posse_core.evaluation.metrics import Truth, coco_metrics
-from posse_core.interfaces.detector import Detection, Detector
-from posse_core.model.arrays import AnyArray, Float32Array, FloatArray
+from posse_core._arrays import AnyArray, Float32Array, FloatArray
+from posse_core._dataset.dataset import Dataset
+from posse_core._detection.card import ModelCard, card_of, read_card
+from posse_core._detection.evaluate import truths_of
+from posse_core._detection.results import detections_from
+from posse_core._detection.square import Square, grey, whole_image
+from posse_core._errors import InputError
+from posse_core._evaluation.metrics import Truth, coco_metrics
+from posse_core._interfaces.detector import Detection, Detector
 from posse_detect_torch.augment import look, move_boxes, random_view, warp
 from posse_detect_torch.checkpoint import read_weights
 from posse_detect_torch.export import Outputs, compare_detections, export
@@ -139,7 +139,7 @@ class BoxDetector(Detector):
         return self.options
 
     def train(self, dataset: Dataset, folder: Path) -> Path:
-        """See :class:`posse_core.interfaces.detector.Model`.
+        """See :class:`posse_core._interfaces.detector.Model`.
 
         Raises:
             InputError: the dataset was not divided, has no boxes, or shows nothing.

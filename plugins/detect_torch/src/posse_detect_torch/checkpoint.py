@@ -11,9 +11,9 @@ import safetensors
 from safetensors.torch import load_file, save
 from torch import Tensor, nn
 
-from posse_core.detection.card import ModelCard, read_card
-from posse_core.errors import InputError
-from posse_core.files import write_bytes
+from posse_core._detection.card import ModelCard, read_card
+from posse_core._errors import InputError
+from posse_core._files.atomic import write_bytes
 
 _STATE = "posse_training"
 

@@ -14,10 +14,10 @@ import onnxruntime
 import torch
 from torch import nn
 
-from posse_core.detection.card import ModelCard
-from posse_core.errors import ComponentError
-from posse_core.files import write_bytes
-from posse_core.model.arrays import AnyArray, Float32Array
+from posse_core._arrays import AnyArray, Float32Array
+from posse_core._detection.card import ModelCard
+from posse_core._errors import ComponentError
+from posse_core._files.atomic import write_bytes
 
 _SCORE = 1e-4  # by which raw tensors and scores may differ
 OPSET = 18  # above it, some runtimes have no RoiAlign or fall back to the CPU

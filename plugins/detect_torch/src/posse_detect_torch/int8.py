@@ -13,8 +13,8 @@ from typing import Any
 import onnx
 from onnxruntime.quantization import CalibrationDataReader, QuantFormat, QuantType, quantize_static
 
-from posse_core.files import write_bytes
-from posse_core.model.arrays import Float32Array
+from posse_core._arrays import Float32Array
+from posse_core._files.atomic import write_bytes
 
 _DENSE = ("Conv", "Gemm", "MatMul")
 

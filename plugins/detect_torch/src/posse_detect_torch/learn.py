@@ -17,10 +17,10 @@ import torch
 from torch import Tensor, nn
 from tqdm import tqdm
 
-from posse_core.detection.card import ModelCard
-from posse_core.errors import ComponentError, InputError
-from posse_core.files import write_bytes
-from posse_core.randomness import derived_seed, generator
+from posse_core._detection.card import ModelCard
+from posse_core._errors import ComponentError, InputError
+from posse_core._files.atomic import write_bytes
+from posse_core._randomness import derived_seed, generator
 from posse_detect_torch.checkpoint import read_like, read_state, write_model, write_state
 from posse_detect_torch.curves import page
 from posse_detect_torch.options import TrainOptions

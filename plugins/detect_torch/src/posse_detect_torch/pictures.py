@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from posse_core.dataset import Dataset
-from posse_core.detection.card import dataset_hash
-from posse_core.detection.square import Square, grey
-from posse_core.model.arrays import AnyArray, Float32Array
+from posse_core._arrays import AnyArray, Float32Array
+from posse_core._dataset.dataset import Dataset
+from posse_core._detection.card import dataset_hash
+from posse_core._detection.square import Square, grey
 
 Choose = Callable[[Mapping[str, Any], int, int], Square]
 """Label line, height, width → the square to be cut."""

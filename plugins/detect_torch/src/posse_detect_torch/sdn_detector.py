@@ -9,9 +9,9 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from posse_core.dataset import Dataset
-from posse_core.detection.card import ModelCard
-from posse_core.evaluation.metrics import proposal_recall
+from posse_core._dataset.dataset import Dataset
+from posse_core._detection.card import ModelCard
+from posse_core._evaluation.metrics import proposal_recall
 from posse_detect_torch.box_detector import BoxDetector, BoxLesson
 from posse_detect_torch.imagenet import load_imagenet
 from posse_detect_torch.learn import Batch

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from posse_core.hookspecs import hookimpl
-from posse_core.registry import ComponentSpec
+from posse_core._plugins.hooks import hookimpl
+from posse_core._plugins.registry import ComponentSpec
 
 
 @hookimpl
@@ -13,6 +13,6 @@ def posse_executors() -> list[ComponentSpec]:
             "ray",
             "actors of a Ray cluster, each with a renderer of its own",
             "posse_executor_ray.executor:RayExecutor",
-            "posse_core.pipeline.attempts:PoolOptions",
+            "posse_core._run.attempts:PoolOptions",
         )
     ]

@@ -14,9 +14,9 @@ from typing import Any
 import ray
 from ray.exceptions import RayError, RayTaskError
 
-from posse_core.errors import ComponentError
-from posse_core.interfaces.executor import Executor, FrameResult, FrameWorker, WorkerSetupError
-from posse_core.pipeline.attempts import Attempts, PoolOptions, make_frame
+from posse_core._errors import ComponentError
+from posse_core._interfaces.executor import Executor, FrameResult, FrameWorker, WorkerSetupError
+from posse_core._run.attempts import Attempts, PoolOptions, make_frame
 
 
 class FrameActor:

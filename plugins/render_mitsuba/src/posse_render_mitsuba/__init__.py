@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from posse_core.hookspecs import hookimpl
-from posse_core.registry import ComponentSpec
+from posse_core._plugins.hooks import hookimpl
+from posse_core._plugins.registry import ComponentSpec
 
 
 @hookimpl

@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import maximum_filter
 
-from posse_core.model.arrays import BoolArray, Float32Array, FloatArray
-from posse_core.model.camera import Camera, PixelBox
-from posse_core.model.scene import FrameState, RenderRequest
-from posse_core.randomness import generator
+from posse_core._arrays import BoolArray, Float32Array, FloatArray
+from posse_core._model.camera import Camera, PixelBox
+from posse_core._model.scene import FrameState, RenderRequest
+from posse_core._randomness import generator
 from posse_render_mitsuba.options import MitsubaOptions
 from posse_render_mitsuba.samples import MOST_ROUNDS, allot, mean_of_samples
 from posse_render_mitsuba.world import (

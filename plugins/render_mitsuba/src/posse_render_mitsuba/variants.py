@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 
-from posse_core.errors import ComponentError
-from posse_core.files import write_json
+from posse_core._errors import ComponentError
+from posse_core._files.atomic import write_json
 
 PROBE_TIMEOUT_S = 180.0
 _LLVM_PATTERNS = (

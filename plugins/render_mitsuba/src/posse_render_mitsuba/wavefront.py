@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from posse_core.model.arrays import FloatArray
-from posse_core.model.camera import Camera
-from posse_core.model.scene import RenderRequest
-from posse_core.randomness import generator
+from posse_core._arrays import FloatArray
+from posse_core._model.camera import Camera
+from posse_core._model.scene import RenderRequest
+from posse_core._randomness import generator
 from posse_render_mitsuba.options import MitsubaOptions
 from posse_render_mitsuba.samples import further_rounds, mean_of_samples
 from posse_render_mitsuba.world import World

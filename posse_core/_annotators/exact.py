@@ -1,0 +1,107 @@
+"""The core's annotators: what each writes of a :class:`View`. docs/labels.md tells every key."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from posse_core._annotators import rle
+from posse_core._frames import quaternion_from_matrix
+from posse_core._interfaces.annotator import Annotator
+from posse_core._model.labels import Labels, View
+from posse_core._model.scene import FrameState, Scene
+
+
+class BoxAnnotator(Annotator):
+    """``box_visible_px``, ``box_whole_px``."""
+
+    def annotate(self, scene: Scene, frame: FrameState, view: View) -> Labels:
+        columns = np.flatnonzero(view.mask.any(axis=0))
+        rows = np.flatnonzero(view.mask.any(axis=1))
+        visible = None
+        if len(columns):
+            x, y = view.box.x0 + columns[0], view.box.y0 + rows[0]
+            size = columns[-1] - columns[0] + 1, rows[-1] - rows[0] + 1
+            visible = [int(number) for number in (x, y, *size)]
+        whole = view.whole_box_px.tolist() if np.isfinite(view.whole_box_px).all() else None
+        return Labels({"box_visible_px": visible, "box_whole_px": whole})
+
+
+class MaskAnnotator(Annotator):
+    """``mask_rle``, ``mask_area_px``, ``fraction_visible``, ``fraction_lit``."""
+
+    def annotate(self, scene: Scene, frame: FrameState, view: View) -> Labels:
+        height_px, width_px = scene.camera.height_px, scene.camera.width_px
+        area_px = int(view.mask.sum())
+        counts = rle.encode(view.mask, view.box, height_px, width_px)
+        return Labels(
+            {
+                "mask_rle": {"size": [height_px, width_px], "counts": counts},
+                "mask_area_px": area_px,
+                "fraction_visible": area_px / view.silhouette_px if view.silhouette_px else None,
+                "fraction_lit": int(view.lit.sum()) / area_px if area_px else None,
+            }
+        )
+
+
+class PartsAnnotator(Annotator):
+    """``part_area_px`` and the array ``part_id``."""
+
+    def annotate(self, scene: Scene, frame: FrameState, view: View) -> Labels:
+        names = [part.name for part in scene.spacecraft.parts]
+        area_px = np.bincount(view.part_id[view.mask], minlength=len(names)).tolist()
+        return Labels(
+            {"part_area_px": dict(zip(names, area_px, strict=True))}, {"part_id": view.part_id}
+        )
+
+
+class DepthAnnotator(Annotator):
+    """The array ``depth_m``."""
+
+    def annotate(self, scene: Scene, frame: FrameState, view: View) -> Labels:
+        return Labels(arrays={"depth_m": view.depth_m})
+
+
+class NormalsAnnotator(Annotator):
+    """The array ``normal_cam``."""
+
+    def annotate(self, scene: Scene, frame: FrameState, view: View) -> Labels:
+        return Labels(arrays={"normal_cam": view.normal_cam})
+
+
+class KeypointsAnnotator(Annotator):
+    """``keypoints``: name → [u, v, visibility]."""
+
+    def annotate(self, scene: Scene, frame: FrameState, view: View) -> Labels:
+        keypoints = {}
+        for name, (u, v), visibility in zip(
+            scene.spacecraft.keypoints_body_m,
+            view.keypoints_px.tolist(),
+            view.keypoints_visibility.tolist(),
+            strict=True,
+        ):
+            in_front = np.isfinite(u)
+            keypoints[name] = [u if in_front else None, v if in_front else None, visibility]
+        return Labels({"keypoints": keypoints})
+
+
+class PoseAnnotator(Annotator):
+    """``q_cam_from_body``, ``t_body_cam_m``, ``range_m``, ``phase_angle_rad``,
+    ``sun_direction_body``, and the rates ``v_body_cam_m_s``, ``omega_body_rad_s``,
+    ``omega_camera_rad_s``."""
+
+    def annotate(self, scene: Scene, frame: FrameState, view: View) -> Labels:
+        sun, camera = frame.sun_direction_cam, -frame.t_body_cam_m
+        # The arc tangent keeps its digits near 0 and π, where the arc cosine loses half of them.
+        phase_rad = np.arctan2(np.linalg.norm(np.cross(sun, camera)), np.sum(sun * camera))
+        return Labels(
+            {
+                "q_cam_from_body": quaternion_from_matrix(frame.R_cam_from_body).tolist(),
+                "t_body_cam_m": frame.t_body_cam_m.tolist(),
+                "range_m": frame.range_m,
+                "phase_angle_rad": float(phase_rad),
+                "sun_direction_body": frame.sun_direction_body.tolist(),
+                "v_body_cam_m_s": frame.rates.v_body_cam_m_s.tolist(),
+                "omega_body_rad_s": frame.rates.omega_body_rad_s.tolist(),
+                "omega_camera_rad_s": frame.rates.omega_camera_rad_s.tolist(),
+            }
+        )

@@ -1,0 +1,67 @@
+"""``posse collect``: one dataset out of several, less the frames that rules drop."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import click
+from tqdm import tqdm
+
+from posse_core._cli.common import echo_json
+from posse_core._dataset.dataset import Dataset
+from posse_core._errors import InputError
+from posse_core._selection.balance import AXES, Balance, axes_named
+from posse_core._selection.collect import collect
+from posse_core._selection.rules import RULES, named
+
+
+@click.command(
+    name="collect",
+    epilog="Rules: "
+    + "; ".join(f"{rule.name}: {rule.why}" for rule in RULES.values())
+    + ". Balance by "
+    + "; ".join(f"{axis.name}: {axis.why}" for axis in AXES.values()),
+)
+@click.argument("datasets", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--out", required=True, type=click.Path(path_type=Path), help="A new folder.")
+@click.option("--drop", multiple=True, metavar="RULE", help="Drop frames by this rule; may be repeated.")
+@click.option(
+    "--balance",
+    "by",
+    multiple=True,
+    metavar="AXIS",
+    help="Of the rest, keep alike many in each bin of this; bins of several are crossed.",
+)
+@click.option("--frames", type=click.IntRange(min=1), help="Balance to so many, as even as can be.")
+@click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Of the balance.")
+@click.option("--json", "as_json", is_flag=True, help="Print the counts as JSON.")
+def command(
+    datasets: tuple[Path, ...],
+    out: Path,
+    drop: tuple[str, ...],
+    by: tuple[str, ...],
+    frames: int | None,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Join DATASETS, with one camera, to one, without the frames that rules drop, and balanced.
+
+    Frames are numbered anew. A frame counts for the first rule that drops it.
+    """
+    rules = named(drop)
+    if frames is not None and not by:
+        raise InputError("--frames: goes with --balance; name what is to be even")
+    balance = Balance(axes_named(by), frames, seed) if by else None
+    counts = collect([Dataset(folder) for folder in datasets], rules, balance, out, _progress)
+    if as_json:
+        echo_json(counts)
+        return
+    for name, count in counts.items():
+        click.echo(f"{name} {count}")
+
+
+def _progress(labels: Iterable[dict[str, Any]], frames: int) -> Iterable[dict[str, Any]]:
+    shown: Iterable[dict[str, Any]] = tqdm(labels, total=frames, unit="frame", disable=None)
+    return shown

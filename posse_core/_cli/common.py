@@ -1,0 +1,80 @@
+"""Options and output that several commands share."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import click
+
+from posse_core._errors import InputError
+from posse_core._plugins.loading import load_plugins
+from posse_core._scenario.load import load_scenario, parse_override
+from posse_core._scenario.model import Scenario
+
+DEFAULT_SCENARIO = "aqua"
+
+
+def scenario_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """``-o``, ``--seed``, ``--frames``: what changes a scenario from the command line."""
+    for option in (
+        click.option("--seed", type=int, help="Seed of every random draw."),
+        click.option("--frames", type=int, help="Make only so many frames, evenly spread."),
+        click.option(
+            "-o",
+            "overrides",
+            multiple=True,
+            metavar="KEY=VALUE",
+            help="Set any key of the scenario, as in -o renderer.spp=64; may be repeated.",
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+def net_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """``-o``: options of the nets that a command runs."""
+    return click.option(
+        "-o",
+        "overrides",
+        multiple=True,
+        metavar="KEY=VALUE",
+        help="Set an option of the net, as in -o threads=1; may be repeated.",
+    )(command)
+
+
+def options_from(overrides: Sequence[str]) -> dict[str, Any]:
+    """Key → value of what ``-o`` gave."""
+    return dict(parse_override(text) for text in overrides)
+
+
+def read_scenario(source: str, overrides: Sequence[str], **named: str | int | None) -> Scenario:
+    """The scenario with ``-o`` and the named options (None: not given) put in."""
+    given = dict(parse_override(text) for text in overrides)
+    given.update({key: value for key, value in named.items() if value is not None})
+    return load_scenario(source, load_plugins().registry, given)
+
+
+@contextlib.contextmanager
+def naming(source: str) -> Iterator[None]:
+    """Put the scenario's name before what is wrong with what it asks for."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{source}: {error}") from None
+
+
+def echo_json(value: Any) -> None:
+    """Print a value for a program to read."""
+    click.echo(json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False))
+
+
+def echo_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Print rows in columns as wide as they need."""
+    table = [header, *rows]
+    widths = [max(len(row[i]) for row in table) for i in range(len(header))]
+    for row in table:
+        cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+        click.echo("  ".join(cells).rstrip())

@@ -1,0 +1,229 @@
+"""``posse crosscheck``: the same frames by several renderers."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+from tqdm import tqdm
+
+from posse_core._cli.common import DEFAULT_SCENARIO, echo_json, echo_table, read_scenario
+from posse_core._errors import CheckFailed, ComponentError, InputError
+from posse_core._evaluation.crosscheck.checks import Thresholds, Verdict, judge
+from posse_core._evaluation.crosscheck.closed_forms import ANCHORS, CLOSED_FORMS, ClosedFormCase
+from posse_core._evaluation.crosscheck.compare import Comparison, compare
+from posse_core._evaluation.crosscheck.page import (
+    PAIR_COLUMNS,
+    RENDERER_COLUMNS,
+    columns_in_use,
+    make_page,
+)
+from posse_core._evaluation.crosscheck.settings import Case, Poses, ScenarioCase
+from posse_core._evaluation.pages import number
+from posse_core._files.atomic import write_bytes
+from posse_core._interfaces.executor import Executor, FrameResult
+from posse_core._plugins.loading import load_plugins
+from posse_core._plugins.options import nearest, validated
+from posse_core._plugins.registry import Registry
+from posse_core._scenario.component import ComponentChoice
+from posse_core._scenario.load import parse_override, scenario_members
+
+
+def _threshold_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """``--min-iou`` and the others of :class:`Thresholds`."""
+    for name, field in reversed(Thresholds.model_fields.items()):
+        flag = f"--{name.replace('_', '-')}"
+        option = click.option(
+            flag, type=float, default=field.default, show_default=True, help=field.description
+        )
+        command = option(command)
+    return command
+
+
+@click.command(name="crosscheck")
+@click.argument("scenarios", metavar="[SCENARIO]...", nargs=-1)
+@click.option("--renderers", metavar="A,B,C", help="Who renders; by default all that are installed.")
+@click.option("--frames", type=click.IntRange(min=1), default=20, show_default=True, help="How many.")
+@click.option(
+    "--poses",
+    type=click.Choice(("random", "trajectory")),
+    default="random",
+    show_default=True,
+    help="Random attitudes at ranges of the scenario, or frames of its trajectory.",
+)
+@click.option("--out", type=click.Path(path_type=Path), help="Write a page with pictures: an HTML file.")
+@click.option("--json", "as_json", is_flag=True, help="Print every number of every frame as JSON.")
+@click.option("--seed", type=int, help="Seed of every random draw.")
+@click.option(
+    "-o",
+    "overrides",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Set an option of a renderer, as in -o blender.spp=64, or a key of the scenarios, as in"
+    " -o camera.width_px=640; may be repeated.",
+)
+@_threshold_options
+def command(
+    scenarios: tuple[str, ...],
+    renderers: str | None,
+    frames: int,
+    poses: Poses,
+    out: Path | None,
+    as_json: bool,
+    seed: int | None,
+    overrides: tuple[str, ...],
+    **limits: float,
+) -> None:
+    """Render the same frames by several renderers, and compare them with geometry and each other.
+
+    SCENARIO is a YAML file, the name of a built-in scenario, or a closed form: lambert-sphere,
+    lambert-plate, mirror, glossy-sphere, paint-sphere, fiducials, checker. Scenarios are preceded by
+    the two lambert ones. Ends with code 1, and names what, when a threshold is broken.
+    """
+    registry = load_plugins().registry
+    thresholds = validated(Thresholds, limits, lambda path: f"--{str(path[0]).replace('_', '-')}")
+    names = _names(renderers, registry)
+    choices, scenario_overrides = _choices(names, overrides, registry)
+    sources = scenarios or (DEFAULT_SCENARIO,)
+    cases: list[Case] = []
+    for source in sources:
+        if source in CLOSED_FORMS:
+            cases.append(ClosedFormCase(source))
+            continue
+        for member in _members(source):
+            named = {"renderer.name": names[0], "seed": seed}
+            scenario = read_scenario(member, scenario_overrides, **named)
+            cases.append(ScenarioCase(Path(member).stem, scenario, poses, frames))
+    if not all(isinstance(case, ClosedFormCase) for case in cases):
+        given = [case.name for case in cases]
+        cases = [ClosedFormCase(name) for name in ANCHORS if name not in given] + cases
+    capabilities = {name: registry.spec("renderer", name).capabilities for name in names}
+    if out is not None and not out.absolute().parent.is_dir():
+        raise InputError(f"--out {out}: its folder does not exist; make it, or name another")
+    executor: Executor = registry.create("executor", "local")
+    comparisons = []
+    with tempfile.TemporaryDirectory(prefix="posse-crosscheck-") as folder:
+        for case in cases:
+            able = {
+                name: choice
+                for name, choice in choices.items()
+                if not case.needs_environment or "environment" in capabilities[name]
+            }
+            comparisons.append(compare(case, able, Path(folder) / case.name, executor, _bar))
+    verdicts = [v for c in comparisons for v in judge(c, thresholds, capabilities)]
+    if out is not None:
+        write_bytes(out, make_page(comparisons, verdicts).encode())
+    if as_json:
+        echo_json(_as_json(comparisons, verdicts))
+    else:
+        _tell(comparisons)
+    _end(comparisons, verdicts)
+
+
+def _members(source: str) -> list[str]:
+    """As :func:`scenario_members`; a name that is like a closed form's is taken for that, misspelt."""
+    try:
+        return scenario_members(source)
+    except InputError:
+        hint = nearest(source, CLOSED_FORMS)
+        if not hint:
+            raise
+        raise InputError(f"no scenario and no closed form named {source!r}{hint}") from None
+
+
+def _names(renderers: str | None, registry: Registry) -> list[str]:
+    installed = registry.names("renderer")
+    names = installed if renderers is None else [name.strip() for name in renderers.split(",")]
+    if not names:
+        raise InputError("no renderer is installed; see 'posse doctor'")
+    for name in names:
+        registry.spec("renderer", name)
+        if names.count(name) > 1:
+            raise InputError(f"--renderers: {name!r} stands twice")
+    return names
+
+
+def _choices(
+    names: Sequence[str], overrides: Sequence[str], registry: Registry
+) -> tuple[dict[str, ComponentChoice], list[str]]:
+    """Renderers with their options, and the overrides that are the scenario's."""
+    options: dict[str, dict[str, Any]] = {name: {} for name in names}
+    rest = []
+    for text in overrides:
+        key, value = parse_override(text)
+        first, _, option = key.partition(".")
+        if first in options and option:
+            options[first][option] = value
+        elif first == "renderer":
+            raise InputError(
+                f"option -o {text}: name the renderer that is meant, as in -o {names[0]}.{option}"
+            )
+        elif first in registry.names("renderer"):
+            raise InputError(f"option -o {text}: {first!r} is not among --renderers {','.join(names)}")
+        else:
+            rest.append(text)
+    choices = {}
+    for name, raw in options.items():
+        checked = registry.options("renderer", name, raw, where=name)
+        choices[name] = ComponentChoice(name=name, options=checked.model_dump(mode="json"))
+    return choices, rest
+
+
+def _bar(results: Iterable[FrameResult], count: int, words: str) -> Iterable[FrameResult]:
+    shown: Iterable[FrameResult] = tqdm(
+        results, total=count, unit="frame", desc=words, file=sys.stderr, disable=None
+    )
+    return shown
+
+
+def _as_json(comparisons: Sequence[Comparison], verdicts: Sequence[Verdict]) -> dict[str, Any]:
+    return {
+        "passed": all(verdict.passed for verdict in verdicts)
+        and not any(comparison.failures for comparison in comparisons),
+        "cases": [comparison.as_json() for comparison in comparisons],
+        "checks": [vars(verdict) for verdict in verdicts],
+    }
+
+
+def _tell(comparisons: Sequence[Comparison]) -> None:
+    for comparison in comparisons:
+        click.echo(comparison.name)
+        _tell_numbers("renderer", comparison.renderers, RENDERER_COLUMNS)
+        if comparison.pairs:
+            _tell_numbers("pair", comparison.pairs, PAIR_COLUMNS)
+            _tell_numbers("ratio by material", *_turned(comparison.materials))
+        click.echo("")
+
+
+def _turned(
+    ratios: Mapping[str, Mapping[str, float | None]],
+) -> tuple[dict[str, dict[str, float | None]], dict[str, str]]:
+    """pair → material → ratio as a table with a row a material and a column a pair."""
+    names = next(iter(ratios.values()))
+    rows = {name: {pair: ratios[pair][name] for pair in ratios} for name in names}
+    return rows, {pair: pair for pair in ratios}
+
+
+def _tell_numbers(
+    title: str, rows: Mapping[str, Mapping[str, float | None]], columns: Mapping[str, str]
+) -> None:
+    used = columns_in_use(rows.values(), columns)
+    cells = [[name, *(number(row.get(key)) for key in used)] for name, row in rows.items()]
+    echo_table((title, *used.values()), cells)
+
+
+def _end(comparisons: Sequence[Comparison], verdicts: Sequence[Verdict]) -> None:
+    failures = [
+        f"{comparison.name}: {name} failed: {cause}"
+        for comparison in comparisons
+        for name, cause in comparison.failures.items()
+    ]
+    broken = [str(verdict) for verdict in verdicts if not verdict.passed]
+    if failures:
+        raise ComponentError("; ".join([*failures, *broken]))
+    if broken:
+        raise CheckFailed("; ".join(broken))

@@ -1,0 +1,106 @@
+"""``posse describe``: the scenario's keys, or a component's options."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import click
+from pydantic import BaseModel
+from pydantic_core import PydanticUndefined
+
+from posse_core._cli.common import echo_json
+from posse_core._errors import InputError
+from posse_core._plugins.loading import load_plugins
+from posse_core._plugins.options import nearest
+from posse_core._plugins.registry import KINDS
+from posse_core._scenario.component import ComponentChoice
+from posse_core._scenario.load import built_in_names
+from posse_core._scenario.model import Scenario
+from posse_core._scenario.presets import PRESETS
+
+
+@click.command()
+@click.argument("kind")
+@click.argument("name", required=False)
+@click.option("--json", "as_json", is_flag=True, help="Print the JSON schema.")
+def command(kind: str, name: str | None, as_json: bool) -> None:
+    """Describe the keys of a scenario, a camera by name, or the options of one component.
+
+    posse describe scenario; posse describe camera speed-plus; posse describe renderer mitsuba
+    """
+    if kind == "camera":
+        _describe_camera(name, as_json)
+        return
+    registry = load_plugins().registry
+    if kind == "scenario":
+        model: type[BaseModel] = Scenario
+        title = f"A scenario. Built-in ones: {', '.join(built_in_names())}."
+    elif kind in KINDS:
+        if name is None:
+            raise InputError(f"describe {kind}: name one of {', '.join(registry.names(kind))}")
+        spec = registry.spec(kind, name)
+        model = registry.options_model(kind, name)
+        words = f" Capabilities: {', '.join(sorted(spec.capabilities))}." if spec.capabilities else ""
+        title = f"{kind} {name}: {spec.summary}.{words}"
+    else:
+        known = ["scenario", "camera", *KINDS]
+        raise InputError(f"describe {kind}: no such kind{nearest(kind, known)} ({', '.join(known)})")
+    if as_json:
+        echo_json(model.model_json_schema())
+        return
+    click.echo(title)
+    _describe(model, indent="  ")
+
+
+def _describe_camera(name: str | None, as_json: bool) -> None:
+    """The keys that a camera's name stands for, and where they are from."""
+    preset = PRESETS.get(name or "")
+    if preset is None:
+        hint = nearest(name, PRESETS) if name else ""
+        wrong = f": no camera named {name!r}{hint}" if name else ": name one of them"
+        raise InputError(f"describe camera{wrong} ({', '.join(PRESETS)})")
+    keys = {"camera": dict(preset.camera), "sensor": dict(preset.sensor)}
+    if as_json:
+        echo_json({"source": preset.source, **keys})
+        return
+    click.echo(f"camera {name}: {preset.source}")
+    for block, values in keys.items():
+        click.echo(f"  {block}")
+        for key, value in values.items():
+            click.echo(f"    {key}: {json.dumps(value)}")
+
+
+def _describe(model: type[BaseModel], indent: str) -> None:
+    if not model.model_fields:
+        click.echo(f"{indent}no options")
+    for key, field in model.model_fields.items():
+        default = "" if field.default is PydanticUndefined else f" [{_default(field.default)}]"
+        click.echo(f"{indent}{key}{default}: {field.description or _first_line(model)}")
+        for nested in _models(field.annotation):
+            if not issubclass(nested, ComponentChoice):
+                _describe(nested, indent + "  ")
+
+
+def _first_line(model: type[BaseModel]) -> str:
+    """What a model says of itself: the words for a key that only tells it from its siblings."""
+    return (model.__doc__ or "").strip().split("\n")[0]
+
+
+def _models(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [model for part in getattr(annotation, "__args__", ()) for model in _models(part)]
+
+
+def _default(value: Any) -> str:
+    if isinstance(value, BaseModel):
+        return _short(value) if isinstance(value, ComponentChoice) else "as below"
+    if isinstance(value, tuple) and any(isinstance(item, BaseModel) for item in value):
+        return ", ".join(_short(item) for item in value)
+    return json.dumps(value)
+
+
+def _short(value: BaseModel) -> str:
+    dumped = value.model_dump(mode="json")
+    return str(dumped["name"]) if dumped.keys() == {"name"} else json.dumps(dumped)

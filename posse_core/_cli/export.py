@@ -1,0 +1,35 @@
+"""``posse export``: the labels of a dataset in another format."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from posse_core._dataset.dataset import Dataset
+from posse_core._plugins.loading import load_plugins
+
+
+@click.command(name="export")
+@click.argument("dataset", type=click.Path(path_type=Path))
+@click.option("--format", "formats", multiple=True, required=True, help="Such as coco; may be repeated.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Folder to write to (the dataset's own, if not given).",
+)
+def command(dataset: Path, formats: tuple[str, ...], out: Path | None) -> None:
+    """Write the labels of DATASET in other formats; print the paths of what was written.
+
+    The formats are those that 'posse plugins' lists as writers. Image paths in the files are relative
+    to the dataset's folder.
+    """
+    registry = load_plugins().registry
+    writers = [registry.create("writer", name) for name in formats]
+    source = Dataset(dataset)
+    _ = source.manifest  # a run that has not ended is not exported in part
+    folder = source.folder if out is None else out
+    folder.mkdir(parents=True, exist_ok=True)
+    for writer in writers:
+        for path in writer.write(source, folder):
+            click.echo(path)

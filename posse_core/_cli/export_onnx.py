@@ -1,0 +1,89 @@
+"""``posse export-onnx``: a trained net as ONNX, held against the net on real frames."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+import numpy as np
+
+from posse_core._cli.common import net_options, options_from
+from posse_core._dataset.coco import open_dataset
+from posse_core._dataset.dataset import Dataset
+from posse_core._detection.accuracy import accuracy
+from posse_core._detection.card import read_card
+from posse_core._detection.evaluate import frames_of, truths_of
+from posse_core._detection.models import open_model
+from posse_core._errors import InputError
+from posse_core._interfaces.detector import Model
+from posse_core._plugins.loading import load_plugins
+from posse_core._plugins.registry import Registry
+from posse_core._randomness import generator
+
+_FRAMES = 8
+_INT8_FRAMES = 128
+
+
+@click.command(name="export-onnx")
+@click.argument("model", type=click.Path(path_type=Path))
+@click.option(
+    "--dataset",
+    type=click.Path(path_type=Path),
+    required=True,
+    help=f"{_FRAMES} frames of it, evenly spread, go through the net and through its export.",
+)
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="A file that ends in .onnx.")
+@click.option(
+    "--int8",
+    is_flag=True,
+    help=f"Eight bits: half of {_INT8_FRAMES} frames calibrate them, the others tell what is lost.",
+)
+@net_options
+def command(model: Path, dataset: Path, out: Path, int8: bool, overrides: tuple[str, ...]) -> None:
+    """Write MODEL (.safetensors) as ONNX; it is kept only if it gives what MODEL gives."""
+    if out.suffix != ".onnx":
+        raise InputError(f"--out {out}: the file's name must end in .onnx")
+    if not model.is_file():
+        raise InputError(f"{model}: there is no such file; name a model by 'posse train'")
+    registry = load_plugins().registry
+    card = read_card(model)
+    able = registry.spec("detector", card.net).capabilities
+    if "onnx" not in able:
+        raise InputError(f"{model}: {card.net!r} cannot be exported")
+    if int8 and "int8" not in able:
+        raise InputError(f"--int8: {card.net!r} can be exported in float32 alone")
+    source = open_dataset(dataset)
+    images = [source.image(index) for index in _spread(source, _FRAMES)]
+    net = open_model(model, card.task, registry, options_from(overrides))
+    with tempfile.TemporaryDirectory() as folder:
+        exact = Path(folder) / out.name if int8 else out
+        differences = net.export_onnx(exact, images)
+        found = ", ".join(f"{name} {value:.1e}" for name, value in differences.items())
+        click.echo(f"{out}: greatest differences on {len(images)} frames: {found}")
+        if int8:
+            _write_int8(net, card.task, exact, out, source, registry)
+
+
+def _spread(source: Dataset, count: int) -> Sequence[int]:
+    """So many indices of frames, evenly spread."""
+    indices = frames_of(source, "all")
+    places = np.linspace(0, len(indices) - 1, min(count, len(indices))).round().astype(int)
+    return [indices[place] for place in places]
+
+
+def _write_int8(
+    net: Model, task: str, exact: Path, out: Path, source: Dataset, registry: Registry
+) -> None:
+    chosen = [index for index in _spread(source, _INT8_FRAMES) if truths_of(source.frame(index))]
+    if not chosen:
+        raise InputError(f"{source.folder}: shows no spacecraft to calibrate eight bits on")
+    order = generator(0, 0, "eight bits").permutation(chosen)  # every second may be of one class
+    half = (len(chosen) + 1) // 2
+    seen = [(source.image(i), truths_of(source.frame(i))[0].box_px) for i in order[:half].tolist()]
+    net.write_int8(exact, out, seen)
+    others = order[half:].tolist() or chosen
+    before, after = (accuracy(source, others, path, task, registry) for path in (exact, out))
+    words = ", ".join(f"{name} {before[name]:.4g} to {after[name]:.4g}" for name in before)
+    click.echo(f"{out}: eight bits, calibrated on {len(seen)} frames; on {len(others)} others: {words}")

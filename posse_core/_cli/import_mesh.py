@@ -1,0 +1,187 @@
+"""``posse import``: a spacecraft package from a mesh."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from posse_core._arrays import FloatArray
+from posse_core._cli.common import echo_json, echo_table
+from posse_core._errors import InputError
+from posse_core._plugins.options import validated
+from posse_core._spacecraft import importing
+from posse_core._spacecraft.keypoint_file import Keypoints, read_keypoints
+from posse_core._spacecraft.mesh import spacecraft_from_raw, stated_scale
+from posse_core._spacecraft.options import MeshOptions, R_body_from_mesh
+from posse_core._spacecraft.proposals import propose_keypoints, rotations, shape_symmetries
+from posse_core._spacecraft.raw import RawMesh, unique_names
+from posse_core._spacecraft.reader import read_mesh
+
+
+@click.command("import")
+@click.argument("model", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), help="Folder to make; by default the name.")
+@click.option("--name", help="Class name in the labels; by default the file's name.")
+@click.option("--scale", "scale_m_per_unit", type=float, help="Metres that one unit of the file is.")
+@click.option("--length", "length_m", type=float, help="Instead: metres along the longest side.")
+@click.option(
+    "--axes",
+    "body_axes",
+    default="x y z",
+    show_default=True,
+    help="Mesh axis along each body axis, as in 'x -z y'.",
+)
+@click.option(
+    "--centre-of-mass",
+    "centre_of_mass_m",
+    nargs=3,
+    type=float,
+    metavar="X Y Z",
+    help="Metres along body axes from the file's origin; by default the surface's centroid.",
+)
+@click.option(
+    "--keypoints",
+    type=click.Path(path_type=Path),
+    help="YAML or JSON file: points, or corners of parts.",
+)
+@click.option(
+    "--keypoint-count",
+    default=16,
+    show_default=True,
+    type=click.IntRange(0, 200),
+    help="Keypoints to propose where there is no file.",
+)
+@click.option(
+    "--symmetry",
+    "symmetries",
+    multiple=True,
+    metavar="AXIS:ORDER",
+    help="A turn that leaves its looks unchanged, as in z:2; may be repeated.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print what was found and made as JSON.")
+def command(
+    model: Path,
+    out: Path | None,
+    name: str | None,
+    scale_m_per_unit: float | None,
+    length_m: float | None,
+    body_axes: str,
+    centre_of_mass_m: tuple[float, float, float] | None,
+    keypoints: Path | None,
+    keypoint_count: int,
+    symmetries: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Make a spacecraft package from a mesh: glTF, OBJ, PLY, STL.
+
+    It shows what is in the file, takes its scale and axes (and asks for the scale at a terminal),
+    proposes keypoints, and writes a folder that a scenario names by 'target: {package: FOLDER}'.
+    """
+    group = _group(symmetries)
+    raw = read_mesh(model)
+    about = importing.summary(raw)
+    if not as_json:
+        _show(model, about)
+    scale = _scale(raw, model, scale_m_per_unit, length_m)
+    title = name or unique_names([model.stem])[0]
+    options = validated(
+        MeshOptions,
+        {
+            "mesh": model,
+            "scale_m_per_unit": scale,
+            "body_axes": body_axes,
+            "centre_of_mass_m": centre_of_mass_m,
+            "keypoints": keypoints,
+        },
+        lambda key: f"--{'-'.join(map(str, key))}",
+    )
+    points = Keypoints() if keypoints is None else read_keypoints(keypoints)
+    craft = spacecraft_from_raw(raw, options, title, points)
+    if keypoints is None:
+        craft = replace(craft, keypoints_body_m=propose_keypoints(craft, keypoint_count))
+    if group:
+        craft = replace(craft, symmetries=group)
+    centre = centre_of_mass_m or tuple(scale * R_body_from_mesh(body_axes) @ raw.surface_centre)
+    folder = out or Path(title)
+    importing.write_package(
+        folder, model, craft, scale_m_per_unit=scale, body_axes=body_axes, centre_of_mass_m=centre
+    )
+    made = {
+        "package": str(folder),
+        "scale_m_per_unit": scale,
+        "size_m": [float(x) for x in np.diff(craft.bounds_body_m, axis=0)[0]],
+        "centre_of_mass_m": [float(x) for x in centre],
+        "keypoints": {k: [float(x) for x in point] for k, point in craft.keypoints_body_m.items()},
+        "symmetries": len(craft.symmetries),
+        "shape_repeats": [f"{axis}:{order}" for axis, order in shape_symmetries(craft)],
+    }
+    if as_json:
+        echo_json({**about, **made})
+    else:
+        _tell(made)
+
+
+def _group(symmetries: tuple[str, ...]) -> tuple[FloatArray, ...]:
+    try:
+        return rotations([_symmetry(text) for text in symmetries])
+    except ValueError as error:
+        raise InputError(f"--symmetry: {error}") from None
+
+
+def _symmetry(text: str) -> tuple[str, int]:
+    axis, _, order = text.partition(":")
+    if axis not in ("x", "y", "z") or not order.isdigit() or not 2 <= int(order) <= 360:
+        raise InputError(f"--symmetry {text}: an axis and an order, as in z:2 for a half turn about Z")
+    return axis, int(order)
+
+
+def _scale(raw: RawMesh, path: Path, scale: float | None, length_m: float | None) -> float:
+    if scale is not None and length_m is not None:
+        raise InputError("--scale and --length say the same thing; give one of them")
+    longest = float(np.diff(raw.bounds, axis=0).max())
+    if scale is None and length_m is None and sys.stdin.isatty():
+        length_m = click.prompt(f"Its longest side is {longest:.6g} units. How many metres?", type=float)
+    if length_m is not None:
+        scale = length_m / longest
+    if scale is not None and not 0.0 < scale < np.inf:
+        raise InputError("--scale and --length must be above zero")
+    try:
+        return stated_scale(raw, path, scale)
+    except InputError as error:
+        raise InputError(f"{error} (here by --scale or --length)") from None
+
+
+def _show(path: Path, about: dict[str, Any]) -> None:
+    size = " × ".join(f"{x:.4g}" for x in about["size_units"])
+    click.echo(f"{path}: {size} units, {about['triangles']} triangles, {about['vertices']} vertices")
+    rows = [
+        [
+            part["name"],
+            str(part["triangles"]),
+            "yes" if part["watertight"] else "no",
+            part["material"],
+            ", ".join(f"{kind} {size}" for kind, size in part["textures"].items()) or "-",
+        ]
+        for part in about["parts"]
+    ]
+    echo_table(["part", "triangles", "watertight", "material", "textures"], rows)
+
+
+def _tell(made: dict[str, Any]) -> None:
+    size = " × ".join(f"{x:.4g}" for x in made["size_m"])
+    centre = ", ".join(f"{x:.4g}" for x in made["centre_of_mass_m"])
+    click.echo(f"\n{made['package']}: {size} m, centre of mass at [{centre}] m from the file's origin")
+    rows = [[name, *(f"{x:8.3f}" for x in point)] for name, point in made["keypoints"].items()]
+    if rows:
+        echo_table(["keypoint", "x, m", "y, m", "z, m"], rows)
+    if made["shape_repeats"] and not made["symmetries"]:
+        turns = ", ".join(made["shape_repeats"])
+        click.echo(f"Its shape repeats under {turns}; if its looks do too, say so with --symmetry.")
+    click.echo(
+        f"target: {{package: {made['package']}}}, or: posse run {made['package']}/{importing.SCENARIO}"
+    )

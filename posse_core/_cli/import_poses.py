@@ -1,0 +1,56 @@
+"""``posse import-poses``: somebody's labels become a scenario."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+import numpy as np
+
+from posse_core._dataset.dataset import read_camera
+from posse_core._errors import InputError
+from posse_core._plugins.loading import load_plugins
+from posse_core._scenario.poses import camera_beside, read_poses, write_scenario
+
+
+@click.command("import-poses")
+@click.argument("labels", type=click.Path(path_type=Path))
+@click.option("--out", required=True, type=click.Path(path_type=Path), help="A new folder.")
+@click.option("--target", required=True, help="Spacecraft to render; 'posse plugins' lists them.")
+@click.option(
+    "--sun",
+    "sun_cam",
+    nargs=3,
+    type=float,
+    default=(-0.5, -0.5, -0.7),
+    show_default=True,
+    metavar="X Y Z",
+    help="Towards the Sun in camera axes: right, down, forward.",
+)
+@click.option(
+    "--camera",
+    "camera_file",
+    type=click.Path(path_type=Path),
+    help="A camera.json as SPEED+ has it; by default the one beside LABELS or in the folder above.",
+)
+def command(
+    labels: Path, out: Path, target: str, sun_cam: tuple[float, float, float], camera_file: Path | None
+) -> None:
+    """Make a scenario that shows the poses of LABELS: SPEED's or SPEED+'s JSON, or URSO's poses_gt.csv.
+
+    'posse run OUT/scenario.yaml' then renders them anew. Labels do not say where the Sun and the Earth
+    are: the Sun is put at --sun, and there is no Earth.
+    """
+    registry = load_plugins().registry
+    registry.options("scene", target, {}, where=f"--target {target}")
+    if out.exists():
+        raise InputError(f"{out}: exists already; name a new folder")
+    poses = read_poses(labels)
+    camera = read_camera(camera_file) if camera_file else camera_beside(labels)
+    path = write_scenario(labels, poses, np.array(sun_cam), target, camera, out)
+    if camera is None:
+        click.echo(
+            f"posse: no camera.json beside {labels}: the scenario has the default camera; see --camera",
+            err=True,
+        )
+    click.echo(f"{path}: {len(poses.names)} poses")

@@ -1,0 +1,97 @@
+"""The command ``posse``: finds its subcommands among the plugins, tells errors in one line."""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from collections.abc import Sequence
+from typing import TextIO
+
+import click
+
+from posse_core import __version__
+from posse_core._errors import PosseError
+from posse_core._plugins.loading import load_plugins
+from posse_core._plugins.options import nearest
+
+
+class _Commands(click.Group):
+    """Subcommands come from the registry; listing them imports none."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return load_plugins().registry.names("subcommand")
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        registry = load_plugins().registry
+        if cmd_name not in registry.names("subcommand"):
+            return None
+        command: click.Command = registry.load("subcommand", cmd_name)
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        names = self.list_commands(ctx)
+        if args and not args[0].startswith("-") and args[0] not in names:
+            ctx.fail(f"no command {args[0]!r}{nearest(args[0], names)}")
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        rows = [(spec.name, spec.summary) for spec in load_plugins().registry.specs("subcommand")]
+        with formatter.section("Commands"):
+            formatter.write_dl(rows)
+
+
+@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="posse")
+def posse() -> None:
+    """Labelled, radiometric images of spacecraft: from a TLE and a relative orbit to a dataset.
+
+    Exit codes: 0 ok, 1 a check failed, 2 bad input, 3 a component failed.
+    """
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Entry point: runs a command and ends the process with its exit code."""
+    sys.exit(_run(arguments))
+
+
+def _show_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """A warning as the user reads it: what is wrong, and not where our code says so."""
+    _say(f"warning: {message}")
+
+
+def _run(arguments: Sequence[str] | None) -> int:
+    warnings.showwarning = _show_warning
+    try:
+        code = posse.main(arguments, prog_name="posse", standalone_mode=False)
+        return code if isinstance(code, int) else 0
+    except click.exceptions.NoArgsIsHelpError as error:
+        click.echo(error.ctx.get_help() if error.ctx else "")
+        return 0
+    except click.ClickException as error:
+        path = error.ctx.command_path if isinstance(error, click.UsageError) and error.ctx else "posse"
+        message = " ".join(error.format_message().split()).rstrip(".")
+        _say(f"{message} (see '{path} --help')")
+        return 2
+    except PosseError as error:
+        _say(str(error))
+        return error.exit_code
+    except (KeyboardInterrupt, click.Abort):
+        _say("stopped")
+        return 130
+    except BrokenPipeError:  # the reader of our output has gone, as in 'posse plugins | head'
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+
+
+def _say(message: str) -> None:
+    click.echo(f"posse: {' '.join(message.split())}", err=True)

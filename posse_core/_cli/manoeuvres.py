@@ -1,0 +1,41 @@
+"""``posse manoeuvres``: the impulses of a scenario's plan, and what they cost."""
+
+from __future__ import annotations
+
+import click
+
+from posse_core._cli.common import echo_json, echo_table, naming, read_scenario, scenario_options
+from posse_core._errors import InputError
+from posse_core._interfaces.propagator import PropagationProblem
+
+
+@click.command()
+@click.argument("scenario")
+@click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
+@scenario_options
+def command(
+    scenario: str, as_json: bool, seed: int | None, frames: int | None, overrides: tuple[str, ...]
+) -> None:
+    """List the impulses of SCENARIO's relative.plan with their sum and the least possible."""
+    # Importing casadi takes longer than listing the commands.
+    from posse_core._propagators.flight import planned, starts_of
+    from posse_core._run.plan import times_s
+
+    checked = read_scenario(scenario, overrides, seed=seed, frames=frames)
+    if checked.relative.plan is None:
+        raise InputError(f"{scenario}: has no relative.plan; add burns or a transfer")
+    with naming(scenario):
+        t_s = times_s(checked)
+        problem = PropagationProblem(checked.orbit, checked.relative, t_s, checked.constants)
+        plan = planned(problem, starts_of(problem)[0])
+    if as_json:
+        burns = [{"t_s": b.t_s, "dv_rtn_m_s": b.dv_rtn_m_s.tolist()} for b in plan.burns]
+        echo_json({"burns": burns, "dv_m_s": plan.dv_m_s, "least_dv_m_s": plan.least_dv_m_s})
+        return
+    echo_table(
+        ("t_s", "radial", "along", "cross  m/s"),
+        [(f"{b.t_s:.3f}", *(f"{x:+.6f}" for x in b.dv_rtn_m_s)) for b in plan.burns],
+    )
+    click.echo(f"total {plan.dv_m_s:.6f} m/s")
+    if plan.least_dv_m_s:
+        click.echo(f"least possible in this window {plan.least_dv_m_s:.6f} m/s, to first order")

@@ -1,0 +1,44 @@
+"""``posse partition``: train, valid and test lists."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from posse_core._dataset.dataset import PARTS, Dataset
+from posse_core._errors import InputError
+from posse_core._selection.partition import By, write_partition
+
+
+@click.command(name="partition")
+@click.argument("dataset", type=click.Path(path_type=Path))
+@click.option("--split", default="80/10/10", show_default=True, help="Shares of train, valid and test.")
+@click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Of the shuffle.")
+@click.option(
+    "--by",
+    type=click.Choice(["frame", "sequence"]),
+    default="frame",
+    show_default=True,
+    help="What is shuffled; a sequence (one relative orbit) is kept within one part.",
+)
+def command(dataset: Path, split: str, seed: int, by: By) -> None:
+    """Divide DATASET into parts for training, validation and test; the same seed gives the same parts.
+
+    Writes the thesis' six lists, and the frames of each part, into the dataset's folder partition/.
+    """
+    source = Dataset(dataset)
+    _ = source.manifest  # a run that has not ended has frames to come
+    parts = write_partition(source, _shares(split), seed, by)
+    for part in PARTS:
+        click.echo(f"{part} {len(parts[part])}")
+
+
+def _shares(split: str) -> list[float]:
+    try:
+        shares = [float(share) for share in split.split("/")]
+    except ValueError:
+        shares = []
+    if len(shares) != len(PARTS) or not all(0 <= x < float("inf") for x in shares) or sum(shares) == 0:
+        raise InputError(f"--split {split}: not three shares such as 80/10/10")
+    return shares

@@ -1,0 +1,35 @@
+"""``posse propagate``: the trajectory of a scenario, alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from posse_core._cli.common import naming, read_scenario, scenario_options
+from posse_core._errors import InputError
+from posse_core._plugins.loading import load_plugins
+from posse_core._run.plan import make_trajectory
+from posse_core._trajectory.trajectory import save_trajectory
+
+
+@click.command()
+@click.argument("scenario")
+@click.option(
+    "--out", type=click.Path(path_type=Path), required=True, help="A file that ends in .npz or .csv."
+)
+@scenario_options
+def command(
+    scenario: str, out: Path, seed: int | None, frames: int | None, overrides: tuple[str, ...]
+) -> None:
+    """Write the trajectory of SCENARIO: target and chaser, attitudes, Sun, eclipse, flux."""
+    if out.suffix not in (".npz", ".csv"):
+        raise InputError(f"--out {out}: the file's name must end in .npz or .csv")
+    checked = read_scenario(scenario, overrides, seed=seed, frames=frames)
+    with naming(scenario):
+        trajectory = make_trajectory(checked, load_plugins().registry)
+    try:
+        save_trajectory(trajectory, out)
+    except OSError as error:
+        raise InputError(f"--out {out}: cannot be written: {error.strerror}") from None
+    click.echo(f"{out}: {len(trajectory)} states")

@@ -1,0 +1,152 @@
+"""``posse run``: a scenario becomes a dataset."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import sys
+import time
+from collections.abc import Iterable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import click
+from tqdm import tqdm
+
+from posse_core._cli.common import DEFAULT_SCENARIO, naming, read_scenario, scenario_options
+from posse_core._errors import InputError
+from posse_core._files.store import open_store
+from posse_core._interfaces.executor import Executor, FrameResult
+from posse_core._plugins.loading import Plugins, load_plugins
+from posse_core._run.plan import make_plan
+from posse_core._run.run import RunResult, run
+from posse_core._scenario.load import scenario_members
+
+
+@click.command()
+@click.argument("scenario", required=False)
+@click.option("--renderer", metavar="NAME", help="Who renders; 'posse plugins' lists the names.")
+@click.option("--out", help="Folder of the dataset, or s3://BUCKET/FOLDER.")
+@click.option("--workers", type=int, default=1, show_default=True, help="Number of workers.")
+@click.option("--executor", default="local", show_default=True, help="Where frames are made.")
+@click.option(
+    "--frame-time-limit",
+    type=float,
+    metavar="SECONDS",
+    help="Stop a frame after this, and try it again.",
+)
+@click.option("--resume", is_flag=True, help="Go on with the run in --out.")
+@click.option(
+    "--json", "as_json", is_flag=True, help="Print what happens, one JSON object a line, as it happens."
+)
+@scenario_options
+def command(
+    scenario: str | None,
+    renderer: str | None,
+    out: str | None,
+    workers: int,
+    executor: str,
+    frame_time_limit: float | None,
+    resume: bool,
+    as_json: bool,
+    seed: int | None,
+    frames: int | None,
+    overrides: tuple[str, ...],
+) -> int:
+    """Make a labelled dataset from SCENARIO: a YAML file, or the name of a built-in scenario.
+
+    Without SCENARIO it makes one of Aqua over the Earth. A collection of scenarios makes a folder each.
+    """
+    plugins = load_plugins()
+    if resume and out is None:
+        raise InputError("--resume: name the folder of the run by --out")
+    named = {"renderer.name": renderer, "seed": seed, "frames": frames}
+    pool = _executor(plugins, executor, workers, frame_time_limit)
+    given = contextlib.nullcontext(scenario or DEFAULT_SCENARIO)
+    plans = {}
+    with _started_in(out) if resume and scenario is None and out is not None else given as source:
+        for member in scenario_members(source):
+            checked = read_scenario(member, overrides, **named)
+            with naming(member):
+                plans[Path(member).stem] = make_plan(checked, plugins.registry)
+    folder = out or _free_folder(Path(source).stem)
+    folders = {name: f"{folder}/{name}" if len(plans) > 1 else folder for name in plans}
+    results = []
+    for name, plan in plans.items():
+        shown = partial(_events, folders[name]) if as_json else _bar
+        result = run(plan, folders[name], plugins, pool, resume=resume, progress=shown)
+        if as_json:
+            _emit("finished", **_as_json(result))
+        results.append(result)
+    for result in results:
+        _tell(result, to_stdout=not as_json)
+    return 3 if any(result.failed for result in results) else 0
+
+
+@contextlib.contextmanager
+def _started_in(out: str) -> Iterator[str]:
+    """The scenario of the run at a place."""
+    try:
+        with open_store(out).local_copy("scenario.yaml") as path:
+            if not path.exists():
+                raise FileNotFoundError
+            yield str(path)
+    except FileNotFoundError:
+        raise InputError(
+            f"--resume: {out} has no scenario.yaml; name the scenario that was run into it"
+        ) from None
+
+
+def _executor(plugins: Plugins, name: str, workers: int, frame_time_limit_s: float | None) -> Executor:
+    given = {"workers": workers, "frame_time_limit_s": frame_time_limit_s}
+    given = {key: value for key, value in given.items() if value is not None}
+    options = plugins.registry.options("executor", name, given, where="--")
+    made: Executor = plugins.registry.create("executor", name, options)
+    return made
+
+
+def _free_folder(stem: str) -> str:
+    """``out/STEM-20260131-120000``: a folder that no run has yet."""
+    return f"out/{stem}-{time.strftime('%Y%m%d-%H%M%S')}"
+
+
+def _bar(results: Iterable[FrameResult], frames: int, done: int) -> Iterable[FrameResult]:
+    with tqdm(total=frames, initial=done, unit="frame", file=sys.stderr, smoothing=0.1) as bar:
+        for result in results:
+            bar.update()
+            yield result
+
+
+def _events(out: str, results: Iterable[FrameResult], frames: int, done: int) -> Iterable[FrameResult]:
+    """A line when the run starts, and one a frame when its labels are on the disk."""
+    _emit("started", dataset=out, frames=frames, done=done)
+    for result in results:
+        yield result
+        if result.made is None:
+            _emit("failed", frame=result.index, error=result.error)
+        else:
+            _emit("frame", frame=result.index)
+
+
+def _emit(event: str, **values: Any) -> None:
+    click.echo(json.dumps({"event": event, **values}, ensure_ascii=False))
+
+
+def _as_json(result: RunResult) -> dict[str, Any]:
+    return {
+        "dataset": result.out,
+        "frames": result.frames,
+        "made": result.made,
+        "failed": {str(index): error for index, error in result.failed.items()},
+        "seconds": round(result.seconds, 3),
+    }
+
+
+def _tell(result: RunResult, *, to_stdout: bool) -> None:
+    if to_stdout:
+        click.echo(
+            f"{result.out}: {result.made} frames made of {result.frames} in {result.seconds:.1f} s"
+        )
+    for index, error in sorted(result.failed.items()):
+        click.echo(f"posse: frame {index} failed: {' '.join(error.split())}", err=True)

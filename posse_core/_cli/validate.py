@@ -1,0 +1,56 @@
+"""``posse validate``: proof of a dataset."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import click
+from tqdm import tqdm
+
+from posse_core._cli.common import echo_json, echo_table
+from posse_core._dataset.dataset import Dataset
+from posse_core._errors import CheckFailed
+from posse_core._evaluation.foreign import validate_foreign
+from posse_core._evaluation.result import Report
+from posse_core._evaluation.validate import validate
+
+SHOWN = 10
+"""Frames that the error names at most; ``--json`` names all."""
+
+
+@click.command(name="validate")
+@click.argument("dataset", type=click.Path(path_type=Path))
+@click.option("--json", "as_json", is_flag=True, help="Print every fault of every frame as JSON.")
+def command(dataset: Path, as_json: bool) -> None:
+    """Prove the labels of DATASET: files, checksums, and each label against pose, camera and mesh.
+
+    DATASET is a folder made by POSSE; or labels of any other origin: a COCO or SPEED file, or a BOP or
+    YOLO-pose folder. Ends with code 1, and names the frames, when a check fails.
+    """
+    report = validate_foreign(dataset) or validate(Dataset(dataset), _progress)
+    if as_json:
+        echo_json(report.as_json())
+    else:
+        rows = [
+            (r.name, str(r.checked), str(len(r.faults)), r.faults[0].message if r.faults else r.proves)
+            for r in report.results
+        ]
+        echo_table(("check", "checked", "faults", "first fault, or what holds"), rows)
+    if not report.passed:
+        raise CheckFailed(_summary(report))
+
+
+def _progress(places: Iterable[int], frames: int) -> Iterable[int]:
+    shown: Iterable[int] = tqdm(places, total=frames, unit="frame", disable=None)
+    return shown
+
+
+def _summary(report: Report) -> str:
+    failed = [result for result in report.results if result.faults]
+    frames = sorted({frame for result in failed for frame in result.frames})
+    message = f"{report.folder}: {', '.join(result.name for result in failed)} failed"
+    if not frames:
+        return message
+    more = f" and {len(frames) - SHOWN} more" if len(frames) > SHOWN else ""
+    return f"{message} in frames {', '.join(str(frame) for frame in frames[:SHOWN])}{more}"

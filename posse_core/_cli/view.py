@@ -1,0 +1,50 @@
+"""``posse view``: a page to look at a dataset with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import click
+from tqdm import tqdm
+
+from posse_core._dataset.dataset import Dataset
+from posse_core._errors import InputError
+from posse_core._view.page import write_page
+
+
+@click.command(name="view")
+@click.argument("dataset", type=click.Path(path_type=Path))
+@click.option(
+    "--out", type=click.Path(path_type=Path), help="The page (DATASET/view.html, if not given)."
+)
+@click.option("--frames", type=click.IntRange(min=1), help="Show only so many frames, evenly spread.")
+@click.option(
+    "--max-mib",
+    type=click.FloatRange(min=0, min_open=True),
+    default=64,
+    show_default=True,
+    help="Size of the page at most; frames whose preview has no room are shown from the dataset.",
+)
+def command(dataset: Path, out: Path | None, frames: int | None, max_mib: float) -> None:
+    """Write one HTML page that shows DATASET in a browser: frames with their labels drawn, filters,
+    the relative orbit, distributions, the manifest.
+
+    It needs no server and no network.
+    """
+    source = Dataset(dataset)
+    out = source.folder / "view.html" if out is None else out
+    if not out.parent.is_dir():
+        raise InputError(f"--out {out}: there is no folder {out.parent}; make it first")
+    try:
+        page = write_page(source, out, frames=frames, max_bytes=int(max_mib * 2**20), progress=_progress)
+    except OSError as error:
+        raise InputError(f"--out {out}: cannot be written: {error.strerror}") from None
+    click.echo(
+        f"{out}: {page.frames} frames, {page.previews} with a preview, {page.size_bytes / 2**20:.1f} MiB"
+    )
+
+
+def _progress(places: Iterable[int], frames: int) -> Iterable[int]:
+    shown: Iterable[int] = tqdm(places, total=frames, unit="frame", disable=None)
+    return shown

@@ -1,0 +1,106 @@
+"""What is behind the craft in a frame, from the frame's motion: space, the Earth's limb, the Earth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from posse_core._arrays import FloatArray
+from posse_core._dataset.dataset import Dataset
+from posse_core._environment.earth import R_itrf_from_gcrf
+from posse_core._environment.time import Epoch
+from posse_core._errors import InputError
+from posse_core._files.tables import read_table
+from posse_core._frames import matrix_from_quaternion, unit
+from posse_core._model.camera import Camera
+from posse_core._sky.ellipsoid import SEMI_AXES_M, entry_distance_m
+
+BACKGROUNDS = ("space", "limb", "Earth by day", "Earth by night")
+_FIELDS = ("t_s", "q_eci_from_camera", "r_chaser_eci_m", "r_sun_eci_m")
+_ACROSS = 9  # rays along each side of the box
+
+
+def backgrounds(dataset: Dataset, lines: Sequence[Mapping[str, Any]]) -> list[str | None]:
+    """One of :data:`BACKGROUNDS` for each frame; None where no scenario tells whether it has an Earth.
+
+    Rays through the visible box (the whole image, where the craft is not seen) meet the Earth's
+    ellipsoid, or miss it. Some of both is the limb. Where all meet it, the Sun stands above or below
+    the horizon for most of the places that they meet.
+
+    Raises:
+        posse_core._errors.InputError: the trajectory or a scenario cannot be read.
+    """
+    files = [_scenario_file(dataset, line) for line in lines]
+    has_earth = {file: _earth_in(file) for file in set(files) if file is not None}
+    if True not in has_earth.values():
+        return [None if file is None else BACKGROUNDS[0] for file in files]
+    table = read_table(dataset.folder / "trajectory.npz", _FIELDS)
+    if table.epoch_utc is None:
+        raise InputError(f"{table.path} has no 'epoch_utc'; those of 'posse run' have")
+    epoch, camera = Epoch.from_iso(table.epoch_utc), dataset.camera
+    result: list[str | None] = []
+    for line, file in zip(lines, files, strict=True):
+        if file is None or not has_earth[file]:
+            result.append(None if file is None else BACKGROUNDS[0])
+            continue
+        t_s, q, r_camera_m, r_sun_m = (table[name][line["index"]] for name in _FIELDS)
+        R = R_itrf_from_gcrf(*epoch.tt(t_s), *epoch.ut1(t_s))
+        box_px = line["box_visible_px"] or (0, 0, camera.width_px, camera.height_px)
+        R_ecef_from_cam = R @ matrix_from_quaternion(q)
+        result.append(background(R_ecef_from_cam, R @ r_camera_m, R @ r_sun_m, camera, box_px))
+    return result
+
+
+def background(
+    R_ecef_from_cam: FloatArray,
+    r_camera_ecef_m: FloatArray,
+    r_sun_ecef_m: FloatArray,
+    camera: Camera,
+    box_px: Sequence[float],
+) -> str:
+    """One of :data:`BACKGROUNDS`: what is behind the box (x, y, width, height).
+
+    Args:
+        R_ecef_from_cam: (3, 3).
+        r_camera_ecef_m, r_sun_ecef_m: (3,) geocentric, Earth-fixed axes.
+    """
+    x, y, width, height = box_px
+    along = (np.arange(_ACROSS) + 0.5) / _ACROSS
+    u, v = np.meshgrid(x - 0.5 + along * width, y - 0.5 + along * height)
+    rays = unit(camera.rays(np.stack([u, v], axis=-1).reshape(-1, 2))) @ R_ecef_from_cam.T
+    distance_m = entry_distance_m(r_camera_ecef_m, rays)
+    met = np.isfinite(distance_m)
+    if not met.all():
+        return "limb" if met.any() else "space"
+    lit = _sun_is_up(r_camera_ecef_m + distance_m[:, None] * rays, r_sun_ecef_m)
+    return "Earth by day" if lit > 0.5 else "Earth by night"
+
+
+def _sun_is_up(places_m: FloatArray, r_sun_m: FloatArray) -> float:
+    """Share of places (P, 3) on the ellipsoid where the Sun is above the horizon; ECEF axes."""
+    normals = places_m / SEMI_AXES_M**2
+    return float(np.mean(np.sum(normals * (r_sun_m - places_m), axis=1) > 0))
+
+
+def _scenario_file(dataset: Dataset, line: Mapping[str, Any]) -> Path | None:
+    """The scenario that a frame was made by, where it is there."""
+    name = "scenario.yaml"
+    if "origin" in line:  # of 'posse collect', which keeps the scenario of each source
+        sources = [s for s in dataset.manifest["sources"] if s["dataset"] == line["origin"][0]]
+        name = (sources[0]["scenario"] if len(sources) == 1 else None) or ""
+    path = dataset.folder / name
+    return path if path.is_file() else None
+
+
+def _earth_in(scenario: Path) -> bool:
+    """Whether the sky of a scenario has an Earth."""
+    try:
+        return bool(yaml.safe_load(scenario.read_text(encoding="utf-8"))["sky"]["earth"])
+    except (OSError, yaml.YAMLError, KeyError, TypeError) as error:
+        raise InputError(
+            f"{scenario}: not a resolved scenario: {type(error).__name__}: {error}"
+        ) from None

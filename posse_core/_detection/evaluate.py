@@ -1,0 +1,138 @@
+"""Measure a detector, and pose from its keypoints, on frames of a dataset."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from posse_core._arrays import AnyArray
+from posse_core._dataset.dataset import Dataset
+from posse_core._detection.pnp import PoseEstimate, solve_pose
+from posse_core._errors import InputError
+from posse_core._evaluation.metrics import Truth, best_overlaps
+from posse_core._evaluation.poses import add_m, adi_m, pose_errors
+from posse_core._frames import matrix_from_quaternion
+from posse_core._interfaces.detector import Detection, Detector, KeypointFinder
+
+
+@dataclass(frozen=True)
+class PoseErrors:
+    """How far a found pose is off.
+
+    Attributes:
+        e_t: error of the place, over the range.
+        e_q_rad: angle between the attitudes; the nearest of the craft's symmetries counts.
+        add, adi: mean distance of the model's points, over the model's diameter.
+    """
+
+    e_t: float
+    e_q_rad: float
+    add: float
+    adi: float
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What was found in one frame, and how right it is.
+
+    Attributes:
+        labels: the frame's label line.
+        truths, detections: what is shown; what was found, best first.
+        overlaps: of each truth with the best detection of its class, 0 if there is none.
+        pose: of the best detection where its class is right and its keypoints gave a pose.
+    """
+
+    labels: Mapping[str, Any]
+    truths: Sequence[Truth]
+    detections: Sequence[Detection]
+    overlaps: Sequence[float]
+    pose: PoseErrors | None
+
+
+def frames_of(dataset: Dataset, part: str) -> list[int]:
+    """Indices of the frames of a part; all of them where the dataset was not divided and ``part`` is
+    ``all``.
+
+    Raises:
+        InputError: no such part, or it is empty.
+    """
+    indices = [int(i) for i in dataset.frames.indices] if part == "all" else dataset.part(part)
+    if not indices:
+        raise InputError(f"{dataset.folder}: part {part!r} has no frames")
+    return indices
+
+
+def truths_of(labels: Mapping[str, Any]) -> list[Truth]:
+    """What a label line says is seen.
+
+    Raises:
+        InputError: it has no boxes.
+    """
+    if "box_visible_px" not in labels:
+        raise InputError("the labels have no boxes; make the dataset with the annotator 'box'")
+    box = labels["box_visible_px"]
+    return [] if box is None else [Truth(labels["spacecraft"], np.array(box, np.float64))]
+
+
+def evaluate(
+    dataset: Dataset,
+    indices: Sequence[int],
+    detector: Detector,
+    finder: KeypointFinder | None = None,
+) -> list[Judged]:
+    """What the detector finds in frames, against their labels; with a finder, poses too, each from the
+    best detection where its class is right.
+
+    Raises:
+        InputError: the labels lack what is measured, or the model does not know a class.
+    """
+    for model in (detector, finder):
+        missing = sorted(set(dataset.spacecraft_by_name) - set(model.classes)) if model else []
+        if model and missing:
+            raise InputError(
+                f"the model does not know {', '.join(missing)}, which {dataset.folder} shows; it knows"
+                f" {', '.join(model.classes)}"
+            )
+    judged = []
+    for index in indices:
+        labels, image = dataset.frame(index), dataset.image(index)
+        truths = truths_of(labels)
+        found = [d for d in detector.predict([image])[0] if d.label in dataset.spacecraft_by_name]
+        pose = None
+        if finder is not None and found and found[0].label == labels.get("spacecraft"):
+            pose = _pose(dataset, labels, finder, image, found[0])
+        judged.append(Judged(labels, truths, found, best_overlaps(truths, found), pose))
+    return judged
+
+
+def _pose(
+    dataset: Dataset,
+    labels: Mapping[str, Any],
+    finder: KeypointFinder,
+    image: AnyArray,
+    best: Detection,
+) -> PoseErrors | None:
+    (found,) = finder.find(image, [best])
+    assert found.keypoints_px is not None
+    assert found.keypoints_sigma_px is not None
+    points = finder.keypoints_body_m[found.label]
+    pose = solve_pose(points, found.keypoints_px, found.keypoints_sigma_px, dataset.camera)
+    return None if pose is None else _errors(dataset, labels, pose)
+
+
+def _errors(dataset: Dataset, labels: Mapping[str, Any], pose: PoseEstimate) -> PoseErrors:
+    if "q_cam_from_body" not in labels:
+        raise InputError(
+            f"{dataset.folder}: the labels have no poses; make the dataset with the annotator 'pose'"
+        )
+    name = labels["spacecraft"]
+    R, t = matrix_from_quaternion(np.array(labels["q_cam_from_body"])), np.array(labels["t_body_cam_m"])
+    told = pose.R_cam_from_body, pose.t_body_cam_m
+    e_t, e_q_rad = pose_errors(R, t, *told, dataset.spacecraft_by_name[name].symmetries)
+    mesh = dataset.mesh(name)
+    points, diameter_m = mesh.vertices_body_m, mesh.diameter_m
+    add, adi = (measure(points, R, t, *told) / diameter_m for measure in (add_m, adi_m))
+    return PoseErrors(e_t, e_q_rad, add, adi)

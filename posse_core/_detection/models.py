@@ -1,0 +1,97 @@
+"""Open a model file with the component that reads it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from posse_core._detection.card import read_card
+from posse_core._errors import InputError
+from posse_core._interfaces.detector import Detector, KeypointFinder, Model
+from posse_core._plugins.registry import Registry
+
+ONNX = ".onnx"
+_TASK_OF = {"boxes": "finds boxes", "keypoints": "finds keypoints"}
+
+
+def open_models(
+    boxes: Path | None, keypoints: Path | None, registry: Registry, options: Mapping[str, Any]
+) -> tuple[Detector, KeypointFinder | None]:
+    """A detector and what finds keypoints in its boxes, as a command's user named them.
+
+    Args:
+        boxes: None is the net that a plugin ships.
+        keypoints: None is none, or the shipped one where ``boxes`` is None too.
+        options: as of :func:`open_detector`.
+
+    Raises:
+        InputError: as of :func:`open_detector`, or nothing installed ships a net.
+    """
+    if boxes is None and keypoints is None:
+        keypoints = _shipped("keypoints", registry)
+    detector = open_detector(boxes or _shipped("boxes", registry), registry, options)
+    if keypoints is None:
+        return detector, None
+    return detector, open_keypoint_finder(keypoints, registry, options)
+
+
+def open_detector(path: Path, registry: Registry, options: Mapping[str, Any]) -> Detector:
+    """The detector of a ``.safetensors`` or ``.onnx`` file, with its weights.
+
+    Args:
+        options: of the component that reads it, as the user gave them.
+
+    Raises:
+        InputError: missing, not a model of POSSE, not one that finds boxes, or nothing here reads it.
+    """
+    model = open_model(path, "boxes", registry, options)
+    assert isinstance(model, Detector), f"{type(model)} claims the capability 'boxes'"
+    return model
+
+
+def open_keypoint_finder(path: Path, registry: Registry, options: Mapping[str, Any]) -> KeypointFinder:
+    """As :func:`open_detector`, for a model that finds keypoints."""
+    model = open_model(path, "keypoints", registry, options)
+    assert isinstance(model, KeypointFinder), f"{type(model)} claims the capability 'keypoints'"
+    return model
+
+
+def open_model(path: Path, task: str, registry: Registry, options: Mapping[str, Any]) -> Model:
+    """The model of a file, which must do ``task``; see :func:`open_detector`."""
+    if not path.is_file():
+        raise InputError(f"{path}: there is no such file; name a model by 'posse train'")
+    if path.suffix == ONNX:
+        name = _onnx_reader(path, task, registry)
+    else:
+        card = read_card(path)
+        name = card.net
+        if card.task != task:
+            raise InputError(
+                f"{path}: it {_TASK_OF[card.task]}, where one that {_TASK_OF[task]} is needed"
+            )
+    model: Model = registry.create(
+        "detector", name, registry.options("detector", name, options, where="option")
+    )
+    model.load(path)
+    return model
+
+
+def _shipped(task: str, registry: Registry) -> Path:
+    for spec in registry.specs("detector"):
+        if {"shipped", task} <= spec.capabilities:
+            model: Model = registry.create(
+                "detector", spec.name, registry.options("detector", spec.name, {})
+            )
+            assert model.shipped is not None, f"{spec.name} claims the capability 'shipped'"
+            return model.shipped
+    raise InputError(
+        "no trained net is installed; name one by --model, or pip install posse-detect-onnx"
+    )
+
+
+def _onnx_reader(path: Path, task: str, registry: Registry) -> str:
+    for spec in registry.specs("detector"):
+        if {ONNX, task} <= spec.capabilities:
+            return spec.name
+    raise InputError(f"{path}: nothing that is installed reads it; pip install posse-detect-onnx")

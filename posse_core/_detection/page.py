@@ -1,0 +1,136 @@
+"""The page of an evaluation: tables, precision by recall, errors by range, the worst frames."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from posse_core._dataset.dataset import Dataset
+from posse_core._detection.draw import draw
+from posse_core._detection.evaluate import Judged, PoseErrors
+from posse_core._detection.groups import Group, columns
+from posse_core._detection.square import grey
+from posse_core._evaluation.metrics import precision_by_recall
+from posse_core._evaluation.pages import Axis, Series, jpeg, number, page, plot, strip, table
+
+_WORST = 12
+_THUMBNAIL_PX = 320
+_WHITE = (255, 255, 255)
+
+
+def make_page(
+    title: str, summary: str, dataset: Dataset, judged: Sequence[Judged], groups: Sequence[Group]
+) -> str:
+    """HTML of an evaluation.
+
+    Args:
+        title, summary: plain text: what was measured on what.
+        groups: of ``judged``, all frames first.
+    """
+    of_boxes, of_poses = columns(groups)
+    body = ["<h2>Boxes</h2>", _table(groups, of_boxes)]
+    if of_poses:
+        body += ["<h2>Poses</h2>", _table(groups, of_poses)]
+    body += ["<h2>Precision by recall</h2>", *_precision(dataset, judged)]
+    if "range_m" in judged[0].labels:
+        body += ["<h2>By range</h2>", *_by_range(judged)]
+    body += ["<h2>Worst frames</h2>", *_worst(dataset, judged)]
+    return page(title, summary, body)
+
+
+def _table(groups: Sequence[Group], names: Sequence[str]) -> str:
+    rows = [
+        [group.name, str(group.frames), *(number(group.metrics.get(name)) for name in names)]
+        for group in groups
+    ]
+    return table(("", "frames", *names), rows)
+
+
+def _precision(dataset: Dataset, judged: Sequence[Judged]) -> Iterator[str]:
+    truths, detections = [j.truths for j in judged], [j.detections for j in judged]
+    curves = precision_by_recall(truths, detections, sorted(dataset.spacecraft_by_name))
+    recall = np.linspace(0, 1, 101).tolist()
+    for name, by_overlap in curves.items():
+        series = [
+            Series(f"IoU {iou:g}", list(zip(recall, precision.tolist(), strict=True)), line=True)
+            for iou, precision in by_overlap.items()
+        ]
+        yield plot(name, Axis("recall", 0, 1), Axis("precision", 0, 1), series)
+
+
+def _by_range(judged: Sequence[Judged]) -> Iterator[str]:
+    ranges = Axis.over("range, m", [j.labels["range_m"] for j in judged])
+    shown = [j for j in judged if j.truths]
+    found = _by_class(shown, lambda j: j.overlaps[0])
+    yield plot("box IoU with the best detection of the class", ranges, Axis("IoU", 0, 1), found)
+    measures: dict[str, Callable[[PoseErrors], float]] = {
+        "place, over the range": lambda pose: pose.e_t,
+        "attitude, degrees": lambda pose: float(np.degrees(pose.e_q_rad)),
+        "ADD, over the diameter": lambda pose: pose.add,
+    }
+    posed = [j for j in shown if j.pose is not None]
+    for name, measure in measures.items() if posed else ():
+
+        def value(j: Judged, measure: Callable[[PoseErrors], float] = measure) -> float:
+            assert j.pose is not None
+            return max(measure(j.pose), 1e-6)  # what is exact has its place on the axis too
+
+        axis = Axis.over("", map(value, posed), log=True)
+        yield plot(name, ranges, axis, _by_class(posed, value))
+
+
+def _by_class(judged: Sequence[Judged], value: Callable[[Judged], float]) -> list[Series]:
+    names = sorted({j.labels["spacecraft"] for j in judged})
+    return [
+        Series(
+            name,
+            [(j.labels["range_m"], value(j)) for j in judged if j.labels["spacecraft"] == name],
+        )
+        for name in names
+    ]
+
+
+def _worst(dataset: Dataset, judged: Sequence[Judged]) -> Iterator[str]:
+    legend = "White: the label. Colour: what was found. Pictures are to the power 1/2."
+    yield f"<p>{html.escape(legend)}</p>"
+    shown = sorted((j for j in judged if j.truths), key=lambda j: min(j.overlaps))
+    yield _strip(dataset, "least overlap", shown[:_WORST], lambda j: f"IoU {min(j.overlaps):.2f}")
+    empty = [j for j in judged if not j.truths and j.detections]
+    empty.sort(key=lambda j: -j.detections[0].score)
+    if empty:
+        yield _strip(
+            dataset,
+            "highest score where nothing is shown",
+            empty[:_WORST],
+            lambda j: f"score {j.detections[0].score:.2f}",
+        )
+    posed = [(j.pose.add, j) for j in judged if j.pose is not None]
+    posed.sort(key=lambda pair: -pair[0])
+    if posed:
+        adds = {j.labels["index"]: add for add, j in posed}
+        worst = [j for _, j in posed[:_WORST]]
+        yield _strip(dataset, "greatest ADD", worst, lambda j: f"ADD {adds[j.labels['index']]:.2g} d")
+
+
+def _strip(
+    dataset: Dataset, heading: str, judged: Sequence[Judged], words: Callable[[Judged], str]
+) -> str:
+    captions = [f"frame {j.labels['index']}, {words(j)}" for j in judged]
+    return strip(heading, captions, [_thumbnail(dataset, j) for j in judged])
+
+
+def _thumbnail(dataset: Dataset, judged: Judged) -> bytes:
+    light = np.sqrt(grey(dataset.image(judged.labels["index"])))
+    scale = _THUMBNAIL_PX / max(light.shape)
+    size = round(light.shape[1] * scale), round(light.shape[0] * scale)
+    small = cv2.resize(light, size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_NEAREST)
+    best = [replace(d, box_px=d.box_px * scale) for d in judged.detections[:1]]
+    canvas = draw(np.round(255 * small).astype(np.uint8), best, sorted(dataset.spacecraft_by_name))
+    for truth in judged.truths:
+        x, y, width, height = np.round(truth.box_px * scale).astype(int).tolist()
+        cv2.rectangle(canvas, (x, y), (x + width, y + height), _WHITE, 1)
+    return jpeg(canvas)

@@ -1,0 +1,180 @@
+"""Pose from keypoints and their uncertainties: a closed-form start, then weighted least squares."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from posse_core._arrays import BoolArray, FloatArray
+from posse_core._frames import matrix_from_rotation_vector
+from posse_core._model.camera import Camera
+
+MIN_POINTS = 4
+"""Three points leave several poses."""
+_HUBER = 2.0  # standard deviations beyond which a point's pull no longer grows
+_STEPS = 30
+
+
+@dataclass(frozen=True)
+class PoseEstimate:
+    """A pose with its uncertainty.
+
+    Attributes:
+        R_cam_from_body: (3, 3).
+        t_body_cam_m: (3,) place of the body's origin in camera axes.
+        covariance: (6, 6) of a small turn in camera axes (rad) and of the place (m), in this order.
+        inliers: (K,) points within three standard deviations.
+        residual: root mean square of the inliers' residuals, in standard deviations.
+    """
+
+    R_cam_from_body: FloatArray
+    t_body_cam_m: FloatArray
+    covariance: FloatArray
+    inliers: BoolArray
+    residual: float
+
+
+def solve_pose(
+    points_body_m: FloatArray, points_px: FloatArray, sigma_px: FloatArray, camera: Camera
+) -> PoseEstimate | None:
+    """The pose that brings points of the body to pixels.
+
+    RANSAC by P3P (Ke and Roumeliotis 2017) tells which points agree, and OpenCV's closed forms start
+    from those; then Levenberg-Marquardt, each point weighted by its deviation, with Huber's weights.
+    Keypoints of one plane are no special case.
+
+    Args:
+        points_body_m: (K, 3).
+        points_px: (K, 2).
+        sigma_px: (K,) standard deviation of each coordinate.
+
+    Returns:
+        None where fewer than four points are given or agree on a pose.
+    """
+    points_body_m = np.asarray(points_body_m, np.float64)
+    points_px, sigma_px = np.asarray(points_px, np.float64), np.asarray(sigma_px, np.float64)
+    start = _start(points_body_m, points_px, sigma_px, camera)
+    if start is None:
+        return None
+    R, t, agree = start
+    everything = points_body_m, points_px, sigma_px
+    points_body_m, points_px, sigma_px = (a[agree] for a in everything)
+    damping = 1e-4
+    cost, J, r, weights = _linearised(R, t, points_body_m, points_px, sigma_px, camera)
+    for _ in range(_STEPS):
+        H = (J * weights[:, None]).T @ J
+        slope = -J.T @ (weights * r)
+        step = np.asarray(np.linalg.solve(H + damping * np.diag(np.diag(H)), slope), np.float64)
+        R_new, t_new = matrix_from_rotation_vector(step[:3]) @ R, t + step[3:]
+        new = _linearised(R_new, t_new, points_body_m, points_px, sigma_px, camera)
+        if new[0] < cost:
+            done = cost - new[0] < 1e-10 * cost
+            R, t, (cost, J, r, weights) = R_new, t_new, new
+            damping = max(damping / 10, 1e-12)
+            if done:
+                break
+        else:
+            damping *= 10
+            if damping > 1e8:
+                break
+    points_body_m, points_px, sigma_px = everything
+    distance = _distance_px(R, t, points_body_m, points_px, camera) / sigma_px
+    inliers = distance < 3.0 * np.sqrt(2.0)
+    if inliers.sum() < MIN_POINTS or t[2] <= 0:
+        return None
+    covariance = np.asarray(np.linalg.pinv((J * weights[:, None]).T @ J), np.float64)
+    residual = float(np.sqrt(np.mean(distance[inliers] ** 2) / 2))
+    return PoseEstimate(R, t, covariance, inliers, residual)
+
+
+def _start(
+    points_body_m: FloatArray, points_px: FloatArray, sigma_px: FloatArray, camera: Camera
+) -> tuple[FloatArray, FloatArray, BoolArray] | None:
+    """Attitude, place, and (K,) the points that agree on them."""
+    if len(points_px) < MIN_POINTS:
+        return None
+    cv2.setRNGSeed(0)  # RANSAC draws; the same points give the same pose
+    threshold_px = float(3.0 * np.median(sigma_px) + 1.0)
+    try:
+        found, _, _, places = cv2.solvePnPRansac(
+            points_body_m,
+            points_px,
+            camera.matrix,
+            camera.distortion_coefficients,
+            flags=cv2.SOLVEPNP_AP3P,
+            reprojectionError=threshold_px,
+            iterationsCount=200,
+        )
+    except cv2.error:  # raised where no three points fix a pose
+        return None
+    if not found or len(places) < MIN_POINTS:
+        return None
+    chosen = places[:, 0]
+    starts = [
+        (float(np.median(_distance_px(R, t, points_body_m, points_px, camera)[chosen])), i, R, t)
+        for i, (R, t) in enumerate(_closed_forms(points_body_m[chosen], points_px[chosen], camera))
+    ]
+    if not starts:
+        return None
+    _, _, R, t = min(starts)
+    distance_px = _distance_px(R, t, points_body_m, points_px, camera)
+    agree = distance_px < threshold_px + 5.0 * sigma_px  # the unsure have a say too, by their weight
+    return (R, t, agree) if agree.sum() >= MIN_POINTS else None
+
+
+def _closed_forms(
+    points_body_m: FloatArray, points_px: FloatArray, camera: Camera
+) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """SQPnP (Terzakis and Lourakis 2020) errs on some planes; DLT or homography on some noise."""
+    for method in (cv2.SOLVEPNP_SQPNP, cv2.SOLVEPNP_ITERATIVE):
+        try:
+            found, rotation, t = cv2.solvePnP(
+                points_body_m,
+                points_px,
+                camera.matrix,
+                camera.distortion_coefficients,
+                flags=method,
+            )
+        except cv2.error:  # DLT needs six points
+            continue
+        if found and t[2, 0] > 0 and np.isfinite(rotation).all():
+            yield np.asarray(cv2.Rodrigues(rotation)[0], np.float64), np.asarray(t[:, 0], np.float64)
+
+
+def _distance_px(
+    R: FloatArray, t: FloatArray, points_body_m: FloatArray, points_px: FloatArray, camera: Camera
+) -> FloatArray:
+    away = camera.project(points_body_m @ R.T + t) - points_px
+    # NaN behind the camera, or beyond its lens
+    return np.asarray(np.nan_to_num(np.linalg.norm(away, axis=1), nan=np.inf))
+
+
+def _linearised(
+    R: FloatArray,
+    t: FloatArray,
+    points_body_m: FloatArray,
+    points_px: FloatArray,
+    sigma_px: FloatArray,
+    camera: Camera,
+) -> tuple[float, FloatArray, FloatArray, FloatArray]:
+    """Huber cost, (2K, 6) Jacobian by turn and place, (2K,) residuals in deviations, (2K,) weights."""
+    turned = points_body_m @ R.T
+    away_px = camera.project(turned + t) - points_px
+    z = (turned + t)[:, 2]
+    if np.isnan(away_px).any():
+        return np.inf, np.zeros((2 * len(z), 6)), np.zeros(2 * len(z)), np.zeros(2 * len(z))
+    zero = np.zeros_like(z)
+    by_place = camera.project_jacobian(turned + t)
+    a, b, c = turned.T  # a turn by w moves a point by w × p = −[p]× w
+    minus_cross = np.stack(
+        [np.stack([zero, c, -b], 1), np.stack([-c, zero, a], 1), np.stack([b, -a, zero], 1)], 1
+    )
+    J = np.concatenate([by_place @ minus_cross, by_place], axis=2) / sigma_px[:, None, None]
+    r = away_px / sigma_px[:, None]
+    distance = np.linalg.norm(r, axis=1)
+    weights = np.minimum(1.0, _HUBER / np.maximum(distance, 1e-12))
+    cost = np.where(distance <= _HUBER, distance**2 / 2, _HUBER * (distance - _HUBER / 2)).sum()
+    return float(cost), J.reshape(-1, 6), r.reshape(-1), np.repeat(weights, 2)

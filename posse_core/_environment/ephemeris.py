@@ -1,0 +1,57 @@
+"""Sun and Moon from JPL's ephemeris DE421 (Folkner, Williams & Boggs 2009, IPN PR 42-178).
+
+Geometric: where the bodies are at the instant asked for, without light-time (the Sun appears 20.5″
+from there) and without aberration. Axes are those of DE421, ICRF within 1 mas.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import de421
+import numpy as np
+from jplephem.ephem import Ephemeris
+
+from posse_core._arrays import FloatArray
+from posse_core._errors import InputError
+
+_M_PER_KM = 1000.0
+
+
+@cache
+def _ephemeris() -> Any:
+    return Ephemeris(de421)
+
+
+def sun_eci_m(jd1_tdb: FloatArray, jd2_tdb: FloatArray) -> FloatArray:
+    """Geocentric Sun, GCRF axes: two-part Julian dates of any shape → (..., 3) metres.
+
+    Raises:
+        InputError: a time outside the ephemeris, 1899-12-04 to 2200-02-01.
+    """
+    earth_moon = _position_m("earthmoon", jd1_tdb, jd2_tdb)
+    earth = earth_moon - moon_eci_m(jd1_tdb, jd2_tdb) * float(_ephemeris().earth_share)
+    return _position_m("sun", jd1_tdb, jd2_tdb) - earth
+
+
+def moon_eci_m(jd1_tdb: FloatArray, jd2_tdb: FloatArray) -> FloatArray:
+    """Geocentric Moon, GCRF axes: two-part Julian dates of any shape → (..., 3) metres.
+
+    Raises:
+        InputError: a time outside the ephemeris, 1899-12-04 to 2200-02-01.
+    """
+    return _position_m("moon", jd1_tdb, jd2_tdb)
+
+
+def _position_m(body: str, jd1: FloatArray, jd2: FloatArray) -> FloatArray:
+    jd1, jd2 = np.broadcast_arrays(jd1, jd2)
+    first, last = float(_ephemeris().jalpha), float(_ephemeris().jomega)
+    # The negation refuses NaN too.
+    if not np.all((jd1 + jd2 >= first) & (jd1 + jd2 <= last)):
+        raise InputError(
+            f"a time of the scenario is outside the ephemeris DE421 (1899-12-04 to 2200-02-01,"
+            f" Julian dates {first:.1f} to {last:.1f}); choose an epoch and times within it"
+        )
+    position_km = _ephemeris().position(body, jd1.ravel(), jd2.ravel())
+    return np.asarray(position_km.T.reshape(*jd1.shape, 3) * _M_PER_KM)

@@ -1,0 +1,147 @@
+"""One frame under test: its labels, and what they are compared with."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from posse_core import _frames as frames
+from posse_core._arrays import AnyArray, BoolArray, FloatArray
+from posse_core._dataset.dataset import Dataset, SpacecraftInfo, read_arrays
+from posse_core._dataset.mesh import Mesh
+from posse_core._errors import InputError
+from posse_core._evaluation.raster import depth_by_rows, depth_of_mesh
+from posse_core._formats.rle import decode_rle
+
+ARRAYS = {"part_id": ("iu", ()), "depth_m": ("f", ()), "normal_cam": ("f", (3,))}
+"""Arrays by name: kinds of their type, and their axes beyond rows and columns."""
+_ROW_TRIALS = 8
+
+
+class Case:
+    """One frame under test: its labels, and what they are compared with, made when asked for."""
+
+    def __init__(self, dataset: Dataset, labels: dict[str, Any]) -> None:
+        self.dataset = dataset
+        self.labels = labels
+        self.camera = dataset.camera
+
+    @cached_property
+    def craft(self) -> SpacecraftInfo:
+        """What the labels speak of."""
+        return self.dataset.spacecraft_by_name[self.labels["spacecraft"]]
+
+    @cached_property
+    def arrays(self) -> dict[str, AnyArray]:
+        """Arrays of the frame; empty where the run wrote none.
+
+        Raises:
+            InputError: the file is missing or damaged.
+        """
+        name = self.labels["truth"]
+        return read_arrays(self.dataset.folder / name) if name else {}
+
+    @cached_property
+    def truth(self) -> dict[str, AnyArray]:
+        """The arrays that are fit to be compared; the check ``files`` tells of the others."""
+        try:
+            return {name: a for name, a in self.arrays.items() if not self.array_fault(name, a)}
+        except InputError:
+            return {}
+
+    def array_fault(self, name: str, array: AnyArray) -> str | None:
+        """What is wrong with the type or shape of an array, or None; one of another name is right."""
+        kinds, axes = ARRAYS.get(name, (array.dtype.kind, array.shape[2:]))
+        shape = (self.camera.height_px, self.camera.width_px, *axes)
+        if array.dtype.kind in kinds and array.shape == shape:
+            return None
+        return (
+            f"array {name} is {array.dtype} of shape {array.shape}, not as the camera and its name ask"
+        )
+
+    @cached_property
+    def mask(self) -> BoolArray:
+        """(H, W) from the run lengths."""
+        return decode_rle(self.labels["mask_rle"])
+
+    @cached_property
+    def R_cam_from_body(self) -> FloatArray:
+        """(3, 3) from the pose."""
+        return frames.matrix_from_quaternion(np.array(self.labels["q_cam_from_body"], dtype=np.float64))
+
+    def in_camera(
+        self,
+        x_body_m: FloatArray,
+        R_cam_from_body: FloatArray | None = None,
+        after_s: FloatArray | float = 0.0,
+    ) -> FloatArray:
+        """(N, 3) body → (N, 3) camera axes by the labelled pose, or with another rotation; moved on
+        by the labelled rates for a time, one for all or (N,)."""
+        R = self.R_cam_from_body if R_cam_from_body is None else R_cam_from_body
+        after_s = np.broadcast_to(np.asarray(after_s)[..., None], (len(x_body_m), 1))
+        body, camera, v = (
+            after_s * np.array(self.labels.get(key, np.zeros(3)))
+            for key in ("omega_body_rad_s", "omega_camera_rad_s", "v_body_cam_m_s")
+        )
+        x_m = Rotation.from_rotvec(body).apply(x_body_m) @ R.T + np.array(self.labels["t_body_cam_m"])
+        return np.asarray(Rotation.from_rotvec(-camera).apply(x_m + v))
+
+    def row_s(self, row_px: FloatArray | float) -> FloatArray:
+        """When rows are exposed, against the frame's instant; beyond the image, as at its border."""
+        last = self.camera.height_px - 1
+        return np.asarray((np.clip(row_px, 0, last) - last / 2) * self.camera.line_time_s)
+
+    def seen_by_rows(self, x_body_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(N, 3) body → (N, 3) camera axes when the row that sees a point is exposed; (N,) when."""
+        after_s = np.zeros(len(x_body_m))
+        for _ in range(_ROW_TRIALS if self.camera.line_time_s > 0 else 0):
+            v_px = self.camera.project(self.in_camera(x_body_m, after_s=after_s))[:, 1]
+            after_s = self.row_s(np.nan_to_num(v_px))
+        return self.in_camera(x_body_m, after_s=after_s), after_s
+
+    @cached_property
+    def keypoints(self) -> tuple[FloatArray, AnyArray]:
+        """(K, 2) pixels, NaN for null, and (K,) visibility, in the craft's order."""
+        rows = [self.labels["keypoints"][name] for name in self.craft.keypoints_body_m]
+        uv = np.array([[np.nan if x is None else x for x in row[:2]] for row in rows]).reshape(-1, 2)
+        return uv, np.array([row[2] for row in rows], dtype=np.int8)
+
+    @cached_property
+    def points_body_m(self) -> FloatArray:
+        """(K, 3) the craft's keypoints."""
+        return np.array(list(self.craft.keypoints_body_m.values())).reshape(-1, 3)
+
+    @cached_property
+    def keypoints_cam_m(self) -> FloatArray:
+        """(K, 3) the craft's keypoints in camera axes by the labelled pose, when their rows see them."""
+        return self.seen_by_rows(self.points_body_m)[0]
+
+    @cached_property
+    def vertices_cam_m(self) -> FloatArray:
+        """(V, 3) the mesh in camera axes by the labelled pose, when its vertices' rows see them."""
+        return self.seen_by_rows(self.mesh.vertices_body_m)[0]
+
+    @cached_property
+    def mesh(self) -> Mesh:
+        """The craft's triangles."""
+        return self.dataset.mesh(self.craft.name)
+
+    @cached_property
+    def mesh_depth_m(self) -> FloatArray:
+        """(H, W) planar depth of the mesh by the labelled pose, infinite off it."""
+        if self.camera.line_time_s == 0:
+            return depth_of_mesh(self.camera, self.vertices_cam_m, self.mesh.faces)
+        return depth_by_rows(
+            self.camera,
+            lambda row: self.in_camera(self.mesh.vertices_body_m, after_s=float(self.row_s(row))),
+            self.mesh.faces,
+        )
+
+    @cached_property
+    def size_m(self) -> float:
+        """Longest side of the craft's axis-aligned box in the body frame."""
+        vertices = self.mesh.vertices_body_m
+        return float(np.max(np.ptp(vertices, axis=0)))

@@ -1,0 +1,73 @@
+"""Which differences are too large."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+from pydantic import Field
+
+from posse_core._evaluation.crosscheck.compare import Comparison
+from posse_core._plugins.options import Options
+
+
+class Thresholds(Options):
+    """What holds, or the check fails; ``path-traced`` is a renderer's capability."""
+
+    min_iou: float = Field(0.995, ge=0, le=1, description="silhouettes against geometry, all frames")
+    max_edge_px: float = Field(
+        0.1, ge=0, description="mean edge distance in the worst frame, px, of path tracers"
+    )
+    max_edge_other_px: float = Field(0.5, ge=0, description="the same of other renderers, px")
+    max_lambert: float = Field(
+        0.01, ge=0, description="Lambertian radiance off its closed form, relative, of path tracers"
+    )
+    max_lambert_other: float = Field(0.03, ge=0, description="the same of other renderers")
+    max_mean: float = Field(
+        0.05, ge=0, description="mean radiance of the craft between path tracers, relative"
+    )
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One threshold, held against one number."""
+
+    case: str
+    who: str
+    what: str
+    value: float
+    limit: float
+    passed: bool
+
+    def __str__(self) -> str:
+        return f"{self.case}: {self.who}: {self.what} is {self.value:.4g}, not within {self.limit:g}"
+
+
+def judge(
+    comparison: Comparison, thresholds: Thresholds, capabilities: Mapping[str, Iterable[str]]
+) -> Iterator[Verdict]:
+    """Hold a comparison against the thresholds; ``capabilities`` by renderer."""
+    case = comparison.name
+    traced = {name for name, words in capabilities.items() if "path-traced" in words}
+
+    def at_most(who: str, what: str, value: float | None, limit: float) -> Iterator[Verdict]:
+        if value is not None:
+            yield Verdict(case, who, what, value, limit, value <= limit)
+
+    for name, values in comparison.renderers.items():
+        iou = values["iou"]
+        if iou is not None:
+            limit = thresholds.min_iou
+            yield Verdict(case, name, "silhouette IoU", iou, limit, iou >= limit)
+        edge = thresholds.max_edge_px if name in traced else thresholds.max_edge_other_px
+        yield from at_most(name, "edge distance (px)", values["edge_worst_px"], edge)
+        yield from at_most(name, "landmark distance (px)", values["landmark_worst_px"], edge)
+        ratio = values["expected_ratio"]
+        if comparison.lambertian and ratio is not None:
+            off = thresholds.max_lambert if name in traced else thresholds.max_lambert_other
+            yield from at_most(name, "Lambertian radiance error", abs(ratio - 1), off)
+    for pair, values in comparison.pairs.items():
+        ratio = values["radiance_ratio"]
+        if ratio is not None and set(pair.split(" / ")) <= traced:
+            error = abs(ratio - 1)
+            yield from at_most(pair, "mean radiance difference", error, thresholds.max_mean)

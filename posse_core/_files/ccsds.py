@@ -1,0 +1,126 @@
+"""CCSDS navigation messages in keyword notation: blocks, data lines and epochs.
+
+What Orbit Ephemeris Messages (502.0-B-3) and Attitude Ephemeris Messages (504.0-B-2) share.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import erfa
+import numpy as np
+
+from posse_core._arrays import FloatArray
+from posse_core._environment.time import SECONDS_PER_DAY, Epoch
+from posse_core._errors import InputError
+
+TIME_SYSTEMS = ("UTC", "TAI", "TT", "GPS")
+_AFTER_TAI_S = {"TAI": 0.0, "TT": 32.184, "GPS": -19.0}
+_DATE = re.compile(
+    r"(\d{4})-(?:(\d{3})|(\d\d)-(\d\d))T(\d\d):(\d\d):(\d\d(?:\.\d*)?)Z?"
+)  # both of CCSDS 301.0-B-4's calendar forms
+_FRAMING = ("DATA_START", "DATA_STOP")
+
+
+@dataclass(frozen=True)
+class DataLine:
+    """One line of data.
+
+    Attributes:
+        place: file and line, for messages.
+        meta: the block of keywords that it stands under, values in upper case.
+        t_s: SI seconds after the epoch that was asked for.
+        numbers: what follows the line's epoch, finite.
+    """
+
+    place: str
+    meta: Mapping[str, str]
+    t_s: float
+    numbers: FloatArray
+
+
+def data_lines(
+    path: Path, message: str, epoch: Epoch, known: Mapping[str, Sequence[str]]
+) -> Iterator[DataLine]:
+    """Data lines of a message, in the file's order; comments and covariances are passed over.
+
+    Args:
+        message: ``OEM`` or ``AEM``.
+        epoch: of t_s = 0.
+        known: keyword → the values that the caller can use; each must stand in every block.
+
+    Raises:
+        InputError: another kind of file, or a line or keyword that cannot be used; the message has
+            file and line.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read: {error}") from error
+    if not lines or not re.match(rf"\s*CCSDS_{message}_VERS\s*=", lines[0]):
+        raise InputError(
+            f"{path}: does not begin with CCSDS_{message}_VERS; give an {message} in keyword notation"
+        )
+    meta: dict[str, str] = {}
+    inside = skipping = False
+    for number, line in enumerate(lines, 1):
+        text, place = line.strip(), f"{path}, line {number}"
+        if not text or text.startswith("COMMENT") or text in _FRAMING:
+            continue
+        if text == "META_START":
+            meta, inside = {}, True
+        elif text == "META_STOP":
+            _check_meta(meta, {"TIME_SYSTEM": TIME_SYSTEMS, **known}, place)
+            inside = False
+        elif text in ("COVARIANCE_START", "COVARIANCE_STOP"):
+            skipping = text == "COVARIANCE_START"
+        elif "=" in text:
+            key, _, value = text.partition("=")
+            if inside:
+                meta[key.strip()] = value.strip().upper()
+        elif not skipping:
+            yield _data_line(text, meta, epoch, place)
+
+
+def _check_meta(meta: Mapping[str, str], known: Mapping[str, Sequence[str]], place: str) -> None:
+    for key, values in known.items():
+        if meta.get(key) not in values:
+            given = repr(meta[key]) if key in meta else "missing"
+            raise InputError(f"{place}: {key} is {given}; known here: {', '.join(values)}")
+
+
+def _data_line(text: str, meta: Mapping[str, str], epoch: Epoch, place: str) -> DataLine:
+    if not meta:
+        raise InputError(f"{place}: data before any META block")
+    words = text.split()
+    try:
+        numbers = np.array([float(word) for word in words[1:]])
+    except ValueError:
+        numbers = np.array([np.nan])
+    if not np.all(np.isfinite(numbers)):
+        raise InputError(f"{place}: a line of data is an epoch and finite numbers")
+    return DataLine(place, meta, _seconds(words[0], meta["TIME_SYSTEM"], epoch, place), numbers)
+
+
+def _seconds(text: str, system: str, epoch: Epoch, place: str) -> float:
+    match = _DATE.fullmatch(text)
+    if match is None:
+        raise InputError(f"{place}: the epoch {text!r} is not of the form 2022-01-31T02:02:27.58")
+    year, day_of_year, month, day, hour, minute = (int(part or 0) for part in match.groups()[:6])
+    if day_of_year:
+        month, day = 1, 1
+    scale = b"UTC" if system == "UTC" else b"TAI"
+    jd1, jd2, status = erfa.ufunc.dtf2d(scale, year, month, day, hour, minute, float(match[7]))
+    if status < 0:
+        raise InputError(f"{place}: the epoch {text!r} does not exist")
+    jd1 = jd1 + max(day_of_year - 1, 0)
+    after_s = 0.0
+    if system == "UTC":
+        jd1, jd2, _ = erfa.ufunc.utctai(jd1, jd2)
+    else:
+        after_s = _AFTER_TAI_S[system]
+    tai1, tai2, _ = erfa.ufunc.utctai(epoch.jd1_utc, epoch.jd2_utc)
+    return float(((jd1 - tai1) + (jd2 - tai2)) * SECONDS_PER_DAY - after_s)

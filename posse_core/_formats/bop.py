@@ -1,0 +1,240 @@
+"""BOP: models, depth, masks and poses in millimetres (Hodaň et al. 2018, ``bop_datasets_format.md``)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from posse_core import _frames as frames
+from posse_core._arrays import BoolArray, FloatArray, IntArray
+from posse_core._dataset.dataset import PARTS, Dataset, read_image, read_json
+from posse_core._dataset.mesh import Mesh
+from posse_core._errors import InputError
+from posse_core._files.atomic import write_bytes, write_json
+from posse_core._formats.images import place, write_png
+from posse_core._formats.rle import decode_rle
+from posse_core._formats.stream import labels_with, text_file, write_members
+from posse_core._interfaces.writer import Writer
+
+NEEDS = {
+    "q_cam_from_body": "pose",
+    "t_body_cam_m": "pose",
+    "mask_rle": "mask",
+    "box_visible_px": "box",
+}
+DEPTH_STEPS = 65535
+"""Largest number of a 16-bit depth image; 0 stands for no depth."""
+_FOLDERS = dict(zip(PARTS, ("train", "val", "test"), strict=True))
+_NO_BOX = [-1, -1, -1, -1]
+_PLY_HEADER = """ply
+format binary_little_endian 1.0
+comment body frame, millimetres
+element vertex {vertices}
+property float x
+property float y
+property float z
+element face {faces}
+property list uchar int vertex_indices
+end_header
+"""
+
+
+class BopWriter(Writer):
+    """Writes ``bop/``: ``camera.json``, ``models/``, and one scene ``000000`` in each of ``train/``,
+    ``val/`` and ``test/`` (all in ``train/`` where the dataset has not been divided).
+
+    An image's id is its frame's index, an object's id the place of its name in alphabetical order, from
+    1. The model's origin is the centre of mass, not the middle of its box. Each depth image has a scale
+    of its own, so that the farthest depth the craft can have in it is the largest number.
+    """
+
+    def write(self, dataset: Dataset, folder: Path) -> Sequence[Path]:
+        """Write the folder ``bop``.
+
+        Raises:
+            InputError: the camera's lens distorts, or a frame lacks a label.
+        """
+        if dataset.camera.distortion is not None:
+            raise InputError(
+                f"{dataset.folder}: BOP knows pinholes only, and camera.distortion is"
+                f" {dataset.camera.distortion_coefficients.tolist()}; export coco or speed, or make the"
+                " dataset without distortion"
+            )
+        out = folder / "bop"
+        (out / "models").mkdir(parents=True, exist_ok=True)
+        objects = {name: i for i, name in enumerate(sorted(dataset.spacecraft_by_name), 1)}
+        _write_models(dataset, objects, out / "models")
+        parts = {"train": dataset.frames.indices.tolist()}
+        if dataset.is_divided:
+            parts = {_FOLDERS[part]: dataset.part(part) for part in PARTS}
+        scenes = {out / name / "000000": indices for name, indices in parts.items() if indices}
+        for scene, indices in scenes.items():
+            _write_scene(dataset, objects, indices, scene)
+        camera = dataset.camera
+        value = {
+            "cx": camera.cx_px,
+            "cy": camera.cy_px,
+            "depth_scale": 1.0,
+            "fx": camera.fx_px,
+            "fy": camera.fy_px,
+            "height": camera.height_px,
+            "width": camera.width_px,
+        }
+        write_json(out / "camera.json", value)
+        return [out / "camera.json", out / "models", *scenes]
+
+
+def _write_models(dataset: Dataset, objects: dict[str, int], folder: Path) -> None:
+    infos: dict[str, Any] = {}
+    for name, id_ in objects.items():
+        mesh = dataset.mesh(name)
+        vertices_mm = mesh.vertices_body_m * 1e3
+        _write_ply(vertices_mm, mesh, folder / f"obj_{id_:06d}.ply")
+        low, size = vertices_mm.min(axis=0), np.ptp(vertices_mm, axis=0)
+        infos[str(id_)] = {
+            "name": name,
+            "diameter": 1e3 * mesh.diameter_m,
+            **{f"min_{axis}": low[i] for i, axis in enumerate("xyz")},
+            **{f"size_{axis}": size[i] for i, axis in enumerate("xyz")},
+        }
+        symmetries = [_homogeneous(R) for R in dataset.spacecraft_by_name[name].symmetries]
+        if symmetries:
+            infos[str(id_)]["symmetries_discrete"] = symmetries
+    write_json(folder / "models_info.json", infos)
+
+
+def _write_ply(vertices_mm: FloatArray, mesh: Mesh, path: Path) -> None:
+    faces = np.empty(len(mesh.faces), np.dtype([("count", "u1"), ("vertices", "<i4", (3,))]))
+    faces["count"], faces["vertices"] = 3, mesh.faces
+    header = _PLY_HEADER.format(vertices=len(vertices_mm), faces=len(faces))
+    write_bytes(path, header.encode() + vertices_mm.astype("<f4").tobytes() + faces.tobytes())
+
+
+def _homogeneous(R: FloatArray) -> list[float]:
+    T = np.eye(4)
+    T[:3, :3] = R
+    flat: list[float] = T.ravel().tolist()
+    return flat
+
+
+def _write_scene(dataset: Dataset, objects: dict[str, int], indices: list[int], scene: Path) -> None:
+    pictures = "gray" if dataset.image(indices[0]).ndim == 2 else "rgb"
+    for part in (pictures, "depth", "mask", "mask_visib"):
+        (scene / part).mkdir(parents=True, exist_ok=True)
+    for labels in labels_with(dataset, "BOP", NEEDS, indices):
+        index = labels["index"]
+        place(dataset.folder / labels["image"], scene / pictures / f"{index:06d}.png")
+        mask = decode_rle(labels["mask_rle"]).astype(np.uint8) * 255
+        for part in ("mask", "mask_visib"):
+            write_png(scene / part / f"{index:06d}_000000.png", mask)
+        write_png(scene / "depth" / f"{index:06d}.png", _depth_steps(dataset, labels))
+    records: dict[str, Callable[[Dataset, dict[str, Any], dict[str, int]], Any]] = {
+        "scene_camera": _camera_record,
+        "scene_gt": _pose_record,
+        "scene_gt_info": _info_record,
+    }
+    for name, record in records.items():
+        with text_file(scene / f"{name}.json") as text:
+            write_members(text, _members(dataset, objects, indices, record))
+
+
+def _members(
+    dataset: Dataset,
+    objects: dict[str, int],
+    indices: list[int],
+    record: Callable[[Dataset, dict[str, Any], dict[str, int]], Any],
+) -> Iterator[tuple[str, Any]]:
+    for labels in labels_with(dataset, "BOP", NEEDS, indices):
+        yield str(labels["index"]), record(dataset, labels, objects)
+
+
+def _depth_scale_mm(dataset: Dataset, labels: dict[str, Any]) -> float:
+    """Millimetres a step, so that the sphere about the craft fits."""
+    vertices = dataset.mesh(labels["spacecraft"]).vertices_body_m
+    radius_m = float(np.sqrt((vertices**2).sum(axis=1).max()))
+    farthest_m = max(labels["t_body_cam_m"][2], 0.0) + radius_m
+    return float(farthest_m * 1e3 / DEPTH_STEPS)
+
+
+def _depth_steps(dataset: Dataset, labels: dict[str, Any]) -> IntArray:
+    arrays = dataset.truth(labels["index"])
+    if "depth_m" not in arrays:
+        raise InputError(
+            f"{dataset.folder}: frame {labels['index']} has no depth, which BOP needs;"
+            " add 'depth' to the scenario's annotators"
+        )
+    steps = np.round(arrays["depth_m"].astype(np.float64) * 1e3 / _depth_scale_mm(dataset, labels))
+    return np.asarray(np.nan_to_num(steps.clip(1, DEPTH_STEPS), nan=0), dtype=np.uint16)
+
+
+def _camera_record(dataset: Dataset, labels: dict[str, Any], objects: dict[str, int]) -> Any:
+    return {
+        "cam_K": dataset.camera.matrix.ravel().tolist(),
+        "depth_scale": _depth_scale_mm(dataset, labels),
+    }
+
+
+def _pose_record(dataset: Dataset, labels: dict[str, Any], objects: dict[str, int]) -> Any:
+    R = frames.matrix_from_quaternion(np.array(labels["q_cam_from_body"]))
+    return [
+        {
+            "cam_R_m2c": R.ravel().tolist(),
+            "cam_t_m2c": [x * 1e3 for x in labels["t_body_cam_m"]],
+            "obj_id": objects[labels["spacecraft"]],
+        }
+    ]
+
+
+def _info_record(dataset: Dataset, labels: dict[str, Any], objects: dict[str, int]) -> Any:
+    area, share = labels["mask_area_px"], labels["fraction_visible"]
+    return [
+        {
+            "bbox_obj": _pixels_of(labels["box_whole_px"]),
+            "bbox_visib": labels["box_visible_px"] or _NO_BOX,
+            "px_count_all": round(area / share) if share else 0,
+            "px_count_valid": area,
+            "px_count_visib": area,
+            "visib_fract": share or 0.0,
+        }
+    ]
+
+
+def _pixels_of(box_px: list[float] | None) -> list[int]:
+    """Whole pixels whose centres are in a box of projections."""
+    if box_px is None:
+        return _NO_BOX
+    x, y, width, height = box_px
+    x0, y0 = int(np.ceil(x)), int(np.ceil(y))
+    return [x0, y0, int(np.floor(x + width)) - x0 + 1, int(np.floor(y + height)) - y0 + 1]
+
+
+def read_bop(folder: Path) -> Iterator[tuple[str, dict[str, Any], dict[str, FloatArray | BoolArray]]]:
+    """Image name, labels and arrays of every image below a folder ``bop``, as a dataset has them.
+
+    Arrays: ``mask`` (H, W) bool; ``depth_m`` (H, W), NaN where none; ``depth_step_m`` () its resolution.
+    """
+    infos = read_json(folder / "models" / "models_info.json")
+    for scene in sorted(path.parent for path in folder.glob("*/*/scene_gt.json")):
+        cameras, details = (read_json(scene / f"scene_{name}.json") for name in ("camera", "gt_info"))
+        for id_, (pose,) in read_json(scene / "scene_gt.json").items():
+            name = f"{int(id_):06d}"
+            (detail,) = details[id_]
+            R = np.reshape(pose["cam_R_m2c"], (3, 3))
+            steps = read_image(scene / "depth" / f"{name}.png").astype(np.float64)
+            step_m = cameras[id_]["depth_scale"] / 1e3
+            labels = {
+                "spacecraft": infos[str(pose["obj_id"])]["name"],
+                "q_cam_from_body": frames.quaternion_from_matrix(R).tolist(),
+                "t_body_cam_m": [x / 1e3 for x in pose["cam_t_m2c"]],
+                "box_visible_px": None if detail["bbox_visib"] == _NO_BOX else detail["bbox_visib"],
+                "mask_area_px": detail["px_count_visib"],
+            }
+            arrays: dict[str, FloatArray | BoolArray] = {
+                "mask": read_image(scene / "mask_visib" / f"{name}_000000.png") > 0,
+                "depth_m": np.where(steps > 0, steps * step_m, np.nan),
+                "depth_step_m": np.array(step_m),
+            }
+            yield f"images/{name}.png", labels, arrays

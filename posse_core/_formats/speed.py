@@ -1,0 +1,44 @@
+"""SPEED and SPEED+: image names and poses in one ``speed.json`` (Kisantal 2020; Park 2022).
+
+With R the matrix of the scalar-first quaternion, x_cam = R x_body + r.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from posse_core._dataset.dataset import Dataset
+from posse_core._formats.stream import labels_with, text_file, write_items
+from posse_core._interfaces.writer import Writer
+
+NEEDS = {"q_cam_from_body": "pose", "t_body_cam_m": "pose"}
+
+
+class SpeedWriter(Writer):
+    """Writes ``speed.json`` with SPEED+'s keys; ``camera.json`` of the dataset is its other half."""
+
+    def write(self, dataset: Dataset, folder: Path) -> Sequence[Path]:
+        """Write ``speed.json``."""
+        path = folder / "speed.json"
+        with text_file(path) as text:
+            poses = (
+                {
+                    "filename": labels["image"],
+                    "q_vbs2tango_true": labels["q_cam_from_body"],
+                    "r_Vo2To_vbs_true": labels["t_body_cam_m"],
+                }
+                for labels in labels_with(dataset, "SPEED", NEEDS)
+            )
+            write_items(text, poses)
+            text.write("\n")
+        return [path]
+
+
+def read_speed(path: Path) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Image name and pose of every entry of SPEED or SPEED+, as a dataset's lines have them."""
+    for entry in json.loads(path.read_text(encoding="utf-8")):
+        q = entry["q_vbs2tango_true"] if "q_vbs2tango_true" in entry else entry["q_vbs2tango"]
+        yield entry["filename"], {"q_cam_from_body": q, "t_body_cam_m": entry["r_Vo2To_vbs_true"]}

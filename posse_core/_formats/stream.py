@@ -1,0 +1,73 @@
+"""What the writers share: text written piece by piece, so that memory does not grow with the frames."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import io
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TextIO
+
+from posse_core._dataset.dataset import Dataset
+from posse_core._errors import InputError
+from posse_core._files.atomic import atomic_file
+
+
+@contextlib.contextmanager
+def text_file(path: Path) -> Iterator[TextIO]:
+    """A UTF-8 text file that takes its name only when the block ends without an error."""
+    with atomic_file(path) as stream:
+        text = io.TextIOWrapper(stream, encoding="utf-8", newline="")
+        yield text
+        text.flush()
+        text.detach()
+
+
+def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
+    """Write a table with its header, atomically."""
+    with text_file(path) as text:
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(rows)
+
+
+def write_items(text: TextIO, items: Iterable[Any]) -> None:
+    """Write a JSON list, one item a line."""
+    text.write("[")
+    for i, item in enumerate(items):
+        text.write(",\n" if i else "\n")
+        text.write(json.dumps(item, ensure_ascii=False, allow_nan=False))
+    text.write("\n]")
+
+
+def write_members(text: TextIO, members: Iterable[tuple[str, Any]]) -> None:
+    """Write a JSON object, one member a line."""
+    text.write("{")
+    for i, (key, value) in enumerate(members):
+        text.write(",\n" if i else "\n")
+        text.write(f"{json.dumps(key)}: {json.dumps(value, ensure_ascii=False, allow_nan=False)}")
+    text.write("\n}")
+
+
+def labels_with(
+    dataset: Dataset, format_name: str, needs: Mapping[str, str], indices: Iterable[int] | None = None
+) -> Iterator[dict[str, Any]]:
+    """Every frame's labels, each checked to have what the format needs.
+
+    Args:
+        needs: label → the annotator that makes it.
+        indices: of the frames; all, if None.
+
+    Raises:
+        InputError: a label is missing; the message names its annotator.
+    """
+    for labels in dataset.frames if indices is None else map(dataset.frame, indices):
+        for key, annotator in needs.items():
+            if key not in labels:
+                raise InputError(
+                    f"{dataset.folder}: frame {labels['index']} has no {key!r}, which"
+                    f" {format_name} needs; add {annotator!r} to the scenario's annotators"
+                )
+        yield labels

@@ -1,0 +1,122 @@
+"""YOLO-pose: a text file an image, ``class cx cy w h (x y visibility) …``, as shares of the image.
+
+A share of 0 is the image's left or upper border, so a pixel's centre u is at (u + ½)/width.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from posse_core._dataset.dataset import PARTS, Dataset
+from posse_core._errors import InputError
+from posse_core._files.atomic import write_bytes
+from posse_core._formats.images import place
+from posse_core._formats.stream import labels_with
+from posse_core._interfaces.writer import Writer
+from posse_core._model.camera import Camera
+from posse_core._model.labels import NOT_IN_FRAME
+
+NEEDS = {"box_visible_px": "box", "keypoints": "keypoints"}
+
+_HEADER = """\
+# Train with fliplr=0 and flipud=0: a mirrored spacecraft is another one, and flip_idx exchanges nothing.
+"""
+_UNDIVIDED = """\
+# Not divided: all frames serve all three uses. Run 'posse partition', and export again.
+"""
+
+
+class YoloWriter(Writer):
+    """Writes ``yolo/`` with ``data.yaml``, ``images/``, ``labels/`` and a list of images for each part.
+
+    A frame that shows nothing of the craft has an empty file. Of two spacecraft with unlike numbers of
+    keypoints, the one with fewer is filled up with keypoints outside the image.
+    """
+
+    def write(self, dataset: Dataset, folder: Path) -> Sequence[Path]:
+        """Write the folder ``yolo``."""
+        crafts = [dataset.spacecraft_by_name[name] for name in sorted(dataset.spacecraft_by_name)]
+        count = max(len(craft.keypoints_body_m) for craft in crafts)
+        if count == 0:
+            raise InputError(f"{dataset.folder}: no spacecraft has keypoints, which YOLO-pose needs")
+        out = folder / "yolo"
+        for name in ("images", "labels"):
+            (out / name).mkdir(parents=True, exist_ok=True)
+        classes = {craft.name: i for i, craft in enumerate(crafts)}
+        for labels in labels_with(dataset, "YOLO-pose", NEEDS):
+            image = dataset.folder / labels["image"]
+            place(image, out / "images" / image.name)
+            row = _row(dataset, labels, classes[labels["spacecraft"]], count)
+            write_bytes(out / "labels" / f"{image.stem}.txt", row.encode())
+        parts = {part: dataset.part(part) if dataset.is_divided else None for part in PARTS}
+        for part, indices in parts.items():
+            images = (
+                Path(each["image"]).name for each in labels_with(dataset, "YOLO-pose", {}, indices)
+            )
+            write_bytes(out / f"{part}.txt", "".join(f"./images/{name}\n" for name in images).encode())
+        value = {
+            "train": "train.txt",
+            "val": "valid.txt",
+            "test": "test.txt",
+            "names": {i: name for name, i in classes.items()},
+            "kpt_shape": [count, 3],
+            "flip_idx": list(range(count)),
+            "kpt_names": {i: list(craft.keypoints_body_m) for i, craft in enumerate(crafts)},
+        }
+        header = _HEADER if dataset.is_divided else _HEADER + _UNDIVIDED
+        text = header + yaml.safe_dump(value, sort_keys=False, default_flow_style=None)
+        write_bytes(out / "data.yaml", text.encode())
+        return [out / "data.yaml", out / "images", out / "labels"]
+
+
+def _row(dataset: Dataset, labels: dict[str, Any], class_: int, count: int) -> str:
+    if labels["box_visible_px"] is None:
+        return ""
+    width_px, height_px = dataset.camera.width_px, dataset.camera.height_px
+    x, y, width, height = labels["box_visible_px"]
+    numbers = [
+        (x + width / 2) / width_px,
+        (y + height / 2) / height_px,
+        width / width_px,
+        height / height_px,
+    ]
+    names = dataset.spacecraft_by_name[labels["spacecraft"]].keypoints_body_m
+    points = [labels["keypoints"][name] for name in names]
+    for u, v, visibility in [*points, *[(0, 0, NOT_IN_FRAME)] * (count - len(points))]:
+        if visibility == NOT_IN_FRAME:
+            numbers += [0, 0, 0]
+        else:
+            numbers += [(u + 0.5) / width_px, (v + 0.5) / height_px, visibility]
+    return " ".join(map(repr, [class_, *numbers])) + "\n"
+
+
+def read_yolo(folder: Path, camera: Camera) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Image name and labels of every text file beside a ``data.yaml``, as a dataset's lines have them.
+
+    An empty file has the box null. Keypoints outside the image are left out.
+    """
+    data = yaml.safe_load((folder / "data.yaml").read_text(encoding="utf-8"))
+    size = (camera.width_px, camera.height_px)
+    for path in sorted((folder / "labels").glob("*.txt")):
+        labels: dict[str, Any] = {"box_visible_px": None}
+        row = [float(number) for number in path.read_text().split()]
+        if row:
+            class_ = int(row[0])
+            (cx, cy, width, height), points = row[1:5], iter(row[5:])
+            corner = ((cx - width / 2) * size[0], (cy - height / 2) * size[1])
+            labels = {
+                "spacecraft": data["names"][class_],
+                "box_visible_px": [*corner, width * size[0], height * size[1]],
+                "keypoints": {
+                    name: [x * size[0] - 0.5, y * size[1] - 0.5, int(visibility)]
+                    for name, (x, y, visibility) in zip(
+                        data["kpt_names"][class_], zip(points, points, points, strict=True), strict=False
+                    )
+                    if visibility != NOT_IN_FRAME
+                },
+            }
+        yield f"images/{path.stem}.png", labels

@@ -1,0 +1,184 @@
+"""Every change of frame and of axes, and rotations. No other module writes one by hand.
+
+Frames:
+    ECI   GCRF axes, geocentric.
+    RTN   of the target: R outward, N along r × v, T = N × R (the velocity's side).
+    LVLH  of the target: V-bar = T, H-bar = −N, R-bar = −R (towards the Earth).
+    body  the spacecraft's mesh axes, origin at its centre of mass.
+    cam   OpenCV: x right, y down, z forward.
+    gl    OpenGL and Blender cameras: x right, y up, z backward.
+
+``R_a_from_b`` takes components in b to components in a: x_a = R_a_from_b x_b. Quaternions are
+scalar-first (w, x, y, z) and ``q_a_from_b`` is the same rotation as ``R_a_from_b``:
+x_a = q x_b q*.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from posse_core._arrays import FloatArray
+
+R_GL_FROM_CAM: FloatArray = np.diag([1.0, -1.0, -1.0])
+"""OpenCV camera axes → OpenGL camera axes (its own inverse)."""
+R_LVLH_FROM_RTN: FloatArray = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
+"""RTN → LVLH: V-bar = T, H-bar = −N, R-bar = −R."""
+for _constant in (R_GL_FROM_CAM, R_LVLH_FROM_RTN):
+    _constant.setflags(write=False)
+
+
+def unit(vectors: FloatArray) -> FloatArray:
+    """(..., n) → (..., n) of length one.
+
+    Raises:
+        ValueError: a vector is zero or not finite.
+    """
+    vectors = np.asarray(vectors, dtype=np.float64)
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    if not np.all(length > 0) or not np.all(np.isfinite(length)):
+        raise ValueError("a vector without a direction has no unit vector")
+    return np.asarray(vectors / length)
+
+
+def R_eci_from_rtn(r_eci_m: FloatArray, v_eci_m_s: FloatArray) -> FloatArray:
+    """RTN axes of an orbit: (..., 3), (..., 3) → (..., 3, 3), columns R, T, N in ECI.
+
+    Raises:
+        ValueError: position and velocity are parallel, so the orbit has no plane.
+    """
+    radial = unit(r_eci_m)
+    normal = unit(np.cross(r_eci_m, v_eci_m_s))
+    return np.stack([radial, np.cross(normal, radial), normal], axis=-1)
+
+
+def rtn_rate_rad_s(r_eci_m: FloatArray, v_eci_m_s: FloatArray) -> FloatArray:
+    """(...,) rate of the RTN frame about N for Keplerian motion, |r × v| / r²."""
+    h = np.linalg.norm(np.cross(r_eci_m, v_eci_m_s), axis=-1)
+    return np.asarray(h / np.sum(np.asarray(r_eci_m) ** 2, axis=-1))
+
+
+def eci_from_rtn(
+    r_target_eci_m: FloatArray,
+    v_target_eci_m_s: FloatArray,
+    r_rtn_m: FloatArray,
+    v_rtn_m_s: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Chaser's ECI state from its RTN state (velocity in the rotating frame); all (..., 3)."""
+    R = R_eci_from_rtn(r_target_eci_m, v_target_eci_m_s)
+    omega = np.zeros_like(r_rtn_m)
+    omega[..., 2] = rtn_rate_rad_s(r_target_eci_m, v_target_eci_m_s)
+    r = r_target_eci_m + _apply(R, r_rtn_m)
+    v = v_target_eci_m_s + _apply(R, v_rtn_m_s + np.cross(omega, r_rtn_m))
+    return r, v
+
+
+def rtn_from_eci(
+    r_target_eci_m: FloatArray,
+    v_target_eci_m_s: FloatArray,
+    r_chaser_eci_m: FloatArray,
+    v_chaser_eci_m_s: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Chaser's RTN state (velocity in the rotating frame) from its ECI state; all (..., 3)."""
+    R = np.swapaxes(R_eci_from_rtn(r_target_eci_m, v_target_eci_m_s), -1, -2)
+    r_rtn_m = _apply(R, r_chaser_eci_m - r_target_eci_m)
+    omega = np.zeros_like(r_rtn_m)
+    omega[..., 2] = rtn_rate_rad_s(r_target_eci_m, v_target_eci_m_s)
+    v_rtn_m_s = _apply(R, v_chaser_eci_m_s - v_target_eci_m_s) - np.cross(omega, r_rtn_m)
+    return r_rtn_m, v_rtn_m_s
+
+
+def _apply(R: FloatArray, x: FloatArray) -> FloatArray:
+    return np.asarray(np.einsum("...ij,...j->...i", R, x))
+
+
+def matrix_from_quaternion(q: FloatArray) -> FloatArray:
+    """(..., 4) unit quaternions, scalar first → (..., 3, 3)."""
+    w, x, y, z = np.moveaxis(unit(q), -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def quaternion_from_matrix(R: FloatArray) -> FloatArray:
+    """(..., 3, 3) rotation matrices → (..., 4) unit quaternions, scalar first, w ≥ 0.
+
+    Shepperd (1978): the largest of the four squares is taken first, so nothing is lost near 180°.
+    """
+    R = np.asarray(R, dtype=np.float64)
+    trace = np.trace(R, axis1=-2, axis2=-1)
+    # Row k is the quaternion times 4 q_k; the row with the largest q_k is the accurate one.
+    xx, yy, zz = R[..., 0, 0], R[..., 1, 1], R[..., 2, 2]
+    wx, wy, wz = (
+        R[..., 2, 1] - R[..., 1, 2],
+        R[..., 0, 2] - R[..., 2, 0],
+        R[..., 1, 0] - R[..., 0, 1],
+    )
+    xy, xz, yz = (
+        R[..., 0, 1] + R[..., 1, 0],
+        R[..., 0, 2] + R[..., 2, 0],
+        R[..., 1, 2] + R[..., 2, 1],
+    )
+    candidates = np.stack(
+        [
+            np.stack([1 + trace, wx, wy, wz], axis=-1),
+            np.stack([wx, 1 + 2 * xx - trace, xy, xz], axis=-1),
+            np.stack([wy, xy, 1 + 2 * yy - trace, yz], axis=-1),
+            np.stack([wz, xz, yz, 1 + 2 * zz - trace], axis=-1),
+        ],
+        axis=-2,
+    )
+    best = np.argmax(np.diagonal(candidates, axis1=-2, axis2=-1), axis=-1)
+    q = unit(np.take_along_axis(candidates, best[..., None, None], axis=-2)[..., 0, :])
+    return np.where(q[..., :1] < 0, -q, q)
+
+
+def R_a_from_b_by_directions(
+    first_a: FloatArray, second_a: FloatArray, first_b: FloatArray, second_b: FloatArray
+) -> FloatArray:
+    """(..., 3, 3) that takes ``first_b`` onto ``first_a``, and ``second_b`` as near to ``second_a``
+    as that leaves free. All (..., 3), of any length (TRIAD; Black 1964).
+
+    Raises:
+        ValueError: a pair is parallel, so the rotation about it is undetermined.
+    """
+
+    def triad(first: FloatArray, second: FloatArray) -> FloatArray:
+        x = unit(first)
+        z = unit(np.cross(first, second))
+        return np.stack([x, np.cross(z, x), z], axis=-1)
+
+    return np.asarray(triad(first_a, second_a) @ np.swapaxes(triad(first_b, second_b), -1, -2))
+
+
+def matrix_from_rotation_vector(rotation_rad: FloatArray) -> FloatArray:
+    """(..., 3) axis times angle, right-handed → (..., 3, 3)."""
+    half = np.linalg.norm(rotation_rad, axis=-1, keepdims=True) / 2
+    # numpy's sinc is sin(πx)/(πx); it is 1 at 0, so no rotation needs no special case.
+    q = np.concatenate([np.cos(half), np.sinc(half / np.pi) / 2 * rotation_rad], axis=-1)
+    return matrix_from_quaternion(q)
+
+
+def turned(x: FloatArray, omega_rad_s: FloatArray, after_s: FloatArray) -> FloatArray:
+    """Vectors turned at one rate for times of their own: (..., 3), (3,), (...) → (..., 3).
+
+    Rodrigues' formula; its bits depend on no BLAS.
+    """
+    rate = float(np.sqrt(np.sum(omega_rad_s * omega_rad_s)))
+    if rate == 0:
+        return np.asarray(x)
+    axis = omega_rad_s / rate
+    angle = (rate * np.asarray(after_s))[..., None]
+    along = np.sum(axis * x, axis=-1, keepdims=True)
+    cosine = np.cos(angle)
+    return np.asarray(x * cosine + np.cross(axis, x) * np.sin(angle) + axis * along * (1 - cosine))
+
+
+def rotation_vector_from_matrix(R: FloatArray) -> FloatArray:
+    """(..., 3, 3) → (..., 3) axis times angle, right-handed, angle 0 … π."""
+    q = quaternion_from_matrix(R)
+    sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
+    half = np.arctan2(sine, q[..., :1])
+    return np.asarray(q[..., 1:] * (2 / np.sinc(half / np.pi)))

@@ -1,0 +1,313 @@
+"""What the camera sees of a spacecraft: one ray through each pixel's centre, one to each keypoint.
+
+A ray is x = camera + z d with d of unit length along the camera's axis, so z is the planar depth.
+Everything happens in body axes about the middle of the craft, so that no digits are lost at 100 km.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from posse_core._arrays import AnyArray, BoolArray, FloatArray, IntArray
+from posse_core._geometry.outline import edges_of, extent_px
+from posse_core._geometry.tracer import Tracer
+from posse_core._geometry.triangles import Triangles, dot, rotated
+from posse_core._model.camera import Camera, PixelBox
+from posse_core._model.labels import NOT_IN_FRAME, OCCLUDED, VISIBLE, View
+from posse_core._model.scene import FrameState, Scene
+from posse_core._model.shutter import LABEL_STEP_PX, Moment, fastest_px_s, moments
+
+KEYPOINT_TOLERANCE = 0.055 / 16.7
+"""How far behind the surface a keypoint still counts as seen, over the craft's longest side: the
+thesis' 0.055 m (Section 3.4.3) on Aqua's 16.7 m."""
+SILHOUETTE_FIELD = 10.0
+"""Where the unbounded image of ``silhouette_px`` ends: focal lengths from the principal point (84°); a
+distorted one may end before, at its lens' reach."""
+SILHOUETTE_RAYS = 1 << 18
+"""Rays beyond the image's border at most; a larger silhouette is sampled on a coarser lattice."""
+_CHUNK = 1 << 13
+"""Rays cast at once: their arrays stay in the processor's cache."""
+_NO_BOX = PixelBox(0, 0, 0, 0)
+_NEAREST = 0.01
+"""Depth over the craft's size at which motion is measured where a part reaches behind the camera."""
+_ROW_TRIALS = 8
+"""Trials to find the row that sees a point; each errs by the rows that the last one's error moves it."""
+
+
+class RayCaster:
+    """Looks at one scene's spacecraft, frame after frame; no frame depends on another."""
+
+    def __init__(self, scene: Scene) -> None:
+        craft = scene.spacecraft
+        self._camera = scene.camera
+        self._tracer = Tracer(Triangles.of(craft))
+        vertices_body_m = np.concatenate([part.vertices_body_m for part in craft.parts])
+        self._vertices_body_m = np.ascontiguousarray(vertices_body_m.T)
+        counts = np.cumsum([0] + [len(part.vertices_body_m) for part in craft.parts])
+        self._edges = edges_of(
+            np.concatenate([n + part.faces for n, part in zip(counts, craft.parts, strict=False)])
+        )
+        self._keypoints_body_m = np.array([*craft.keypoints_body_m.values()], float).reshape(-1, 3).T
+
+    def view(self, frame: FrameState) -> View:
+        """The spacecraft as the camera's rays meet it in one frame, each row at its own time."""
+        camera = self._camera
+        low_px, high_px = self._bounds(self._seen(frame, self._vertices_body_m))
+        bands = [self._band(frame, moment) for moment in self.moments(frame, LABEL_STEP_PX)]
+        box = PixelBox.around(band.box for band in bands)
+        keypoints_px = camera.project(self._seen(frame, self._keypoints_body_m).T)
+        visibility = np.full(len(keypoints_px), NOT_IN_FRAME, dtype=np.int8)
+        size_px = np.array([camera.width_px, camera.height_px])
+        inside = ((keypoints_px >= -0.5) & (keypoints_px < size_px - 0.5)).all(axis=1)
+        pixels = []
+        beyond_px = 0
+        for band in bands:
+            first, rows = band.moment.first_row, band.moment.rows
+            look = _Look.at(self._tracer, camera, band.pose, band.nearest_m)
+            pixels.append(look.pixels(box.within_rows(first, rows)))
+            beyond_px += look.count_beyond(band.box, band.field)
+            row = np.floor(keypoints_px[:, 1] + 0.5)
+            here = np.flatnonzero(inside & (row >= first) & (row < first + rows))
+            visibility[here] = self._visibility(look, band.pose, here)
+        part_id, depth_m, normal_cam, lit = (
+            np.concatenate(parts) for parts in zip(*pixels, strict=True)
+        )
+        return View(
+            box=box,
+            part_id=part_id,
+            depth_m=depth_m,
+            normal_cam=normal_cam,
+            lit=lit,
+            silhouette_px=int((part_id >= 0).sum()) + beyond_px,
+            keypoints_px=keypoints_px,
+            keypoints_visibility=visibility,
+            whole_box_px=np.concatenate([low_px, high_px - low_px]),
+        )
+
+    def moments(
+        self, frame: FrameState, step_px: float, exposure_s: float = 0.0, instants: int = 1
+    ) -> list[Moment]:
+        """Moments in which the spacecraft moves by ``step_px`` at most: see :func:`moments`."""
+        box = self.box(frame)
+        if box.is_empty:
+            box = PixelBox(0, 0, self._camera.width_px, self._camera.height_px)
+        vertices_z_m = _in_camera(frame, self._vertices_body_m)[2]
+        far_m = max(float(vertices_z_m.max()), _NEAREST * self._tracer.triangles.size_m)
+        near_m = max(float(vertices_z_m.min()), _NEAREST * self._tracer.triangles.size_m)
+        omega, v = frame.rates.relative(frame.R_cam_from_body, frame.t_body_cam_m)
+        speed_px_s = fastest_px_s(self._camera, box, v, omega, near_m, far_m)
+        return moments(self._camera, speed_px_s, step_px, exposure_s, instants)
+
+    def box(self, frame: FrameState) -> PixelBox:
+        """Pixels of the image that the spacecraft may touch, were all rows exposed at once."""
+        return self._boxes(_in_camera(frame, self._vertices_body_m))[0]
+
+    def _seen(self, frame: FrameState, points_body_m: FloatArray) -> FloatArray:
+        """(3, N) body axes → (3, N) camera axes, each at the time of the row that sees it."""
+        points_cam_m = _in_camera(frame, points_body_m)
+        if self._camera.line_time_s == 0:
+            return points_cam_m
+        for _ in range(_ROW_TRIALS):
+            row_px = np.nan_to_num(self._camera.project(points_cam_m.T)[:, 1])
+            after_s = self._camera.row_after_s(row_px)
+            points_cam_m = frame.body_in_camera(points_body_m.T, after_s).T
+        return points_cam_m
+
+    def _bounds(self, points_cam_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(3, V) vertices → lowest and highest projection of the craft, (2,) each, NaN where a vertex
+        is behind the camera or beyond its lens."""
+        return extent_px(self._camera, points_cam_m.T, self._edges)
+
+    def _boxes(self, vertices_cam_m: FloatArray) -> tuple[PixelBox, PixelBox]:
+        """Boxes in the image and in the silhouette's field, were all rows exposed at once."""
+        if not (vertices_cam_m[2] > 0).any():
+            return _NO_BOX, _NO_BOX
+        return _boxes(self._camera, *self._bounds(vertices_cam_m))
+
+    def _band(self, frame: FrameState, moment: Moment) -> _Band:
+        pose = frame.after(moment.after_s)
+        vertices_cam_m = _in_camera(pose, self._vertices_body_m)
+        box, field = self._boxes(vertices_cam_m)
+        # Beyond the image, the first and the last row's time go on.
+        last_row = moment.first_row + moment.rows
+        top = moment.first_row if moment.first_row > 0 else field.y0
+        bottom = last_row if last_row < self._camera.height_px else field.y0 + field.height
+        return _Band(
+            moment=moment,
+            box=box.within_rows(moment.first_row, moment.rows),
+            field=field.within_rows(top, max(0, bottom - top)),
+            pose=pose,
+            nearest_m=float(vertices_cam_m[2].min()),
+        )
+
+    def _visibility(self, look: _Look, pose: FrameState, keypoints: IntArray) -> IntArray:
+        """(k,) int8 of the keypoints, by number, that a look sees; see :class:`View`."""
+        body_m = self._keypoints_body_m[:, keypoints]
+        depth_m = _in_camera(pose, body_m)[2]
+        centre_body_m = self._tracer.triangles.centre_body_m
+        directions = (body_m - (centre_body_m + look.camera_m)[:, None]) / depth_m
+        _, z_m = look.first(directions)
+        behind_m = (depth_m - z_m) * np.sqrt(dot(directions, directions))
+        hidden = behind_m > KEYPOINT_TOLERANCE * self._tracer.triangles.size_m
+        return np.where(hidden, OCCLUDED, VISIBLE)
+
+
+@dataclass(frozen=True)
+class _Band:
+    """Rows that are exposed together.
+
+    Attributes:
+        box, field: the pixels that the spacecraft may touch in these rows: in the image, and in the
+            field of the silhouette.
+        pose: the frame at their moment.
+        nearest_m: least planar depth of the craft then.
+    """
+
+    moment: Moment
+    box: PixelBox
+    field: PixelBox
+    pose: FrameState
+    nearest_m: float
+
+
+@dataclass(frozen=True)
+class _Look:
+    """One frame's camera and Sun, in body axes about the craft's middle.
+
+    Attributes:
+        camera_m: (3,).
+        R_cam_from_body: (3, 3).
+        start_m: planar depth that no part of the craft is in front of.
+        normal: (3, T) of each triangle, unit, on the camera's side.
+        sunny: (T,) whether the Sun is on the camera's side too.
+        sun_direction: (3,) unit.
+    """
+
+    tracer: Tracer
+    camera: Camera
+    camera_m: FloatArray
+    R_cam_from_body: FloatArray
+    start_m: float
+    normal: FloatArray
+    sunny: BoolArray
+    sun_direction: FloatArray
+
+    @classmethod
+    def at(cls, tracer: Tracer, camera: Camera, frame: FrameState, nearest_m: float) -> _Look:
+        """Take what the frame has; ``nearest_m`` is the least planar depth of the craft."""
+        triangles = tracer.triangles
+        R = frame.R_cam_from_body
+        camera_m = -dot(R, frame.t_body_cam_m) - triangles.centre_body_m
+        behind = dot(triangles.normal, camera_m) < triangles.plane_m
+        normal = np.where(behind, -triangles.normal, triangles.normal)
+        sun_direction = frame.sun_direction_body
+        return cls(
+            tracer=tracer,
+            camera=camera,
+            camera_m=camera_m,
+            R_cam_from_body=R,
+            start_m=max(0.0, nearest_m - 0.01 * triangles.size_m),
+            normal=normal,
+            sunny=dot(normal, sun_direction) > 0,
+            sun_direction=sun_direction,
+        )
+
+    def directions(self, u_px: FloatArray, v_px: FloatArray) -> FloatArray:
+        """Rays through the pixels of a lattice: (w,), (h,) → (3, h, w)."""
+        R = self.R_cam_from_body
+        x = (u_px - self.camera.cx_px) / self.camera.fx_px
+        y = (v_px[:, None] - self.camera.cy_px) / self.camera.fy_px
+        if self.camera.distortion is not None:
+            x, y = self.camera.distortion.undistort(x, y)
+        return np.stack([x * R[0, k] + (y * R[1, k] + R[2, k]) for k in range(3)])
+
+    def first(self, directions: FloatArray) -> tuple[IntArray, FloatArray]:
+        """(3, N) → first triangle (N,), −1 for none, and its planar depth (N,), infinite for none."""
+        return self.tracer.first(self.camera_m, directions, self.start_m)
+
+    def pixels(self, box: PixelBox) -> tuple[AnyArray, AnyArray, AnyArray, BoolArray]:
+        """Part ids, depth, normals and lit of :class:`View`."""
+        shape = (box.height, box.width)
+        part_id = np.empty(shape, dtype=np.int16)
+        depth_m = np.empty(shape, dtype=np.float32)
+        normal_cam = np.empty((*shape, 3), dtype=np.float32)
+        lit = np.zeros(shape, dtype=np.bool_)
+        # Tables by triangle, with an entry more, at −1, for rays that meet none.
+        parts = np.append(self.tracer.triangles.part_id, np.int16(-1))
+        turned = rotated(self.R_cam_from_body, self.normal).astype(np.float32)
+        normals_cam = np.append(turned.T, np.full((1, 3), np.nan, dtype=np.float32), axis=0)
+        sunny = np.append(self.sunny, False)
+        u_px = np.arange(box.x0, box.x0 + box.width, dtype=np.float64)
+        for rows in _row_blocks(box.height, box.width):
+            v_px = box.y0 + np.arange(rows.start, rows.stop, dtype=np.float64)
+            directions = self.directions(u_px, v_px).reshape(3, -1)
+            triangle, z_m = self.first(directions)
+            block = (rows.stop - rows.start, box.width)
+            part_id[rows] = np.take(parts, triangle).reshape(block)
+            depth_m[rows] = np.where(triangle >= 0, z_m, np.nan).reshape(block)
+            normal_cam[rows] = np.take(normals_cam, triangle, axis=0).reshape(*block, 3)
+            rays = np.flatnonzero(np.take(sunny, triangle))
+            point_m = self.camera_m[:, None] + z_m[rays] * np.take(directions, rays, axis=1)
+            normal = np.take(self.normal, triangle[rays], axis=1)
+            shadowed = self.tracer.shadowed(point_m, normal, self.sun_direction)
+            lit[rows].reshape(-1)[rays] = ~shadowed
+        return part_id, depth_m, normal_cam, lit
+
+    def count_beyond(self, box: PixelBox, field: PixelBox) -> int:
+        """Pixels of ``field`` outside ``box`` that the craft covers."""
+        count = field.width * field.height - box.width * box.height
+        stride = 1
+        while count > SILHOUETTE_RAYS * stride**2:
+            stride += 1
+        u_px = np.arange(field.x0, field.x0 + field.width, stride, dtype=np.float64)
+        v_px = np.arange(field.y0, field.y0 + field.height, stride, dtype=np.float64)
+        column_in = (u_px >= box.x0) & (u_px < box.x0 + box.width)
+        row_in = (v_px >= box.y0) & (v_px < box.y0 + box.height)
+        hits = 0
+        for rows in _row_blocks(len(v_px), len(u_px)) if count else ():
+            beyond = ~(row_in[rows, None] & column_in)
+            rays = self.directions(u_px, v_px[rows])[:, beyond]
+            rays = rays[:, np.isfinite(rays[0])]  # what a lens does not map is not counted
+            hits += int((self.first(rays)[0] >= 0).sum())
+        return hits * stride**2
+
+
+def _in_camera(frame: FrameState, body_m: FloatArray) -> FloatArray:
+    """(3, N) body axes → (3, N) camera axes."""
+    return rotated(frame.R_cam_from_body, body_m) + frame.t_body_cam_m[:, None]
+
+
+def _row_blocks(height: int, width: int) -> Iterator[slice]:
+    step = max(1, _CHUNK // max(1, width))
+    for start in range(0, height, step):
+        yield slice(start, min(start + step, height))
+
+
+def _boxes(camera: Camera, low_px: FloatArray, high_px: FloatArray) -> tuple[PixelBox, PixelBox]:
+    """The pixels that the craft may touch: in the image, and in the field of the silhouette.
+
+    A craft that reaches behind the camera, or beyond its lens, may touch any pixel; its bounds are NaN.
+    """
+    low = np.where(np.isnan(low_px), -np.inf, low_px)
+    high = np.where(np.isnan(high_px), np.inf, high_px)
+    principal = np.array([camera.cx_px, camera.cy_px])
+    field = SILHOUETTE_FIELD
+    if camera.distortion is not None:
+        field = min(field, camera.distortion.image_radius)
+    reach = field * np.array([camera.fx_px, camera.fy_px])
+    image = np.array([camera.width_px - 1, camera.height_px - 1])
+    return (
+        _touched(low, high, np.zeros(2), image),
+        _touched(low, high, np.ceil(principal - reach), np.floor(principal + reach)),
+    )
+
+
+def _touched(low: FloatArray, high: FloatArray, first: FloatArray, last: FloatArray) -> PixelBox:
+    """Whole pixels from ``low`` to ``high``, both (2,), among those from ``first`` to ``last``."""
+    x0, y0 = np.floor(np.clip(low + 0.5, first, last + 1)).astype(int).tolist()
+    x1, y1 = np.floor(np.clip(high + 0.5, first - 1, last)).astype(int).tolist()
+    box = PixelBox(x0, y0, x1 - x0 + 1, y1 - y0 + 1)
+    return _NO_BOX if box.is_empty else box

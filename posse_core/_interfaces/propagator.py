@@ -1,0 +1,50 @@
+"""Propagators: where target and chaser are."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+from pydantic import BaseModel
+
+from posse_core._arrays import FloatArray
+from posse_core._constants import Constants
+from posse_core._model.trajectory import Motion
+from posse_core._scenario.orbit import OrbitConfig, RelativeConfig
+
+
+@dataclass(frozen=True)
+class PropagationProblem:
+    """What the scenario says of the motion.
+
+    Attributes:
+        orbit: the target's orbit, as the user gave it (TLE, elements, or state).
+        relative: the chaser's motion relative to it, as the user gave it.
+        t_s: (F,) seconds since the orbit's epoch.
+        constants: gravity and radii.
+    """
+
+    orbit: OrbitConfig
+    relative: RelativeConfig
+    t_s: FloatArray
+    constants: Constants
+
+
+class Propagator(ABC):
+    """Computes the motion of target and chaser.
+
+    Capabilities: ``exact-two-body`` (agrees with Kepler motion to rounding), ``own-frames`` (the
+    motion may have other frames than ``t_s``).
+    """
+
+    def __init__(self, options: BaseModel) -> None:
+        self.options = options
+
+    @abstractmethod
+    def propagate(self, problem: PropagationProblem) -> Motion:
+        """The motion at ``problem.t_s``.
+
+        Raises:
+            posse_core._errors.InputError: the problem is outside this model's domain; the message
+                says which model to take.
+        """

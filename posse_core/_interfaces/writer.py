@@ -1,0 +1,32 @@
+"""Writers: a finished dataset's labels in a format that other tools load."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from pathlib import Path
+
+from pydantic import BaseModel
+
+from posse_core._dataset.dataset import Dataset
+
+
+class Writer(ABC):
+    """Exports a dataset to one format.
+
+    Capabilities: ``pinhole-only`` (the format cannot say that a lens distorts); ``labels-only`` (images
+    and arrays are not read, so a run to a network store, which has none of them at hand, can write it).
+    """
+
+    def __init__(self, options: BaseModel) -> None:
+        self.options = options
+
+    @abstractmethod
+    def write(self, dataset: Dataset, folder: Path) -> Sequence[Path]:
+        """Write the files into ``folder`` (it exists), atomically; return their paths.
+
+        Image paths in the files are relative to the dataset's own folder.
+
+        Raises:
+            posse_core._errors.InputError: the dataset lacks labels that the format needs.
+        """

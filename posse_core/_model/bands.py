@@ -1,0 +1,47 @@
+"""The three spectral bands that all light in POSSE is carried in.
+
+Blue, green and red are the adjoining intervals 400–500, 500–600 and 600–700 nm, flat inside. So
+linear RGB of a material is its reflectance in these bands, and the panchromatic band is their sum.
+Order of the last axis of every radiance array: red, green, blue.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from posse_core._arrays import FloatArray
+from posse_core._constants import BOLTZMANN_J_K, PLANCK_J_S, SPEED_OF_LIGHT_M_S
+
+BAND_NAMES = ("red", "green", "blue")
+BAND_EDGES_M = ((600e-9, 700e-9), (500e-9, 600e-9), (400e-9, 500e-9))
+BAND_CENTRES_M = tuple((low + high) / 2 for low, high in BAND_EDGES_M)
+SUN_TEMPERATURE_K = 5772.0
+"""Nominal solar effective temperature (IAU 2015 B3)."""
+
+_GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(24)
+
+
+def planck_radiance_w_m2_sr_m(wavelength_m: FloatArray, temperature_k: float) -> FloatArray:
+    """Spectral radiance of a black body, any shape → the same shape, W m⁻² sr⁻¹ per metre."""
+    x = PLANCK_J_S * SPEED_OF_LIGHT_M_S / (wavelength_m * BOLTZMANN_J_K * temperature_k)
+    return np.asarray(
+        2 * PLANCK_J_S * SPEED_OF_LIGHT_M_S**2 / wavelength_m**5 / np.expm1(x), dtype=np.float64
+    )
+
+
+def band_radiance_w_m2_sr(temperature_k: float) -> FloatArray:
+    """(3,) radiance of a black body in the red, green and blue band, W m⁻² sr⁻¹."""
+    out = np.empty(3)
+    for i, (low, high) in enumerate(BAND_EDGES_M):
+        half = (high - low) / 2
+        wavelength_m = (low + high) / 2 + half * _GAUSS_X
+        out[i] = half * np.sum(_GAUSS_W * planck_radiance_w_m2_sr_m(wavelength_m, temperature_k))
+    return out
+
+
+_STEFAN_BOLTZMANN = 5.670_374_419e-8
+SOLAR_BAND_FRACTIONS: FloatArray = (
+    band_radiance_w_m2_sr(SUN_TEMPERATURE_K) * np.pi / (_STEFAN_BOLTZMANN * SUN_TEMPERATURE_K**4)
+)
+"""(3,) share of the total solar irradiance in the red, green and blue band (black body of 5772 K)."""
+SOLAR_BAND_FRACTIONS.setflags(write=False)

@@ -1,0 +1,193 @@
+"""What a renderer is given: a scene that stays, and a frame state that changes.
+
+Everything in a frame state is seen from the camera, so no number is of planetary size where
+single precision could be lost.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from posse_core._arrays import Float32Array, FloatArray
+from posse_core._constants import EARTH_ROTATION_RATE_RAD_S
+from posse_core._frames import matrix_from_rotation_vector, turned
+from posse_core._model.bands import SOLAR_BAND_FRACTIONS
+from posse_core._model.camera import Camera, PixelBox
+from posse_core._model.spacecraft import Spacecraft
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What never changes in a run."""
+
+    spacecraft: Spacecraft
+    camera: Camera
+
+
+@dataclass(frozen=True)
+class Rates:
+    """How a frame changes while the shutter is open; all of it is constant then.
+
+    Attributes:
+        v_body_cam_m_s: (3,) velocity of the spacecraft's origin relative to the camera, against GCRF
+            axes; in camera axes at the frame's instant.
+        omega_body_rad_s: (3,) the spacecraft's rate of turn against GCRF axes, body axes.
+        omega_camera_rad_s: (3,) the camera's, camera axes.
+        v_camera_eci_m_s: (3,) geocentric velocity of the camera, GCRF axes.
+    """
+
+    v_body_cam_m_s: FloatArray
+    omega_body_rad_s: FloatArray
+    omega_camera_rad_s: FloatArray
+    v_camera_eci_m_s: FloatArray
+
+    def relative(
+        self, R_cam_from_body: FloatArray, t_body_cam_m: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """(3,) ω and (3,) v of the motion ω × x + v that the camera sees of the craft's points x."""
+        omega_body_cam_rad_s = R_cam_from_body @ self.omega_body_rad_s
+        v_m_s = self.v_body_cam_m_s - np.cross(omega_body_cam_rad_s, t_body_cam_m)
+        return omega_body_cam_rad_s - self.omega_camera_rad_s, v_m_s
+
+
+AT_REST = Rates(*np.zeros((4, 3)))
+"""Nothing moves."""
+
+
+@dataclass(frozen=True)
+class FrameState:
+    """What changes from frame to frame. Camera axes: x right, y down, z forward.
+
+    Attributes:
+        index: number of the frame in its run, from 0.
+        t_s: seconds since the scenario's epoch.
+        epoch_jd_tt: Julian date of this frame in terrestrial time.
+        R_cam_from_body: (3, 3): x_cam = R_cam_from_body x_body + t_body_cam_m.
+        t_body_cam_m: (3,) the spacecraft's origin in camera axes.
+        R_cam_from_eci: (3, 3) from GCRF axes.
+        R_ecef_from_eci: (3, 3) the Earth's rotation, GCRF → ITRF.
+        r_camera_eci_m, r_target_eci_m, r_sun_eci_m, r_moon_eci_m: (3,) geocentric, GCRF axes.
+        solar_flux_w_m2: total irradiance at the target by the whole Sun, at its true distance.
+        sun_fraction_target: share of the Sun's disc that the Earth leaves free, seen by the target.
+        sun_fraction_camera: the same, seen by the camera.
+        sun_angular_radius_rad: of the disc, seen by the target.
+        rates: how all this changes around the frame's instant.
+    """
+
+    index: int
+    t_s: float
+    epoch_jd_tt: float
+    R_cam_from_body: FloatArray
+    t_body_cam_m: FloatArray
+    R_cam_from_eci: FloatArray
+    R_ecef_from_eci: FloatArray
+    r_camera_eci_m: FloatArray
+    r_target_eci_m: FloatArray
+    r_sun_eci_m: FloatArray
+    r_moon_eci_m: FloatArray
+    solar_flux_w_m2: float
+    sun_fraction_target: float
+    sun_fraction_camera: float
+    sun_angular_radius_rad: float
+    rates: Rates = AT_REST
+
+    def after(self, after_s: float) -> FrameState:
+        """The frame a moment later, or earlier, by its rates."""
+        if after_s == 0:
+            return self
+        rates = self.rates
+        R_then_from_now = matrix_from_rotation_vector(-after_s * rates.omega_camera_rad_s)
+        R_body_turn = matrix_from_rotation_vector(after_s * rates.omega_body_rad_s)
+        earth_turn = matrix_from_rotation_vector(np.array([0, 0, -after_s * EARTH_ROTATION_RATE_RAD_S]))
+        moved_m = after_s * rates.v_camera_eci_m_s
+        return replace(
+            self,
+            t_s=self.t_s + after_s,
+            epoch_jd_tt=self.epoch_jd_tt + after_s / 86400,
+            R_cam_from_body=R_then_from_now @ self.R_cam_from_body @ R_body_turn,
+            t_body_cam_m=R_then_from_now @ (self.t_body_cam_m + after_s * rates.v_body_cam_m_s),
+            R_cam_from_eci=R_then_from_now @ self.R_cam_from_eci,
+            R_ecef_from_eci=earth_turn @ self.R_ecef_from_eci,
+            r_camera_eci_m=self.r_camera_eci_m + moved_m,
+            r_target_eci_m=self.r_target_eci_m + moved_m,  # but for metres
+        )
+
+    def body_in_camera(self, x_body_m: FloatArray, after_s: FloatArray) -> FloatArray:
+        """Points of the spacecraft at times of their own: (..., 3), (...) → (..., 3) camera axes."""
+        rates = self.rates
+        turned_body_m = turned(x_body_m, rates.omega_body_rad_s, after_s)
+        R, t = self.R_cam_from_body, self.t_body_cam_m
+        x_m = np.stack([np.sum(row * turned_body_m, axis=-1) for row in R], axis=-1) + t
+        x_m = x_m + np.asarray(after_s)[..., None] * rates.v_body_cam_m_s
+        return turned(x_m, -rates.omega_camera_rad_s, after_s)
+
+    @property
+    def sun_direction_cam(self) -> FloatArray:
+        """(3,) unit vector from the target to the Sun, camera axes."""
+        away = self.R_cam_from_eci @ (self.r_sun_eci_m - self.r_target_eci_m)
+        return np.asarray(away / np.linalg.norm(away))
+
+    @property
+    def sun_direction_body(self) -> FloatArray:
+        """(3,) unit vector from the target to the Sun, body axes."""
+        return np.asarray(self.R_cam_from_body.T @ self.sun_direction_cam)
+
+    @property
+    def sun_irradiance_rgb_w_m2(self) -> FloatArray:
+        """(3,) irradiance at the target, facing the Sun, in the red, green and blue band."""
+        return self.solar_flux_w_m2 * self.sun_fraction_target * SOLAR_BAND_FRACTIONS
+
+    @property
+    def range_m(self) -> float:
+        """Distance between the camera and the spacecraft's origin."""
+        return float(np.linalg.norm(self.t_body_cam_m))
+
+
+@dataclass(frozen=True)
+class EnvironmentMap:
+    """Light from everywhere but the Sun and the spacecraft: the sky as an equirectangular map.
+
+    Attributes:
+        radiance_rgb: (h, w, 3) float32 radiance, W m⁻² sr⁻¹. Row i, column j is seen in the
+            direction, in camera axes, (sin θ sin φ, −cos θ, sin θ cos φ) with θ = π (i + ½)/h
+            and φ = 2π (j + ½)/w − π: the middle is forward, the top row is up (−y).
+    """
+
+    radiance_rgb: Float32Array
+
+
+@dataclass(frozen=True)
+class RenderRequest:
+    """One frame to render.
+
+    Attributes:
+        box: the part of the image to render; never empty, never outside the image.
+        environment: None where the sky is black.
+        seed: for whatever the renderer draws at random in this frame.
+    """
+
+    frame: FrameState
+    box: PixelBox
+    environment: EnvironmentMap | None
+    seed: int
+
+
+@dataclass(frozen=True)
+class Radiance:
+    """Light from the spacecraft alone, in the box that was asked for.
+
+    Attributes:
+        box: the same box as in the request.
+        radiance_rgb: (h, w, 3) float32 W m⁻² sr⁻¹ in the red, green and blue band, averaged over the
+            pixel; where the craft covers a part of the pixel, the rest counts as black.
+        coverage: (h, w) float32, share of the pixel that the craft covers, 0 … 1.
+        depth_m: (h, w) float32 planar z at the pixel's centre, NaN off the craft; None where the
+            renderer has none. Only cross-checks read it.
+    """
+
+    box: PixelBox
+    radiance_rgb: Float32Array
+    coverage: Float32Array
+    depth_m: Float32Array | None = None

@@ -1,0 +1,106 @@
+"""Every extension point of POSSE, on one page.
+
+A plugin is an installed distribution with an entry point in the group ``posse`` whose object (a
+module, usually) has functions marked with ``@posse_core._plugins.hooks.hookimpl``::
+
+    # pyproject.toml
+    [project.entry-points.posse]
+    render_wire = "posse_render_wire"
+
+    # posse_render_wire.py
+    from posse_core._plugins.hooks import hookimpl
+    from posse_core._plugins.registry import ComponentSpec
+
+    @hookimpl
+    def posse_renderers():
+        return [ComponentSpec("wire", "wire frames", "posse_render_wire.wire:WireRenderer")]
+
+The collecting hooks return lists of :class:`~posse_core.ComponentSpec`. They are called once, when
+plugins are loaded, so they must be cheap and must not import what the component needs. The observers
+are told what happens in a run, in the process that runs the command line; what they
+raise is reported as a warning and the run goes on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pluggy
+
+from posse_core._plugins.registry import ComponentSpec
+
+hookspec = pluggy.HookspecMarker("posse")
+hookimpl = pluggy.HookimplMarker("posse")
+
+
+@hookspec
+def posse_propagators() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
+    """Classes of :class:`posse_core._interfaces.propagator.Propagator`. Since 0.1."""
+
+
+@hookspec
+def posse_scenes() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
+    """Classes of :class:`posse_core._interfaces.scene.SceneSource`: spacecraft by name. Since 0.1."""
+
+
+@hookspec
+def posse_renderers() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
+    """Classes of :class:`posse_core._interfaces.renderer.Renderer`. Since 0.1."""
+
+
+@hookspec
+def posse_annotators() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
+    """Classes of :class:`posse_core._interfaces.annotator.Annotator`. Since 0.1."""
+
+
+@hookspec
+def posse_detectors() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
+    """Classes of :class:`posse_core._interfaces.detector.Detector`. Since 0.1."""
+
+
+@hookspec
+def posse_writers() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
+    """Classes of :class:`posse_core._interfaces.writer.Writer`: dataset formats. Since 0.1."""
+
+
+@hookspec
+def posse_executors() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
+    """Classes of :class:`posse_core._interfaces.executor.Executor`: where frames are made. Since 0.1."""
+
+
+@hookspec
+def posse_subcommands() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
+    """Commands of the command line; ``factory`` names a :class:`click.Command`. Since 0.1."""
+
+
+@hookspec
+def posse_run_started(dataset: Path, frames: int) -> None:
+    """A run is about to make its first frame in the folder ``dataset``. Since 0.1.
+
+    Of a run to a network store, this is the folder of its books (``posse_core/_run/place.py``).
+    """
+
+
+@hookspec
+def posse_frame_completed(index: int, labels: Mapping[str, Any]) -> None:
+    """A frame's files are complete on disk; ``labels`` is its line in the shard. Since 0.1."""
+
+
+@hookspec
+def posse_run_finished(dataset: Path, manifest: Mapping[str, Any]) -> None:
+    """A run has ended and its manifest is written. Since 0.1."""
+
+
+COLLECTING_HOOKS = {
+    "posse_propagators": "propagator",
+    "posse_scenes": "scene",
+    "posse_renderers": "renderer",
+    "posse_annotators": "annotator",
+    "posse_detectors": "detector",
+    "posse_writers": "writer",
+    "posse_executors": "executor",
+    "posse_subcommands": "subcommand",
+}
+"""Collecting hook → the kind of component that it collects."""

@@ -1,0 +1,181 @@
+"""Finding plugins, and keeping a bad one from harming the others.
+
+pluggy leaves this to its host: loading all entry points dies at the first ImportError, a failed
+registration leaves half a plugin behind, and one hook that raises loses the results of all. So each
+entry point is loaded alone, rolled back when it fails, and its hooks are called one at a time.
+"""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import metadata
+from typing import Any, Literal
+
+import pluggy
+
+from posse_core import __version__
+from posse_core._errors import ComponentError
+from posse_core._plugins import builtin
+from posse_core._plugins import hooks as hookspecs
+from posse_core._plugins.registry import API_VERSION, ComponentSpec, Registry
+
+GROUP = "posse"
+State = Literal["ok", "disabled", "broken", "incompatible", "duplicate"]
+
+
+@dataclass(frozen=True)
+class PluginStatus:
+    """What became of one plugin."""
+
+    dist: str
+    version: str
+    name: str
+    state: State
+    error: str = ""
+    components: tuple[str, ...] = ()
+    """``"kind:name"`` of each component that it brought."""
+
+
+class _Refused(Exception):
+    def __init__(self, state: State, reason: str) -> None:
+        super().__init__(reason)
+        self.state: State = state
+
+
+class Plugins:
+    """All plugins of this process: the registry that they filled and what became of each."""
+
+    def __init__(self, entry_points: Sequence[metadata.EntryPoint]) -> None:
+        self.registry = Registry()
+        self.statuses: list[PluginStatus] = []
+        self._manager = pluggy.PluginManager("posse")
+        self._manager.add_hookspecs(hookspecs)
+        self._take(builtin, "core", "posse-core", __version__)
+        disabled = _names(os.environ.get("POSSE_DISABLE_PLUGINS", ""))
+        for entry_point in sorted(entry_points, key=_by_dist_and_name):
+            self._load(entry_point, disabled)
+        if os.environ.get("POSSE_STRICT_PLUGINS") == "1":
+            for status in self.statuses:
+                if status.state not in ("ok", "disabled"):
+                    raise ComponentError(
+                        f"plugin {status.name!r} of {status.dist} is {status.state}: {status.error}"
+                        " (POSSE_STRICT_PLUGINS=1; disable it by POSSE_DISABLE_PLUGINS)"
+                    )
+
+    def notify(self, hook: str, **arguments: Any) -> None:
+        """Tell every observer of ``hook``; what one raises is a warning and the others still hear."""
+        for implementation in getattr(self._manager.hook, hook).get_hookimpls():
+            wanted = {name: arguments[name] for name in implementation.argnames}
+            try:
+                implementation.function(**wanted)
+            except Exception as error:  # a third party's observer must not end the run
+                warnings.warn(
+                    f"{hook} of plugin {implementation.plugin_name!r} raised"
+                    f" {type(error).__name__}: {error}",
+                    stacklevel=2,
+                )
+
+    def _load(self, entry_point: metadata.EntryPoint, disabled: set[str]) -> None:
+        dist = entry_point.dist
+        dist_name, version = (dist.name, dist.version) if dist else ("?", "?")
+        name = entry_point.name
+        try:
+            if name in disabled or dist_name in disabled:
+                raise _Refused("disabled", "named in POSSE_DISABLE_PLUGINS")
+            if self._manager.has_plugin(name):
+                other = next(s.dist for s in self.statuses if s.name == name)
+                raise _Refused("duplicate", f"{other} has a plugin of this name already")
+            try:
+                plugin = entry_point.load()
+            except Exception as error:  # an import runs any code of a third party
+                raise _Refused("broken", f"{type(error).__name__}: {error}") from error
+            self._take(plugin, name, dist_name, version)
+        except _Refused as refusal:
+            status = PluginStatus(dist_name, version, name, refusal.state, str(refusal))
+            self.statuses.append(status)
+            if refusal.state != "duplicate":
+                self.registry.broken[name] = f"{refusal.state}: {refusal}"
+
+    def _take(self, plugin: Any, name: str, dist: str, version: str) -> None:
+        """Register a plugin and its components, or leave no trace of it."""
+        try:
+            self._manager.register(plugin, name)
+            _refuse_unknown_hooks(plugin)
+        except (ValueError, pluggy.PluginValidationError) as error:
+            if self._manager.has_plugin(name):
+                self._manager.unregister(name=name)
+            message = str(error).strip().replace("\n", " ")
+            raise _Refused("incompatible", message) from error
+        try:
+            components = self._collect(plugin, name)
+        except _Refused:
+            self._manager.unregister(name=name)
+            raise
+        for kind, spec in components:
+            self.registry.add(kind, spec, name)
+        listed = tuple(f"{kind}:{spec.name}" for kind, spec in components)
+        self.statuses.append(PluginStatus(dist, version, name, "ok", components=listed))
+
+    def _collect(self, plugin: Any, plugin_name: str) -> list[tuple[str, ComponentSpec]]:
+        components: list[tuple[str, ComponentSpec]] = []
+        taken: set[tuple[str, str]] = set()
+        for hook, kind in hookspecs.COLLECTING_HOOKS.items():
+            for implementation in getattr(self._manager.hook, hook).get_hookimpls():
+                if implementation.plugin is not plugin:
+                    continue
+                try:
+                    specs = list(implementation.function())
+                except Exception as error:  # any code of a third party
+                    raise _Refused("broken", f"{hook}: {type(error).__name__}: {error}") from error
+                for spec in specs:
+                    self._check(spec, kind, hook)
+                    if (kind, spec.name) in taken:
+                        raise _Refused("duplicate", f"it names {kind} {spec.name!r} twice")
+                    owner = self.registry.owner(kind, spec.name)
+                    if owner is not None:
+                        raise _Refused(
+                            "duplicate",
+                            f"the {kind} name {spec.name!r} is taken by plugin {owner!r}",
+                        )
+                    taken.add((kind, spec.name))
+                    components.append((kind, spec))
+        return components
+
+    @staticmethod
+    def _check(spec: object, kind: str, hook: str) -> None:
+        if not isinstance(spec, ComponentSpec):
+            raise _Refused("incompatible", f"{hook} returned {type(spec).__name__}, not ComponentSpec")
+        problem = spec.problem()
+        if problem:
+            raise _Refused("incompatible", f"{hook}: {problem}")
+        if spec.api != API_VERSION:
+            raise _Refused(
+                "incompatible",
+                f"{kind} {spec.name!r} is of API {spec.api}, this core has {API_VERSION}",
+            )
+
+
+def _refuse_unknown_hooks(plugin: Any) -> None:
+    """A marked function that no hook has is a misspelling, which pluggy would ignore."""
+    known = {name for name in vars(hookspecs) if name.startswith("posse_")}
+    for name in dir(plugin):
+        if name not in known and getattr(getattr(plugin, name, None), "posse_impl", None):
+            raise ValueError(f"there is no hook named {name!r}")
+
+
+def _by_dist_and_name(entry_point: metadata.EntryPoint) -> tuple[str, str]:
+    return (entry_point.dist.name if entry_point.dist else "", entry_point.name)
+
+
+def _names(text: str) -> set[str]:
+    return {part.strip() for part in text.split(",") if part.strip()}
+
+
+@cache
+def load_plugins() -> Plugins:
+    """The plugins of this process, loaded once."""
+    return Plugins(tuple(metadata.entry_points(group=GROUP)))

@@ -1,0 +1,40 @@
+"""Propagator ``roe``: exact relative two-body motion by relative orbital elements (the default)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from posse_core._arrays import FloatArray
+from posse_core._dynamics.roe import rtn_from_equinoctial_roe
+from posse_core._dynamics.start import Start
+from posse_core._interfaces.propagator import PropagationProblem
+from posse_core._propagators.flight import Flight, FlightPropagator
+
+
+class RoePropagator(FlightPropagator):
+    """Both orbits by Kepler's equation, differenced in the target's RTN axes; any e < 1, any i."""
+
+    def fly(
+        self, problem: PropagationProblem, start: Start, start_s: float, after_s: FloatArray
+    ) -> Flight:
+        return self.fly_together(problem, [start], after_s)[0]
+
+    def fly_together(
+        self, problem: PropagationProblem, starts: list[Start], t_s: FloatArray
+    ) -> list[Flight]:
+        states = exact_rtn(starts, t_s)
+        return [two_body_flight(start, t_s, rtn) for start, rtn in zip(starts, states, strict=True)]
+
+
+def exact_rtn(starts: list[Start], t_s: FloatArray) -> FloatArray:
+    """(F,) → (S, F, 6) RTN states of S chasers of one target, two-body motion without approximation.
+
+    All in one evaluation: a call costs about as much as the states of an orbit.
+    """
+    target, roe = starts[0].target, np.stack([start.roe_equinoctial for start in starts])
+    return rtn_from_equinoctial_roe(target.equinoctial, target.sign, roe[:, None], target.mu_m3_s2, t_s)
+
+
+def two_body_flight(start: Start, t_s: FloatArray, rtn: FloatArray) -> Flight:
+    """A relative motion (F, 6) beside a target that moves by Kepler's laws."""
+    return Flight(*start.target.two_body(t_s), rtn)

@@ -1,0 +1,33 @@
+"""Propagator ``sgp4``: target and chaser by SGP4, in GCRF axes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from posse_core._arrays import FloatArray
+from posse_core._dynamics.start import Start
+from posse_core._dynamics.tle import Tle
+from posse_core._errors import InputError
+from posse_core._frames import rtn_from_eci
+from posse_core._interfaces.propagator import PropagationProblem
+from posse_core._propagators.flight import Flight, FlightPropagator
+
+
+class Sgp4Propagator(FlightPropagator):
+    """The chaser has the target's drag, and mean elements that give its state at the epoch.
+
+    SGP4's own rounding and its dated constants leave the relative state uncertain by some mm.
+    """
+
+    def fly(
+        self, problem: PropagationProblem, start: Start, start_s: float, after_s: FloatArray
+    ) -> Flight:
+        if problem.orbit.tle is None:
+            raise InputError("propagator sgp4 starts from orbit.tle; give it, or take propagator roe")
+        tle = Tle(problem.orbit.tle)
+        r_chaser = start.target.r_eci_m + start.dr_eci_m
+        v_chaser = start.target.v_eci_m_s + start.dv_eci_m_s
+        chaser = tle.neighbour(r_chaser, v_chaser, start_s)
+        r, v = tle.state(start_s + after_s)
+        rtn = np.concatenate(rtn_from_eci(r, v, *chaser.state(start_s + after_s)), axis=-1)
+        return Flight(r, v, rtn)

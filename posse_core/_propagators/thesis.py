@@ -1,0 +1,152 @@
+"""Propagator ``thesis``: Sections 3.2.1 and 3.2.4 of the POSSE thesis, literally.
+
+It is here to reproduce the published datasets, errors included. What it takes over: a TLE's mean
+elements used as osculating ones in GCRF axes, the true anomaly integrated by a fixed step (eq. 3.2)
+from a series (eq. 3.3), and the ROE map of eq. 2.10 with nt where the mean argument of latitude
+belongs. Chosen where the thesis is silent:
+
+- eq. 3.2 is integrated by the classical Runge–Kutta method, one step from each time to the next.
+- δix and δiy carry over from one relative orbit to the next
+  (:func:`posse_core._dynamics.design.algorithm_3_1`).
+- Frames run k = 0 … N for each of the H relative orbits: (N+1)·H frames, orbit by orbit.
+- Sizes are given in metres (``relative.roe_m``, a times the thesis' δα).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from posse_core._arrays import FloatArray
+from posse_core._dynamics.design import algorithm_3_1
+from posse_core._dynamics.elements import keplerian_from_state
+from posse_core._dynamics.orbit import target_state
+from posse_core._dynamics.tle import Tle
+from posse_core._errors import InputError
+from posse_core._interfaces.propagator import PropagationProblem, Propagator
+from posse_core._model.trajectory import Motion
+from posse_core._propagators.options import ThesisOptions
+
+
+class ThesisPropagator(Propagator):
+    """N instances × H relative orbits (Algorithm 3.1)."""
+
+    options: ThesisOptions
+
+    def propagate(self, problem: PropagationProblem) -> Motion:
+        t_s = np.asarray(problem.t_s, dtype=np.float64)
+        mu = problem.constants.mu_earth_m3_s2
+        a, e, i, raan, argp, mean_anomaly = _elements(problem)
+        true_anomaly = integrate_true_anomaly(
+            series_true_anomaly(mean_anomaly, e), e, math.sqrt(mu / a**3), t_s
+        )
+        r_target, v_target = perifocal_state(a, e, true_anomaly, mu)
+        R = eci_from_perifocal(raan, i, argp)
+        orbits_m = algorithm_3_1(_initial_roe_m(problem), self.options.relative_orbits)
+        states = np.einsum("kij,hj->hki", roe_to_rtn(math.sqrt(mu / a**3), t_s), orbits_m)
+        count, times = len(orbits_m), len(t_s)
+        flat = states.reshape(-1, 6)
+        return Motion(
+            t_s=np.tile(t_s, count),
+            r_target_eci_m=np.tile(r_target @ R.T, (count, 1)),
+            v_target_eci_m_s=np.tile(v_target @ R.T, (count, 1)),
+            r_chaser_rtn_m=flat[:, :3],
+            v_chaser_rtn_m_s=flat[:, 3:],
+            sequence=np.repeat(np.arange(count), times),
+        )
+
+
+def series_true_anomaly(mean_anomaly_rad: float, e: float) -> float:
+    """Eq. 3.3: true anomaly from the mean one to e³; 70° off at e = 0.9."""
+    M = mean_anomaly_rad
+    return (
+        M
+        + (2 * e - 0.25 * e**3) * math.sin(M)
+        + 1.25 * e**2 * math.sin(2 * M)
+        + 13 / 12 * e**3 * math.sin(3 * M)
+    )
+
+
+def integrate_true_anomaly(
+    start_rad: float, e: float, mean_motion_rad_s: float, t_s: FloatArray
+) -> FloatArray:
+    """Eq. 3.2 from ``start_rad`` at t = 0, one Runge–Kutta step from time to time; (K,) → (K,)."""
+
+    def rate(anomaly: float) -> float:
+        return float(mean_motion_rad_s * (1 + e * math.cos(anomaly)) ** 2 / (1 - e**2) ** 1.5)
+
+    out = np.empty(len(t_s))
+    anomaly, t = start_rad, 0.0
+    for k, t_next in enumerate(t_s):
+        h = float(t_next) - t
+        k1 = rate(anomaly)
+        k2 = rate(anomaly + h / 2 * k1)
+        k3 = rate(anomaly + h / 2 * k2)
+        k4 = rate(anomaly + h * k3)
+        anomaly += h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        t = float(t_next)
+        out[k] = anomaly
+    return out
+
+
+def perifocal_state(
+    a_m: float, e: float, true_anomaly_rad: FloatArray, mu_m3_s2: float
+) -> tuple[FloatArray, FloatArray]:
+    """Section 3.2.1: perifocal position (m) and velocity (m/s), (K,) → (K, 3) each."""
+    p = a_m * (1 - e**2)
+    cos, sin, zero = np.cos(true_anomaly_rad), np.sin(true_anomaly_rad), 0 * true_anomaly_rad
+    r = p / (1 + e * cos)
+    r_m = np.stack([r * cos, r * sin, zero], axis=-1)
+    v_m_s = math.sqrt(mu_m3_s2 / p) * np.stack([-sin, e + cos, zero], axis=-1)
+    return r_m, v_m_s
+
+
+def eci_from_perifocal(raan_rad: float, i_rad: float, argp_rad: float) -> FloatArray:
+    """(3, 3) R₃ᵀ(Ω) R₁ᵀ(i) R₃ᵀ(ω)."""
+    cO, sO, ci, si = math.cos(raan_rad), math.sin(raan_rad), math.cos(i_rad), math.sin(i_rad)
+    cw, sw = math.cos(argp_rad), math.sin(argp_rad)
+    third = np.array([[cO, -sO, 0], [sO, cO, 0], [0, 0, 1]])
+    first = np.array([[1, 0, 0], [0, ci, -si], [0, si, ci]])
+    inner = np.array([[cw, -sw, 0], [sw, cw, 0], [0, 0, 1]])
+    return np.asarray(third @ first @ inner)
+
+
+def roe_to_rtn(mean_motion_rad_s: float, t_s: FloatArray) -> FloatArray:
+    """Eq. 2.10: (K, 6, 6), a·δα (m) → RTN position (m) and velocity (m/s)."""
+    n = mean_motion_rad_s
+    c, s = np.cos(n * t_s), np.sin(n * t_s)
+    T = np.zeros((len(t_s), 6, 6))
+    T[:, 0, 0], T[:, 0, 2], T[:, 0, 3] = 1, -c, -s
+    T[:, 1, 1], T[:, 1, 2], T[:, 1, 3] = 1, 2 * s, -2 * c
+    T[:, 2, 4], T[:, 2, 5] = s, -c
+    T[:, 3, 2], T[:, 3, 3] = n * s, -n * c
+    T[:, 4, 0], T[:, 4, 2], T[:, 4, 3] = -1.5 * n, 2 * n * c, 2 * n * s
+    T[:, 5, 4], T[:, 5, 5] = n * c, n * s
+    return T
+
+
+def _elements(problem: PropagationProblem) -> tuple[float, float, float, float, float, float]:
+    """a, e, i, Ω, ω, M: a TLE's mean elements as they stand, else the osculating ones."""
+    mu = problem.constants.mu_earth_m3_s2
+    state = target_state(problem.orbit, problem.constants)
+    if problem.orbit.tle is None:
+        a, e, i, raan, argp, M = keplerian_from_state(*state, mu).tolist()
+        return a, e, i, raan, argp, M
+    m = Tle(problem.orbit.tle).mean
+    a = (mu / m.mean_motion_rad_s**2) ** (1 / 3)
+    return a, m.e, m.i_rad, m.raan_rad, m.argp_rad, m.mean_anomaly_rad
+
+
+def _initial_roe_m(problem: PropagationProblem) -> FloatArray:
+    roe_m = problem.relative.roe_m
+    if problem.relative.plan is not None:
+        raise InputError("relative.plan: propagator thesis knows no manoeuvres; take propagator roe")
+    if roe_m is None:
+        raise InputError("propagator thesis starts from relative.roe_m; give it, or take propagator roe")
+    if roe_m[0] != 0 or roe_m[1] != 0:
+        raise InputError(
+            "relative.roe_m: Algorithm 3.1 has δa = δλ = 0; set the first two to 0, or take"
+            " propagator roe"
+        )
+    return np.array(roe_m)

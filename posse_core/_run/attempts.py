@@ -1,0 +1,91 @@
+"""What every executor of worker processes does alike: a frame in its process, and what its end means."""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections import Counter
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import cv2
+from pydantic import Field
+
+from posse_core._errors import StoreError, WorkerLost
+from posse_core._interfaces.executor import FrameResult, FrameWorker, WorkerSetupError
+from posse_core._plugins.options import Options
+
+_STORE_FAILED = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EIO}
+"""What no other try and no other frame would fare better with."""
+
+
+class PoolOptions(Options):
+    """How many worker processes, and when one is given up."""
+
+    workers: int = Field(1, ge=1, le=1024, description="number of worker processes")
+    frames_per_worker: int = Field(
+        500, ge=1, description="a worker is replaced after so many frames, before its memory grows"
+    )
+    frame_time_limit_s: float = Field(
+        1800.0, gt=0, description="a frame that takes longer is stopped and tried again"
+    )
+    tries: int = Field(3, ge=1, description="how often a frame is tried when its worker dies")
+
+
+class Attempts:
+    """Counts how often each frame has been tried, and tells whether it is to be tried again.
+
+    An exception that a frame raises is its result: only the loss of a worker, or of a process that its
+    renderer works in, is worth another try.
+    """
+
+    def __init__(self, options: PoolOptions) -> None:
+        self._options = options
+        self._losses: Counter[int] = Counter()
+
+    def lost(self, index: int, why: str) -> FrameResult | None:
+        """The frame's worker is gone: None where the frame is to be tried again."""
+        self._losses[index] += 1
+        if self._losses[index] < self._options.tries:
+            return None
+        return FrameResult(index, None, f"{why}, {self._losses.pop(index)} times")
+
+    def overdue(self, index: int) -> FrameResult | None:
+        """The frame's worker had to be stopped."""
+        return self.lost(index, f"it took over {self._options.frame_time_limit_s:g} s")
+
+    def raised(self, index: int, error: Exception) -> FrameResult | None:
+        """The frame raised; raises again what ends the run."""
+        if isinstance(error, WorkerLost):
+            return self.lost(index, str(error))
+        if isinstance(error, WorkerSetupError | StoreError) or (
+            isinstance(error, OSError) and error.errno in _STORE_FAILED
+        ):
+            raise error
+        return FrameResult(index, None, f"{type(error).__name__}: {error}")
+
+
+_worker: FrameWorker | None = None
+
+
+def make_frame(make_worker: Callable[[], FrameWorker], index: int) -> Mapping[str, Any]:
+    """Runs in the worker process, whose one frame worker is made at the first frame.
+
+    Raises:
+        WorkerSetupError: ``make_worker`` failed.
+    """
+    global _worker
+    if _worker is None:
+        cv2.setNumThreads(int(os.environ["POSSE_THREADS"]))
+        try:
+            _worker = make_worker()
+        except StoreError:
+            raise
+        except Exception as error:
+            raise WorkerSetupError(str(error)) from error
+    try:
+        return _worker.make(index)
+    except WorkerLost:
+        _worker.close()
+        _worker = None
+        raise

@@ -1,0 +1,71 @@
+"""The light that a frame's picture is made of, gathered while the shutter is open."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from posse_core._geometry.raycast import RayCaster
+from posse_core._interfaces.renderer import Renderer
+from posse_core._model.camera import Camera, PixelBox
+from posse_core._model.scene import FrameState, Radiance, RenderRequest
+from posse_core._model.shutter import STEP_PX
+from posse_core._randomness import derived_seed
+from posse_core._sky.sky import Sky
+
+BOX_MARGIN_PX = 1
+"""Pixels around the geometry's box that are rendered too: the craft may cover a part of them."""
+
+
+class CraftLight:
+    """Renders the spacecraft at the moments of an exposure, each only where its rows see it.
+
+    Earth-shine is that of the frame's instant.
+    """
+
+    def __init__(
+        self, renderer: Renderer, geometry: RayCaster, sky: Sky, camera: Camera, seed: int
+    ) -> None:
+        """seed: of the run."""
+        self._renderer = renderer
+        self._geometry = geometry
+        self._sky = sky
+        self._camera = camera
+        self._seed = seed
+
+    def gather(self, frame: FrameState, exposure_s: float, instants: int) -> Radiance | None:
+        """Mean radiance over an exposure, in ``instants`` at most; None where no ray meets the craft."""
+        shots = list(self._shots(frame, exposure_s, instants))
+        whole = PixelBox.around(shot.box for shot in shots)
+        if whole.is_empty:
+            return None
+        environment = self._sky.environment(frame)
+        radiance_rgb = np.zeros((whole.height, whole.width, 3), dtype=np.float32)
+        coverage = np.zeros((whole.height, whole.width), dtype=np.float32)
+        for number, shot in enumerate(shots):
+            purpose = f"renderer {number}" if number else "renderer"
+            seed = derived_seed(self._seed, frame.index, purpose)
+            made = self._renderer.render(RenderRequest(shot.pose, shot.box, environment, seed))
+            inside = shot.box.within(whole)
+            radiance_rgb[inside] += shot.share * made.radiance_rgb
+            coverage[inside] += shot.share * made.coverage
+        return Radiance(whole, radiance_rgb, np.minimum(coverage, 1))
+
+    def _shots(self, frame: FrameState, exposure_s: float, instants: int) -> Iterator[_Shot]:
+        for moment in self._geometry.moments(frame, STEP_PX, exposure_s, instants):
+            pose = frame.after(moment.after_s)
+            box = self._geometry.box(pose).grown(BOX_MARGIN_PX, self._camera)
+            box = box.within_rows(moment.first_row, moment.rows)
+            if not box.is_empty:
+                yield _Shot(pose, box, np.float32(moment.share))
+
+
+@dataclass(frozen=True)
+class _Shot:
+    """A moment of an exposure: what is rendered, where, and its share."""
+
+    pose: FrameState
+    box: PixelBox
+    share: np.float32

@@ -1,0 +1,81 @@
+"""The executor ``local``: worker processes on this machine."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, TimeoutError, wait
+from itertools import islice
+from multiprocessing import get_context
+from typing import Any
+
+from pebble import ProcessExpired, ProcessPool
+
+from posse_core._interfaces.executor import Executor, FrameResult, FrameWorker
+from posse_core._run.attempts import Attempts, PoolOptions, make_frame
+
+
+class LocalExecutor(Executor):
+    """A pool of spawned processes (pebble); a dead or hung worker is replaced, its frame tried again."""
+
+    options: PoolOptions
+
+    def run(
+        self, make_worker: Callable[[], FrameWorker], indices: Iterable[int]
+    ) -> Iterator[FrameResult]:
+        workers = self.options.workers
+        _share_cores(workers)
+        waiting = iter(indices)
+        attempts = Attempts(self.options)
+        pending: dict[Future[Any], int] = {}
+        pool: Any = ProcessPool(
+            max_workers=workers,
+            max_tasks=self.options.frames_per_worker,
+            context=get_context("spawn"),
+        )
+
+        def submit(index: int) -> None:
+            future = pool.schedule(
+                make_frame, args=[make_worker, index], timeout=self.options.frame_time_limit_s
+            )
+            pending[future] = index
+
+        try:
+            for index in islice(waiting, 2 * workers):
+                submit(index)
+            while pending:
+                for future in wait(pending, return_when=FIRST_COMPLETED).done:
+                    index = pending.pop(future)
+                    result = _result(future, index, attempts)
+                    if result is None:
+                        submit(index)
+                        continue
+                    yield result
+                    for following in islice(waiting, 1):
+                        submit(following)
+            pool.close()
+        except BaseException:
+            pool.stop()
+            raise
+        finally:
+            pool.join()
+
+
+def _result(future: Future[Any], index: int, attempts: Attempts) -> FrameResult | None:
+    """The frame's result, or None where it is to be tried again."""
+    try:
+        return FrameResult(index, future.result())
+    except ProcessExpired as error:
+        return attempts.lost(index, f"its worker died (exit code {error.exitcode})")
+    except TimeoutError:
+        return attempts.overdue(index)
+    except Exception as error:  # whatever a component raises ends its frame, not the run
+        return attempts.raised(index, error)
+
+
+def _share_cores(workers: int) -> None:
+    """Let the numerical libraries of each worker use its share of the cores (spawned children inherit
+    this); what the user has set stands."""
+    share = str(max(1, (os.cpu_count() or 1) // workers))
+    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "POSSE_THREADS"):
+        os.environ.setdefault(variable, share)

@@ -1,0 +1,57 @@
+"""The manifest: what a dataset was made from, and whether it is whole."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Mapping
+from importlib import metadata
+from typing import Any
+
+from posse_core import __version__
+from posse_core._files.atomic import sha256
+from posse_core._plugins.loading import Plugins
+from posse_core._run.frame_maker import RENDERER_FILE
+from posse_core._run.place import Place
+from posse_core._run.plan import Plan
+from posse_core._run.shards import CHECKSUMS
+
+COMPLETE, INCOMPLETE = "complete", "incomplete"
+
+_LIBRARIES = ("casadi", "embreex", "numpy", "opencv-contrib-python-headless", "scipy")
+
+
+def make_manifest(
+    place: Place, plan: Plan, plugins: Plugins, failed: Mapping[int, str]
+) -> dict[str, Any]:
+    """The manifest of a run that has ended; ``failed`` maps frames to their errors."""
+    folder = place.books
+    try:
+        renderer = json.loads(place.store.read(RENDERER_FILE))
+    except FileNotFoundError:
+        renderer = {}
+    hashed = sorted(
+        path
+        for pattern in ("scenario.yaml", "trajectory.npz", "camera.json", "spacecraft/*", "labels/*")
+        for path in folder.glob(pattern)
+    )
+    return {
+        "format": "posse-dataset",
+        "format_version": 1,
+        "state": INCOMPLETE if failed else COMPLETE,
+        "frames": len(plan.trajectory),
+        "failed_frames": {str(index): error for index, error in sorted(failed.items())},
+        "seed": plan.scenario.seed,
+        "renderer": {"name": plan.scenario.renderer.name, **renderer},
+        "versions": {
+            "posse-core": __version__,
+            "python": platform.python_version(),
+            **{name: metadata.version(name) for name in _LIBRARIES},
+        },
+        "plugins": {
+            status.name: {"dist": status.dist, "version": status.version, "state": status.state}
+            for status in plugins.statuses
+        },
+        "sha256": {str(path.relative_to(folder)): sha256(path) for path in hashed},
+        "frame_checksums": CHECKSUMS,
+    }

@@ -1,0 +1,173 @@
+"""The labels on disk: append-only shards of JSON lines, and the checksums of the frames' files.
+
+A frame is done when its line stands whole in a shard. Before that its files are written, and then a
+block of checksums: a row a file, and a seal over these rows and the line. So a run that is cut at any
+point leaves at most one torn line, which is dropped, and a bit that changes later is found, in lines
+as in files, without a line being parsed.
+
+Lines hold labels alone. They are appended as frames are done, and sorted at the end of the run: so they
+are the same to the bit whichever renderer made the pictures, with any number of workers, and whatever
+the run went through.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from posse_core._files.atomic import write_bytes
+
+FRAMES_PER_SHARD = 1000
+CHECKSUMS = "checksums.sha256"
+"""In the format of the tool ``sha256sum``, to which a row that starts with ``#`` is a remark:
+``sha256sum -c checksums.sha256`` checks a dataset's files."""
+
+_LINE_START = re.compile(rb'\{"index":(\d{1,15}),')
+_SEAL = re.compile(rb"# [0-9a-f]{64}  frame (\d{1,15})\n")
+
+
+def shard_path(folder: Path, index: int) -> Path:
+    """The shard that holds the line of frame ``index``."""
+    return folder / "labels" / f"shard-{index // FRAMES_PER_SHARD:05d}.jsonl"
+
+
+def whole_lines(path: Path) -> Iterator[bytes]:
+    """The complete lines of a file, each with its line break; a torn last one is left out."""
+    if not path.exists():
+        return
+    with open(path, "rb") as stream:
+        for line in stream:
+            if line.endswith(b"\n"):
+                yield line
+
+
+class LabelLog:
+    """Appends finished frames to the shards of one dataset."""
+
+    def __init__(self, folder: Path, frames: int) -> None:
+        self._folder = folder
+        self._shards = [shard_path(folder, first) for first in range(0, frames, FRAMES_PER_SHARD)]
+        (folder / "labels").mkdir(exist_ok=True)
+
+    def append(self, labels: Mapping[str, Any], digests: Mapping[str, str]) -> bytes:
+        """Enter a frame whose files are complete; ``digests`` maps each to its SHA-256.
+
+        Returns:
+            What was entered, for :func:`replay`.
+        """
+        index = labels["index"]
+        values = {"index": index, **labels}
+        line = json.dumps(values, ensure_ascii=False, allow_nan=False, separators=(",", ":")) + "\n"
+        rows = "".join(f"{digest}  {name}\n" for name, digest in digests.items())
+        block = _sealed(index, rows.encode(), line.encode())
+        _append(self._folder / CHECKSUMS, block)
+        _append(shard_path(self._folder, index), line.encode())
+        return block + line.encode()
+
+    def recover(self, digest_of: Callable[[str], str], readers: int = 1) -> set[int]:
+        """Find the frames that are done; drop torn lines, and frames whose files are not as entered.
+
+        Args:
+            digest_of: a frame's file → its SHA-256 as it is now, or OSError.
+            readers: shards that are looked through at a time.
+
+        Returns:
+            Indices of frames that are complete.
+        """
+        path = self._folder / CHECKSUMS
+        blocks = _blocks(path)
+        with ThreadPoolExecutor(readers) as threads:
+            intact = threads.map(partial(self._mend, blocks, digest_of), range(len(self._shards)))
+            done = set().union(*intact)
+        text = b"".join(block for index, block in blocks.items() if index in done)
+        if path.exists() and path.read_bytes() != text:
+            write_bytes(path, text)
+        return done
+
+    def _mend(
+        self, blocks: Mapping[int, bytes], digest_of: Callable[[str], str], shard: int
+    ) -> set[int]:
+        """Drop what is not whole from a shard; the frames that are left."""
+        path = self._shards[shard]
+        intact: set[int] = set()
+        lines: list[bytes] = []
+        for line in whole_lines(path):
+            index = _index(line)
+            if index in intact or index // FRAMES_PER_SHARD != shard or index not in blocks:
+                continue
+            if _is_intact(index, line, blocks[index], digest_of):
+                intact.add(index)
+                lines.append(line)
+        if path.exists() and sum(map(len, lines)) != path.stat().st_size:
+            write_bytes(path, b"".join(lines))
+        return intact
+
+    def put_in_order(self) -> None:
+        """Sort the lines by frame where workers were done out of turn, and the checksums likewise."""
+        for path in self._shards:
+            lines = list(whole_lines(path))
+            _rewrite(path, lines, sorted(lines, key=_index))
+        blocks = _blocks(self._folder / CHECKSUMS)
+        ordered = [blocks[index] for index in sorted(blocks)]
+        _rewrite(self._folder / CHECKSUMS, list(blocks.values()), ordered)
+
+
+def replay(folder: Path, entries: bytes) -> None:
+    """Enter frames again, from what :meth:`LabelLog.append` returned; twice does no harm."""
+    for line in entries.splitlines(keepends=True):
+        index = _index(line)
+        _append(folder / CHECKSUMS if index < 0 else shard_path(folder, index), line)
+
+
+def _is_intact(index: int, line: bytes, block: bytes, digest_of: Callable[[str], str]) -> bool:
+    rows = block[: block.rindex(b"# ")]
+    if _sealed(index, rows, line) != block:
+        return False
+    try:
+        for row in rows.decode().splitlines():
+            digest, _, name = row.partition("  ")
+            if digest_of(name) != digest:
+                return False
+    except OSError:
+        return False
+    return True
+
+
+def _append(path: Path, text: bytes) -> None:
+    """Add text in a single write."""
+    with open(path, "ab") as stream:
+        stream.write(text)
+
+
+def _rewrite(path: Path, parts: list[bytes], ordered: list[bytes]) -> None:
+    if ordered != parts:
+        write_bytes(path, b"".join(ordered))
+
+
+def _index(line: bytes) -> int:
+    """Frame of a label line; −1 where it does not start as one."""
+    match = _LINE_START.match(line)
+    return int(match[1]) if match else -1
+
+
+def _sealed(index: int, rows: bytes, line: bytes) -> bytes:
+    """A frame's block of checksums: the rows of its files, and the seal over them and its line."""
+    return b"%b# %b  frame %d\n" % (rows, hashlib.sha256(rows + line).hexdigest().encode(), index)
+
+
+def _blocks(path: Path) -> dict[int, bytes]:
+    """Frame → its block of checksums, in the order of the file."""
+    blocks: dict[int, bytes] = {}
+    rows: list[bytes] = []
+    for row in whole_lines(path):
+        rows.append(row)
+        if match := _SEAL.fullmatch(row):
+            blocks[int(match[1])] = b"".join(rows)
+            rows.clear()
+    return blocks

@@ -1,0 +1,53 @@
+"""A component chosen in a scenario: a name, and options that its own model checks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import Field, model_serializer, model_validator
+
+from posse_core._plugins.options import Options
+
+
+class ComponentChoice(Options):
+    """Written as a name, or as a mapping with ``name`` and the component's options beside it."""
+
+    name: str = Field(description="name of the component; 'posse plugins' lists them")
+    options: Mapping[str, Any] = Field(
+        default_factory=dict, description="its options; see 'posse describe KIND NAME'"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _gather(cls, raw: Any) -> Any:
+        return _gathered(raw)
+
+    @model_serializer
+    def _flatten(self) -> dict[str, Any]:
+        return {"name": self.name, **self.options}
+
+
+class TargetChoice(ComponentChoice):
+    """The spacecraft: a built-in one by ``name``, a ``mesh`` file, or a ``package`` folder."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _name_by_file(cls, raw: Any) -> Any:
+        if isinstance(raw, Mapping) and "name" not in raw:
+            kinds = [kind for kind in ("mesh", "package") if kind in raw]
+            if len(kinds) != 1:
+                raise ValueError("give exactly one of name, mesh, package")
+            return _gathered({"name": kinds[0], **raw})
+        return raw
+
+
+def _gathered(raw: Any) -> Any:
+    """The options beside ``name`` go into ``options``."""
+    if isinstance(raw, str):
+        return {"name": raw}
+    if isinstance(raw, Mapping) and "options" not in raw:
+        given = dict(raw)
+        name = {"name": given.pop("name")} if "name" in given else {}
+        return {**name, "options": given}
+    return raw

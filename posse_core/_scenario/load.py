@@ -1,0 +1,186 @@
+"""From a file or a name to a checked scenario, and back to YAML."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import BaseModel
+
+from posse_core._errors import InputError
+from posse_core._plugins.options import nearest, validated
+from posse_core._plugins.registry import Registry
+from posse_core._scenario.component import ComponentChoice
+from posse_core._scenario.model import Scenario
+from posse_core._scenario.yaml_lines import KeyPath, YamlText
+
+_BUILT_IN = resources.files("posse_core") / "_scenario" / "built_in"
+
+
+def built_in_names() -> list[str]:
+    """Names of the scenarios that come with the core."""
+    return sorted(p.name.removesuffix(".yaml") for p in _BUILT_IN.iterdir() if p.name.endswith(".yaml"))
+
+
+def scenario_members(source: str) -> list[str]:
+    """The scenarios that a source stands for: itself, or the ``members`` of a collection.
+
+    A collection is a YAML file whose one key, ``members``, lists names or files of scenarios.
+
+    Raises:
+        InputError: the source cannot be read, or ``members`` is not such a list.
+    """
+    text = _read(source)
+    if not isinstance(text.value, dict) or "members" not in text.value:
+        return [source]
+    members = text.value["members"]
+    if len(text.value) > 1 or not isinstance(members, list) or not members:
+        raise InputError(
+            f"{text.where(('members',))}: the only key of a collection, a list of scenarios"
+        )
+    names = built_in_names()
+    return [str(m) if m in names else str(Path(source).parent / str(m)) for m in members]
+
+
+def load_scenario(
+    source: str, registry: Registry, overrides: Mapping[str, Any] | None = None
+) -> Scenario:
+    """Read a scenario and check all of it, options of components too.
+
+    Args:
+        source: path of a YAML file, or the name of a built-in scenario.
+        overrides: dotted key → value, put in place of the file's, as in ``renderer.spp``.
+
+    Raises:
+        InputError: one line with file, line, key, value and the way out.
+    """
+    text = _read(source)
+    raw = text.value
+    if not isinstance(raw, dict):
+        raise InputError(f"{text.name}: a scenario is a mapping of keys; see 'posse describe scenario'")
+    base = Path(source).parent if text.name == source else Path()
+    given = {tuple(key.split(".")): value for key, value in (overrides or {}).items()}
+    for path, value in sorted(given.items(), key=lambda item: item[0][-1] != "name"):
+        _put(raw, path, value)
+
+    def where(path: KeyPath) -> str:
+        for length in range(len(path), 0, -1):
+            if path[:length] in given:
+                return f"option {'.'.join(str(step) for step in path)}"
+        return text.where(path)
+
+    _anchor_files(raw, base)
+    scenario = _with_complete_options(validated(Scenario, raw, where), registry, where)
+    if scenario.camera.camera().distortion is not None:
+        _refuse_pinhole_writers(scenario, registry, where)
+    return scenario
+
+
+def parse_override(text: str) -> tuple[str, Any]:
+    """``"renderer.spp=64"`` → ``("renderer.spp", 64)``; the value is YAML.
+
+    Raises:
+        InputError: not of the form KEY=VALUE.
+    """
+    key, equals, value = text.partition("=")
+    if not equals or not all(key.split(".")):
+        raise InputError(f"option -o {text}: write it as key=value, as in -o renderer.spp=64")
+    return key, YamlText(value, f"option -o {text}").value
+
+
+def dump_scenario(scenario: Scenario) -> str:
+    """YAML of the whole scenario, defaults included: loading it gives the same scenario."""
+    return yaml.safe_dump(scenario.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
+
+
+def _read(source: str) -> YamlText:
+    names = built_in_names()
+    if source in names:
+        return YamlText((_BUILT_IN / f"{source}.yaml").read_text("utf-8"), f"scenario {source!r}")
+    path = Path(source)
+    if path.is_file() or path.suffix in (".yaml", ".yml") or "/" in source:
+        return YamlText.read(path)
+    raise InputError(
+        f"no scenario named {source!r}{nearest(source, names) or '.'} Built-in ones are"
+        f" {', '.join(names)}; a file's name ends in .yaml"
+    )
+
+
+def _put(raw: dict[str, Any], path: Sequence[str], value: Any) -> None:
+    """Set a nested key. A component given by its name alone becomes a mapping, and naming another
+    component leaves the former one's options behind."""
+    if len(path) == 2 and path[1] == "name" and path[0] in raw:
+        block = raw[path[0]]
+        if value != (block.get("name") if isinstance(block, dict) else block):
+            raw[path[0]] = {}
+    current = raw
+    for step in path[:-1]:
+        inner = current.get(step)
+        if isinstance(inner, str):
+            inner = {"name": inner}
+        if inner is None:
+            inner = {}
+        if not isinstance(inner, dict):
+            raise InputError(f"option {'.'.join(path)}: {step!r} holds a value, not keys")
+        current[step] = inner
+        current = inner
+    current[path[-1]] = value
+
+
+_FILES = (
+    ("target", "mesh"),
+    ("target", "package"),
+    ("target", "keypoints"),
+    ("propagator", "path"),
+    ("propagator", "chaser_path"),
+    ("attitude", "target", "path"),
+    ("attitude", "camera", "path"),
+)
+
+
+def _anchor_files(raw: dict[str, Any], base: Path) -> None:
+    """Paths in a scenario file are relative to that file."""
+    for *blocks, key in _FILES:
+        inner: Any = raw
+        for block in blocks:
+            inner = inner.get(block) if isinstance(inner, dict) else None
+        if isinstance(inner, dict) and isinstance(inner.get(key), str):
+            inner[key] = str((base / inner[key]).absolute())
+
+
+def _refuse_pinhole_writers(scenario: Scenario, registry: Registry, where: Any) -> None:
+    """Told before the run, which ends with the writers."""
+    for i, choice in enumerate(scenario.writers):
+        if "pinhole-only" in registry.spec("writer", choice.name).capabilities:
+            raise InputError(
+                f"{where(('writers', i, 'name'))}: {choice.name!r} knows pinholes only, and"
+                " camera.distortion is given; leave one of them out"
+            )
+
+
+def _with_complete_options(scenario: Scenario, registry: Registry, where: Any) -> Scenario:
+    def complete(kind: str, choice: ComponentChoice, *path: int | str) -> ComponentChoice:
+        try:
+            model = registry.options_model(kind, choice.name)
+        except InputError as error:
+            raise InputError(f"{where((*path, 'name'))}: {error}") from None
+        options: BaseModel = validated(model, choice.options, lambda p: str(where((*path, *p))))
+        dumped = options.model_dump(mode="json")
+        return type(choice).model_validate({"name": choice.name, "options": dumped})
+
+    return scenario.model_copy(
+        update={
+            "target": complete("scene", scenario.target, "target"),
+            "propagator": complete("propagator", scenario.propagator, "propagator"),
+            "renderer": complete("renderer", scenario.renderer, "renderer"),
+            "annotators": tuple(
+                complete("annotator", c, "annotators", i) for i, c in enumerate(scenario.annotators)
+            ),
+            "writers": tuple(
+                complete("writer", c, "writers", i) for i, c in enumerate(scenario.writers)
+            ),
+        }
+    )

@@ -1,0 +1,134 @@
+"""The scenario as a frozen record; every key is described, units are in the names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from pydantic import Field, field_validator, model_validator
+
+from posse_core._arrays import FloatArray
+from posse_core._constants import THESIS_SOLAR_CONSTANT_W_M2, Constants
+from posse_core._plugins.options import Options
+from posse_core._scenario.attitude import AttitudeConfig
+from posse_core._scenario.camera import CameraConfig
+from posse_core._scenario.component import ComponentChoice, TargetChoice
+from posse_core._scenario.orbit import OrbitConfig, RelativeConfig
+from posse_core._scenario.presets import with_preset
+from posse_core._scenario.sensor import SensorConfig
+from posse_core._scenario.sky import SkyConfig
+
+
+class TimesConfig(Options):
+    """When frames are taken: a list of times, or a count over a duration (both ends included)."""
+
+    t_s: tuple[float, ...] | None = Field(
+        None, min_length=1, description="seconds after the epoch, one a frame"
+    )
+    duration_orbits: float | None = Field(None, gt=0, description="in periods of the target")
+    duration_s: float | None = Field(None, gt=0, description="in seconds")
+    count: int | None = Field(None, ge=1, le=10_000_000, description="number of times")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _default_duration(cls, raw: Any) -> Any:
+        if isinstance(raw, dict) and not {"t_s", "duration_orbits", "duration_s"} & set(raw):
+            return {**raw, "duration_orbits": 1.0}
+        return raw
+
+    @model_validator(mode="after")
+    def _exactly_one(self) -> TimesConfig:
+        given = [k for k in ("t_s", "duration_orbits", "duration_s") if getattr(self, k) is not None]
+        if len(given) != 1:
+            raise ValueError(f"give exactly one of t_s, duration_orbits, duration_s, not {given}")
+        if self.t_s is not None and self.count is not None:
+            raise ValueError("count goes with a duration, not with t_s")
+        return self
+
+    def seconds(self, period_s: Callable[[], float]) -> FloatArray:
+        """(T,) seconds after the epoch.
+
+        Args:
+            period_s: the target's orbital period; asked for only where a duration is in orbits, since
+                a hyperbolic orbit has none.
+        """
+        if self.t_s is not None:
+            return np.asarray(self.t_s, dtype=np.float64)
+        duration_s = self.duration_s
+        if duration_s is None:
+            duration_s = (self.duration_orbits or 0.0) * period_s()
+        return np.linspace(0.0, duration_s, self.count or 101)
+
+
+class Scenario(Options):
+    """Everything about a run. Only ``target`` and ``orbit`` have no default."""
+
+    target: TargetChoice = Field(
+        description="the spacecraft: {name: aqua}, {mesh: model.glb, scale_m_per_unit: 0.0385,"
+        ' body_axes: "x y z"} or {package: folder}'
+    )
+    orbit: OrbitConfig = Field(description="the target's orbit: one of tle, elements, state_eci")
+    relative: RelativeConfig = Field(
+        RelativeConfig(roe_m=(0.0, 0.0, 20.0, 0.0, 20.0, 0.0)),
+        description="the camera's motion relative to the target",
+    )
+    times: TimesConfig = Field(
+        TimesConfig(duration_orbits=1.0, count=101), description="when frames are taken"
+    )
+    frames: int | None = Field(
+        None, ge=1, description="make only this many of the frames, evenly spread; null for all"
+    )
+    propagator: ComponentChoice = Field(
+        ComponentChoice(name="roe"), description="model of the motion: a name, or {name, options}"
+    )
+    attitude: AttitudeConfig = Field(AttitudeConfig(), description="attitude of target and camera")
+    camera: CameraConfig = Field(CameraConfig(), description="the camera's geometry")
+    sky: SkyConfig = Field(SkyConfig(), description="what is behind the spacecraft")
+    sensor: SensorConfig = Field(SensorConfig(), description="from light to numbers")
+    renderer: ComponentChoice = Field(
+        ComponentChoice(name="mitsuba"), description="who renders: a name, or {name, options}"
+    )
+    annotators: tuple[ComponentChoice, ...] = Field(
+        tuple(ComponentChoice(name=n) for n in ("box", "mask", "parts", "depth", "keypoints", "pose")),
+        description="which labels are made",
+    )
+    writers: tuple[ComponentChoice, ...] = Field(
+        (ComponentChoice(name="coco"), ComponentChoice(name="speed")),
+        description="formats that the labels are exported to when the run ends",
+    )
+    constants: Constants = Field(Constants(), description="physical constants")
+    seed: int = Field(0, ge=0, lt=2**63, description="of every random draw")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _names(cls, raw: Any) -> Any:
+        """Options without a name are the default component's; a camera's name gives its keys."""
+        if not isinstance(raw, dict):
+            return raw
+        named = with_preset(raw)
+        for key in ("propagator", "renderer"):
+            if isinstance(raw.get(key), dict) and "name" not in raw[key]:
+                named[key] = {"name": cls.model_fields[key].default.name, **raw[key]}
+        return named
+
+    @model_validator(mode="before")
+    @classmethod
+    def _constants_of_the_thesis(cls, raw: Any) -> Any:
+        """Propagator ``thesis`` has its solar constant too, unless the scenario gives one."""
+        if not isinstance(raw, dict) or not isinstance(given := raw.get("constants", {}), dict):
+            return raw
+        propagator = raw.get("propagator")
+        name = propagator.get("name") if isinstance(propagator, dict) else propagator
+        if name != "thesis":
+            return raw
+        return {**raw, "constants": {"solar_constant_w_m2": THESIS_SOLAR_CONSTANT_W_M2, **given}}
+
+    @field_validator("annotators", "writers")
+    @classmethod
+    def _no_twins(cls, choices: tuple[ComponentChoice, ...]) -> tuple[ComponentChoice, ...]:
+        names = [choice.name for choice in choices]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"{name!r} stands twice")
+        return choices

@@ -1,0 +1,175 @@
+"""Frames thinned until bins hold alike many: of classes, ranges, viewing directions."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from posse_core._errors import InputError
+from posse_core._frames import matrix_from_quaternion
+from posse_core._plugins.options import nearest
+from posse_core._randomness import generator
+
+RANGES_PER_OCTAVE = 2
+BANDS, SECTORS = 4, 8
+"""Of the sphere of viewing directions: bands of equal height along body z, hence of equal area, and
+sectors about it."""
+
+
+Bin = tuple[int | str, ...]
+
+
+@dataclass(frozen=True)
+class Axis:
+    """``bin_of`` gives the bin of a frame by its labels, of which it needs some; ``name_of`` says which
+    it is."""
+
+    name: str
+    why: str
+    bin_of: Callable[[dict[str, Any]], int | str]
+    name_of: Callable[[Any], str]
+    needs: Sequence[str]
+
+
+def _class(labels: dict[str, Any]) -> str:
+    return str(labels["spacecraft"])
+
+
+def _range(labels: dict[str, Any]) -> int:
+    return math.floor(RANGES_PER_OCTAVE * math.log2(labels["range_m"]))
+
+
+def _name_of_range(step: int) -> str:
+    low, high = (2 ** (k / RANGES_PER_OCTAVE) for k in (step, step + 1))
+    return f"{low:.4g} to {high:.4g} m"
+
+
+def _direction(labels: dict[str, Any]) -> int:
+    R_cam_from_body = matrix_from_quaternion(np.array(labels["q_cam_from_body"]))
+    x, y, z = -R_cam_from_body.T @ np.array(labels["t_body_cam_m"]) / labels["range_m"]
+    band = min(int((z + 1) / 2 * BANDS), BANDS - 1)
+    sector = int(math.atan2(y, x) / (2 * math.pi) % 1 * SECTORS) % SECTORS
+    return band * SECTORS + sector
+
+
+def _name_of_direction(number: int) -> str:
+    band, sector = divmod(number, SECTORS)
+    south, north = (math.degrees(math.asin(2 * k / BANDS - 1)) for k in (band, band + 1))
+    west, east = (360 / SECTORS * k for k in (sector, sector + 1))
+    return f"latitude {south:.0f} to {north:.0f}, longitude {west:.0f} to {east:.0f} deg"
+
+
+AXES = {
+    axis.name: axis
+    for axis in (
+        Axis("class", "the spacecraft", _class, str, ("spacecraft",)),
+        Axis(
+            "range",
+            f"the distance, {RANGES_PER_OCTAVE} bins an octave",
+            _range,
+            _name_of_range,
+            ("range_m",),
+        ),
+        Axis(
+            "direction",
+            f"where the camera is in body axes, {BANDS * SECTORS} bins of equal area",
+            _direction,
+            _name_of_direction,
+            ("q_cam_from_body", "t_body_cam_m", "range_m"),
+        ),
+    )
+}
+"""By name, in the order in which a bin names them."""
+
+
+@dataclass(frozen=True)
+class Balance:
+    """What is balanced, and to what number of frames.
+
+    Attributes:
+        axes: their bins are crossed.
+        frames: how many to keep; None for as many as leave all bins exactly alike.
+        seed: of the choice within a bin.
+    """
+
+    axes: Sequence[Axis]
+    frames: int | None
+    seed: int
+
+    @property
+    def why(self) -> str:
+        """For the manifest."""
+        even = "even" if self.frames is None else f"{self.frames} frames, as even as can be"
+        return f"{even} over {', '.join(axis.name for axis in self.axes)} (seed {self.seed})"
+
+    def bin_of(self, place: str, labels: dict[str, Any]) -> Bin:
+        """The bin of a frame, one of each axis.
+
+        Args:
+            place: of the dataset, for the message.
+
+        Raises:
+            InputError: the labels lack what an axis asks for.
+        """
+        for axis in self.axes:
+            for key in axis.needs:
+                if key not in labels:
+                    raise InputError(
+                        f"{place}: frame {labels['index']} has no {key!r}, which balancing by"
+                        f" {axis.name} asks for"
+                    )
+        return tuple(axis.bin_of(labels) for axis in self.axes)
+
+    def counts(self, bins: Sequence[Bin], kept: Sequence[int]) -> Iterator[dict[str, str | int]]:
+        """Of each bin, for the manifest: its names, the frames there were, and those kept.
+
+        Args:
+            bins: of every frame.
+            kept: places in ``bins``.
+        """
+        there, left = Counter(bins), Counter(bins[place] for place in kept)
+        for bin_ in sorted(there):
+            names = {a.name: a.name_of(part) for a, part in zip(self.axes, bin_, strict=True)}
+            yield {**names, "frames": there[bin_], "kept": left[bin_]}
+
+
+def axes_named(names: Sequence[str]) -> list[Axis]:
+    """The axes of these names, in the order of :data:`AXES`.
+
+    Raises:
+        InputError: there is none of that name.
+    """
+    for name in names:
+        if name not in AXES:
+            raise InputError(f"cannot balance by {name!r}{nearest(name, AXES)}; by {', '.join(AXES)}")
+    return [axis for axis in AXES.values() if axis.name in names]
+
+
+def balanced(bins: Sequence[Bin], frames: int | None, seed: int) -> list[int]:
+    """Places of the frames to keep, ascending.
+
+    Bins are filled evenly: no bin holds over one frame more than another that has any to spare. Which
+    bins hold the one more, and which frames of a bin are kept, is drawn.
+
+    Args:
+        bins: of each frame.
+        frames: how many to keep, or all if there are fewer; None for as many as leave all bins alike.
+        seed: of the draws. The same arguments give the same places.
+    """
+    random = generator(seed, -1, "balance")
+    order = sorted(random.permutation(len(bins)).tolist(), key=lambda place: bins[place])
+    queues = [list(members) for _, members in groupby(order, key=lambda place: bins[place])]
+    if frames is None:
+        frames = len(queues) * min(map(len, queues), default=0)
+    left = [queues[i] for i in random.permutation(len(queues))]
+    kept: list[int] = []
+    while left and len(kept) < frames:
+        kept += [queue.pop() for queue in left[: frames - len(kept)]]
+        left = [queue for queue in left if queue]
+    return sorted(kept)

@@ -1,0 +1,246 @@
+"""One dataset out of several, less the frames that rules drop (the thesis' ``generator.py``), and
+balanced."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from posse_core import __version__
+from posse_core._dataset.dataset import Dataset
+from posse_core._environment.time import SECONDS_PER_DAY, Epoch
+from posse_core._errors import InputError
+from posse_core._files.atomic import sha256, write_json
+from posse_core._formats.images import place
+from posse_core._model.trajectory import Trajectory
+from posse_core._run.shards import CHECKSUMS, LabelLog
+from posse_core._selection.balance import Balance, Bin, balanced
+from posse_core._selection.rules import Rule, first_that_drops
+from posse_core._trajectory.trajectory import load_trajectory, save_trajectory
+
+_ARRAYS = tuple(field.name for field in fields(Trajectory) if field.name != "epoch_utc")
+
+Progress = Callable[[Iterable[dict[str, Any]], int], Iterable[dict[str, Any]]]
+"""Wraps the labels of a dataset's frames to show how far it is: (labels, how many)."""
+
+
+BALANCE, KEPT = "balance", "kept"
+"""Among the counts by rule: frames dropped for balance' sake, and those that are left."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Which frames are kept.
+
+    Attributes:
+        kept: for each source, indices of its frames, ascending.
+        dropped: by rule, and by balance.
+        selection: the same for the manifest, with reasons and bins.
+    """
+
+    kept: Sequence[Sequence[int]]
+    dropped: Mapping[str, int]
+    selection: Sequence[dict[str, Any]]
+
+
+def collect(
+    sources: Sequence[Dataset],
+    rules: Sequence[Rule],
+    balance: Balance | None,
+    out: Path,
+    progress: Progress,
+) -> dict[str, int]:
+    """Write the frames that no rule drops as one dataset, numbered anew in the order of the sources.
+
+    Times count from the first source's epoch; sequences are numbered on. A label line keeps where it
+    came from as ``origin: [folder, index]``. Files are linked where that can be done.
+
+    Args:
+        balance: of the frames that the rules leave; None for all of these.
+
+    Returns:
+        Frames by rule that dropped them, and :data:`KEPT`.
+
+    Raises:
+        InputError: the folder exists, the sources' cameras or spacecraft differ, a file is not as it
+            was written, or no frame is left; nothing is written then.
+    """
+    if out.exists():
+        raise InputError(f"{out}: exists already; name a new folder")
+    _check_alike(sources)
+    choice = _choose(sources, rules, balance, progress)
+    kept = sum(map(len, choice.kept))
+    if kept == 0:
+        raise InputError(f"{out}: no frame is left by {', '.join(rule.name for rule in rules)}")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    building = Path(tempfile.mkdtemp(dir=out.parent, prefix=f".{out.name}."))
+    try:
+        _build(sources, choice, building, progress)
+        building.chmod(0o755)
+        building.rename(out)
+    except BaseException:
+        shutil.rmtree(building, ignore_errors=True)
+        raise
+    return {**choice.dropped, KEPT: kept}
+
+
+def _choose(
+    sources: Sequence[Dataset], rules: Sequence[Rule], balance: Balance | None, progress: Progress
+) -> Choice:
+    dropped = {rule.name: 0 for rule in rules}
+    left: list[tuple[int, int]] = []
+    bins: list[Bin] = []
+    for number, dataset in enumerate(sources):
+        for labels in progress(dataset.frames, len(dataset.frames)):
+            rule = first_that_drops(rules, dataset, labels)
+            if rule is not None:
+                dropped[rule.name] += 1
+                continue
+            left.append((number, labels["index"]))
+            if balance is not None:
+                bins.append(balance.bin_of(str(dataset.folder), labels))
+    selection = [{"rule": rule.name, "why": rule.why, "dropped": dropped[rule.name]} for rule in rules]
+    if balance is not None:
+        places = balanced(bins, balance.frames, balance.seed)
+        dropped[BALANCE] = len(left) - len(places)
+        counts = list(balance.counts(bins, places))
+        selection.append(
+            {"rule": BALANCE, "why": balance.why, "dropped": dropped[BALANCE], "bins": counts}
+        )
+        left = [left[place] for place in places]
+    kept = [[index for source, index in left if source == number] for number in range(len(sources))]
+    return Choice(kept, dropped, selection)
+
+
+def _check_alike(sources: Sequence[Dataset]) -> None:
+    first = sources[0]
+    meshes: dict[str, tuple[str, Dataset]] = {}
+    for dataset in sources:
+        if dataset.manifest.get("state") != "complete":
+            raise InputError(
+                f"{dataset.folder}: has frames that could not be made; run it with --resume"
+            )
+        if dataset.camera != first.camera:
+            raise InputError(f"{dataset.folder}: its camera is not that of {first.folder}")
+        for name in dataset.spacecraft_by_name:
+            files = (dataset.folder / "spacecraft" / f"{name}.{kind}" for kind in ("json", "ply"))
+            digest = " ".join(sha256(path) for path in files)
+            known, other = meshes.setdefault(name, (digest, dataset))
+            if known != digest:
+                raise InputError(f"{dataset.folder}: its {name!r} is not that of {other.folder}")
+
+
+def _build(sources: Sequence[Dataset], choice: Choice, folder: Path, progress: Progress) -> None:
+    for name in ("images", "truth", "spacecraft"):
+        (folder / name).mkdir()
+    frames = sum(map(len, choice.kept))
+    log = LabelLog(folder, frames)
+    trajectories: list[Trajectory] = []
+    records: list[dict[str, Any]] = []
+    epoch: Epoch | None = None
+    index = first_sequence = 0
+    for number, (dataset, kept) in enumerate(zip(sources, choice.kept, strict=True)):
+        trajectory = load_trajectory(dataset.folder / "trajectory.npz")
+        epoch = epoch or Epoch.from_iso(trajectory.epoch_utc)
+        later_s = _seconds_between(epoch, Epoch.from_iso(trajectory.epoch_utc))
+        for labels in progress(map(dataset.frame, kept), len(kept)):
+            _take(dataset, labels, folder, index, first_sequence, later_s, log)
+            index += 1
+        sequences = trajectory.sequence + first_sequence
+        first_sequence = int(sequences.max()) + 1
+        moved = replace(trajectory, t_s=trajectory.t_s + later_s, sequence=sequences)
+        trajectories.append(_rows(moved, kept))
+        records.append(_record(dataset, number, folder))
+    save_trajectory(_joined(trajectories), folder / "trajectory.npz")
+    shutil.copyfile(sources[0].folder / "camera.json", folder / "camera.json")
+    _write_manifest(folder, records, frames, choice)
+
+
+def _take(
+    dataset: Dataset,
+    labels: dict[str, Any],
+    folder: Path,
+    index: int,
+    first_sequence: int,
+    later_s: float,
+    log: LabelLog,
+) -> None:
+    taken = {
+        **labels,
+        "index": index,
+        "t_s": labels["t_s"] + later_s,
+        "sequence": labels["sequence"] + first_sequence,
+        "origin": [dataset.folder.resolve().name, labels["index"]],
+    }
+    digests: dict[str, str] = {}
+    for key in ("image", "truth"):
+        if labels[key] is not None:
+            source = dataset.folder / labels[key]
+            if not source.is_file() or dataset.digests.get(labels[key]) != sha256(source):
+                raise InputError(f"{source}: missing, or not as it was written; see 'posse validate'")
+            taken[key] = f"{Path(labels[key]).parent}/{index:06d}{source.suffix}"
+            digests[taken[key]] = dataset.digests[labels[key]]
+            place(source, folder / taken[key])
+    log.append(taken, digests)
+
+
+def _seconds_between(start: Epoch, end: Epoch) -> float:
+    zero = np.zeros(())
+    (a1, a2), (b1, b2) = start.tt(zero), end.tt(zero)
+    return float(((b1 - a1) + (b2 - a2)) * SECONDS_PER_DAY)
+
+
+def _rows(trajectory: Trajectory, rows: Sequence[int]) -> Trajectory:
+    arrays = {
+        f.name: getattr(trajectory, f.name)[list(rows)]
+        for f in fields(trajectory)
+        if f.name != "epoch_utc"
+    }
+    return replace(trajectory, **arrays)
+
+
+def _joined(trajectories: Sequence[Trajectory]) -> Trajectory:
+    arrays = {name: np.concatenate([getattr(each, name) for each in trajectories]) for name in _ARRAYS}
+    return Trajectory(epoch_utc=trajectories[0].epoch_utc, **arrays)
+
+
+def _record(dataset: Dataset, number: int, folder: Path) -> dict[str, Any]:
+    """Copy what a source was made from; returns what the manifest says of it."""
+    for name in dataset.spacecraft_by_name:
+        for kind in ("json", "ply"):
+            file = f"spacecraft/{name}.{kind}"
+            shutil.copyfile(dataset.folder / file, folder / file)
+    scenario = dataset.folder / "scenario.yaml"
+    copy = f"scenario-{number}.yaml"
+    if scenario.exists():
+        shutil.copyfile(scenario, folder / copy)
+    keys = ("frames", "seed", "renderer", "versions", "sources")
+    return {
+        "dataset": dataset.folder.resolve().name,
+        "scenario": copy if scenario.exists() else None,
+        **{key: dataset.manifest[key] for key in keys if key in dataset.manifest},
+    }
+
+
+def _write_manifest(folder: Path, records: list[dict[str, Any]], frames: int, choice: Choice) -> None:
+    files = [path for path in sorted(folder.glob("*")) if path.is_file() and path.name != CHECKSUMS]
+    files += sorted([*folder.glob("spacecraft/*"), *folder.glob("labels/*")])
+    manifest = {
+        "format": "posse-dataset",
+        "format_version": 1,
+        "state": "complete",
+        "frames": frames,
+        "failed_frames": {},
+        "versions": {"posse-core": __version__},
+        "sources": records,
+        "selection": choice.selection,
+        "sha256": {str(path.relative_to(folder)): sha256(path) for path in files},
+        "frame_checksums": CHECKSUMS,
+    }
+    write_json(folder / "manifest.json", manifest)

@@ -1,0 +1,103 @@
+"""Rules by which frames are dropped (thesis, Section 3.5): each names why."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from posse_core._dataset.dataset import Dataset
+from posse_core._errors import InputError
+from posse_core._formats.rle import decode_rle
+from posse_core._model.labels import VISIBLE
+from posse_core._plugins.options import nearest
+
+SUNLIT = 0.5
+"""Share of the Sun's disc below which a frame is in eclipse."""
+DARK_SHARE, DARK = 0.9, 0.05
+"""A craft is dark when so large a share of its pixels is below so much of the full scale; one of which
+no pixel is seen is dark too."""
+ENOUGH_KEYPOINTS = 3
+
+
+@dataclass(frozen=True)
+class Rule:
+    """``drops`` is asked of every frame, given its dataset and labels, of which it needs some."""
+
+    name: str
+    why: str
+    drops: Callable[[Dataset, dict[str, Any]], bool]
+    needs: Sequence[str]
+
+
+def _eclipse(dataset: Dataset, labels: dict[str, Any]) -> bool:
+    return bool(min(labels["sun_fraction_target"], labels["sun_fraction_camera"]) < SUNLIT)
+
+
+def _dark(dataset: Dataset, labels: dict[str, Any]) -> bool:
+    image = dataset.image(labels["index"])
+    craft = image[decode_rle(labels["mask_rle"])]
+    return craft.size == 0 or bool(np.quantile(craft, DARK_SHARE) < DARK * np.iinfo(image.dtype).max)
+
+
+def _few_keypoints(dataset: Dataset, labels: dict[str, Any]) -> bool:
+    seen = [name for name, point in labels["keypoints"].items() if point[2] == VISIBLE]
+    return len(seen) < ENOUGH_KEYPOINTS
+
+
+RULES = {
+    rule.name: rule
+    for rule in (
+        Rule(
+            "eclipse",
+            f"less than {SUNLIT:.0%} of the Sun's disc is seen by the target or by the camera",
+            _eclipse,
+            ("sun_fraction_target", "sun_fraction_camera"),
+        ),
+        Rule(
+            "few-keypoints",
+            f"fewer than {ENOUGH_KEYPOINTS} keypoints are seen",
+            _few_keypoints,
+            ("keypoints",),
+        ),
+        Rule(
+            "dark",
+            f"{DARK_SHARE:.0%} of the craft's pixels are below {DARK:.0%} of the full scale",
+            _dark,
+            ("mask_rle",),
+        ),
+    )
+}
+"""By name, the cheap ones first: a frame counts for the first rule that drops it."""
+
+
+def named(names: Sequence[str]) -> list[Rule]:
+    """The rules of these names, in the order of :data:`RULES`.
+
+    Raises:
+        InputError: there is none of that name.
+    """
+    for name in names:
+        if name not in RULES:
+            raise InputError(f"no rule {name!r}{nearest(name, RULES)}; rules are {', '.join(RULES)}")
+    return [rule for rule in RULES.values() if rule.name in names]
+
+
+def first_that_drops(rules: Sequence[Rule], dataset: Dataset, labels: dict[str, Any]) -> Rule | None:
+    """The rule that a frame counts for, or None where it is kept.
+
+    Raises:
+        InputError: the labels lack what a rule asks for.
+    """
+    for rule in rules:
+        for key in rule.needs:
+            if key not in labels:
+                raise InputError(
+                    f"{dataset.folder}: frame {labels['index']} has no {key!r}, which the rule"
+                    f" {rule.name!r} asks for"
+                )
+        if rule.drops(dataset, labels):
+            return rule
+    return None

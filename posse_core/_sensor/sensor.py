@@ -1,0 +1,217 @@
+"""The sensor: radiance → photons → electrons → DN."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from posse_core._arrays import AnyArray, Float32Array, FloatArray
+from posse_core._constants import PLANCK_J_S, SPEED_OF_LIGHT_M_S
+from posse_core._errors import ComponentError
+from posse_core._model.bands import BAND_CENTRES_M, SOLAR_BAND_FRACTIONS
+from posse_core._model.camera import Camera, PixelBox
+from posse_core._model.scene import Radiance
+from posse_core._randomness import generator
+from posse_core._scenario.sensor import AutoExposureConfig, SensorConfig
+from posse_core._sensor.psf import make_psf
+from posse_core._sky.view import SkyView
+
+POISSON_BELOW_E = 64.0
+"""Means above are drawn as a Gaussian of the same mean and variance: 20 times faster."""
+
+
+FULL_WELL_E_M2 = 1e6 / 28.125e-6**2
+"""Electrons that a pixel holds by its area, if the scenario is silent: silicon's usual 10³ per µm²."""
+
+
+class Sensor:
+    """A lens and a detector with linear response up to its full well.
+
+    The pixel's irradiance is π L / (4 N²) (Born & Wolf § 4.8, for distant objects, on the axis); a
+    point source gives its irradiance times the aperture's area. Without vignetting both hold
+    everywhere in the image, as after a flat-field correction.
+    """
+
+    def __init__(self, config: SensorConfig, camera: Camera) -> None:
+        self._config = config
+        self._psf = make_psf(config.psf, config.f_number, camera.pixel_pitch_m)
+        self._shape = (camera.height_px, camera.width_px)
+        photons_j = np.array(BAND_CENTRES_M) / (PLANCK_J_S * SPEED_OF_LIGHT_M_S)
+        electrons_j = photons_j * np.array(config.quantum_efficiency)
+        pixel_m2 = camera.pixel_pitch_m**2
+        aperture_m2 = np.pi / 4 * (camera.focal_length_m / config.f_number) ** 2
+        per_radiance = np.pi * pixel_m2 / (4 * config.f_number**2) * electrons_j
+        per_irradiance = aperture_m2 * electrons_j
+        self._camera = camera
+        self._aslant = config.vignetting == "cos4"
+        self._falloff = _falloff(camera, self._aslant)
+        self._max_dn = 2**config.bit_depth - 1
+        self._full_well_e = config.full_well_e or FULL_WELL_E_M2 * pixel_m2
+        gain_e_dn = config.gain_e_dn or self._full_well_e / self._max_dn
+        if config.color == "mono":
+            self._e_s_per_radiance = per_radiance[:, None]
+            self._e_s_per_irradiance = per_irradiance[:, None]
+            self._gain_e_dn = np.array([gain_e_dn])
+        else:
+            self._e_s_per_radiance = np.diag(per_radiance)
+            self._e_s_per_irradiance = np.diag(per_irradiance)
+            white_e = per_radiance * SOLAR_BAND_FRACTIONS
+            self._gain_e_dn = gain_e_dn * white_e / white_e.sum()
+
+    def metered_s(self, sky: SkyView, craft: Radiance | None, rule: AutoExposureConfig) -> float:
+        """The exposure that a rule chooses for a frame's light.
+
+        Raises:
+            ComponentError: the craft's radiance is negative or not finite.
+        """
+        white_e = np.minimum(self._gain_e_dn * self._max_dn, self._full_well_e)
+        whites_s = (self.mean_electrons(sky, craft, 1.0) / white_e).max(axis=-1)
+        if craft is not None and (craft.coverage > 0.5).any():
+            whites_s = whites_s[craft.box.slices][craft.coverage > 0.5]
+        bright_s = float(np.percentile(whites_s, rule.percentile))
+        wanted_s = rule.level / bright_s if bright_s > 0 else rule.longest_s
+        return float(np.clip(wanted_s, rule.shortest_s, rule.longest_s))
+
+    def mean_electrons(self, sky: SkyView, craft: Radiance | None, exposure_s: float) -> Float32Array:
+        """Expected photo-electrons of a scene: (H, W, C), C = 1 or 3.
+
+        Raises:
+            ComponentError: the craft's radiance is negative or not finite.
+        """
+        channels = self._e_s_per_radiance.shape[1]
+        to_e = (self._e_s_per_radiance * exposure_s).astype(np.float32)
+        if sky.radiance_rgb is None:
+            electrons = np.zeros((*self._shape, channels), dtype=np.float32)
+        else:
+            electrons = sky.radiance_rgb @ to_e
+        if craft is not None:
+            light = craft.radiance_rgb
+            if not np.all((light >= 0) & np.isfinite(light)):
+                raise ComponentError("the renderer's radiance is negative or not finite in some pixel")
+            inside = electrons[craft.box.slices]
+            inside *= 1 - craft.coverage[..., None]
+            inside += light @ to_e
+        if electrons.any():
+            if self._falloff is not None:
+                electrons *= self._falloff
+            electrons = self._psf.blur(electrons)
+        if len(sky.points_px):
+            self._add_points(electrons, sky, craft, exposure_s)
+        return electrons
+
+    def expose(
+        self, sky: SkyView, craft: Radiance | None, exposure_s: float, seed: int, index: int
+    ) -> AnyArray:
+        """Take a frame's image: (H, W) or (H, W, 3) of uint8 or uint16.
+
+        craft: None where the spacecraft is out of view. Noise depends on ``seed`` and ``index`` alone.
+
+        Raises:
+            ComponentError: the craft's radiance is negative or not finite.
+        """
+        config = self._config
+        random = generator(seed, index, "sensor")
+        electrons = self.mean_electrons(sky, craft, exposure_s)
+        electrons += np.float32(config.noise.dark_e_s * exposure_s)
+        if config.noise.hot_pixels:
+            self._heat(electrons, exposure_s, generator(seed, -1, "hot pixels"))
+        if config.noise.shot:
+            electrons = _shot(electrons, random)
+        if config.blooming:
+            _bloom(electrons, np.float32(self._full_well_e))
+        np.minimum(electrons, np.float32(self._full_well_e), out=electrons)
+        if config.noise.read_e:
+            electrons += np.float32(config.noise.read_e) * random.standard_normal(
+                electrons.shape, dtype=np.float32
+            )
+        dn = electrons
+        dn /= self._gain_e_dn.astype(np.float32)
+        dn += np.float32(config.offset_dn)
+        if config.response == "srgb":
+            dn = _srgb(dn, np.float32(self._max_dn))
+        if config.noise.gaussian_dn:
+            dn += np.float32(config.noise.gaussian_dn) * random.standard_normal(
+                dn.shape, dtype=np.float32
+            )
+        np.clip(np.rint(dn, out=dn), 0, self._max_dn, out=dn)
+        image = dn.astype(np.uint8 if config.bit_depth == 8 else np.uint16)
+        return image[..., 0] if config.color == "mono" else image
+
+    def _heat(self, electrons: Float32Array, exposure_s: float, random: np.random.Generator) -> None:
+        """Add the dark electrons of hot pixels."""
+        noise, pixels = self._config.noise, electrons.reshape(-1)
+        hot = random.choice(pixels.size, round(noise.hot_pixels * pixels.size), replace=False)
+        pixels[hot] += random.exponential(noise.hot_e_s * exposure_s, hot.size)
+
+    def _add_points(
+        self, electrons: Float32Array, sky: SkyView, craft: Radiance | None, exposure_s: float
+    ) -> None:
+        """Spread point sources over the pixels around them; the craft hides those behind it."""
+        radius = self._psf.radius_px
+        pixels = np.floor(sky.points_px + 0.5).astype(np.int64)
+        light_e: FloatArray = sky.points_irradiance_rgb_w_m2 @ self._e_s_per_irradiance * exposure_s
+        if craft is not None:
+            box = craft.box
+            x, y = pixels[:, 0] - box.x0, pixels[:, 1] - box.y0
+            behind = (x >= 0) & (x < box.width) & (y >= 0) & (y < box.height)
+            light_e[behind] *= 1 - craft.coverage[y[behind], x[behind], None]
+        if self._aslant:
+            # A star's light meets the aperture aslant; the other cosines are those of a pixel.
+            light_e /= np.linalg.norm(self._camera.rays(sky.points_px), axis=-1, keepdims=True)
+        height, width = self._shape
+        reach = np.all((pixels >= -radius) & (pixels < [width + radius, height + radius]), axis=-1)
+        pixels, light_e = pixels[reach], light_e[reach]
+        spots = self._psf.spots(sky.points_px[reach] - pixels)
+        around = np.arange(-radius, radius + 1)
+        rows = pixels[:, 1, None, None] + around[:, None]
+        columns = pixels[:, 0, None, None] + around
+        rows, columns = np.broadcast_arrays(rows, columns)
+        inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
+        deposit = (spots[..., None] * light_e[:, None, None, :])[inside].astype(np.float32)
+        np.add.at(electrons, (rows[inside], columns[inside]), deposit)
+
+
+def _falloff(camera: Camera, cos4: bool) -> Float32Array | None:
+    """(H, W, 1) what a pixel gets of an even light, by that of one on the axis; None where all get 1.
+
+    A pixel into which the lens draws more of the pinhole's image gets the light of all of it.
+    """
+    if camera.distortion is None and not cos4:
+        return None
+    centres_px = PixelBox(0, 0, camera.width_px, camera.height_px).pixel_centres_px()
+    falloff = camera.area_seen(centres_px)
+    if cos4:
+        cosine2 = 1 / np.sum(camera.rays(centres_px) ** 2, axis=-1)
+        falloff = falloff * cosine2**2
+    return falloff.astype(np.float32)[..., None]
+
+
+def _shot(mean_e: Float32Array, random: np.random.Generator) -> Float32Array:
+    """Poisson draws of the given means, any shape."""
+    drawn = mean_e + np.sqrt(mean_e) * random.standard_normal(mean_e.shape, dtype=np.float32)
+    few = mean_e < POISSON_BELOW_E
+    drawn[few] = random.poisson(mean_e[few])
+    return np.asarray(drawn, dtype=np.float32)
+
+
+def _bloom(electrons: Float32Array, full_well_e: np.float32) -> None:
+    """Let overfull pixels run over along their columns, in place; what passes an edge is lost."""
+    full = np.flatnonzero((electrons > full_well_e).any(axis=(0, 2)))
+    if not len(full):
+        return
+    columns = electrons[:, full]
+    over = np.maximum(columns - full_well_e, 0)
+    columns -= over
+    for rows in (range(len(columns)), range(len(columns) - 1, -1, -1)):
+        carried = np.zeros_like(columns[0])
+        for row in rows:
+            carried += columns[row]
+            columns[row] = np.minimum(carried, full_well_e)
+            carried += over[row] / 2 - columns[row]
+    electrons[:, full] = columns
+
+
+def _srgb(dn: Float32Array, max_dn: np.float32) -> Float32Array:
+    """Linear DN → DN by the curve of sRGB, any shape."""
+    share = np.clip(dn / max_dn, 0, 1)
+    curved = 1.055 * share ** np.float32(1 / 2.4) - 0.055
+    return np.asarray(max_dn * np.where(share <= 0.0031308, 12.92 * share, curved), dtype=np.float32)

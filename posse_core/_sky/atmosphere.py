@@ -1,0 +1,221 @@
+"""The air: Rayleigh and aerosol single scattering, with ozone, for a spherical shell.
+
+The Earth's ellipsoid is made a sphere by stretching the polar axis (0.3 %), so heights here are
+heights above the ellipsoid.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from posse_core._arrays import Float32Array, FloatArray
+from posse_core._constants import Constants
+from posse_core._model.bands import BAND_CENTRES_M
+from posse_core._sky.pyramid import lookup
+
+RealArray: TypeAlias = Float32Array | FloatArray
+RADIUS_M = Constants().earth_radius_m
+TOP_M = 90e3
+"""Height above which there is nothing."""
+
+_LAMBDA_UM = np.array(BAND_CENTRES_M) * 1e6
+RAYLEIGH_DEPTH: FloatArray = (
+    0.008569 * _LAMBDA_UM**-4 * (1 + 0.0113 * _LAMBDA_UM**-2 + 0.00013 * _LAMBDA_UM**-4)
+)
+"""(3,) vertical optical depth of the clean air (Hansen & Travis 1974, eq. 2.29)."""
+AEROSOL_DEPTH: FloatArray = 0.08 * (_LAMBDA_UM / 0.55) ** -1.3
+"""(3,) vertical optical depth of haze: a clean day with Ångström exponent 1.3."""
+AEROSOL_ALBEDO = 0.95
+"""Share of its light that haze scatters; the rest it absorbs."""
+AEROSOL_ASYMMETRY = 0.7
+"""g of the Henyey–Greenstein phase function of haze."""
+OZONE_DEPTH: FloatArray = np.array([0.026, 0.024, 0.002])
+"""(3,) vertical optical depth of 300 Dobson units, Chappuis band, averaged over the bands."""
+
+_STEPS = 24
+_HEIGHTS = 64
+_SUNS = 128
+GROUND_ROWS = 64
+LIMB_ROWS = 64
+AZIMUTHS = 72
+
+
+def densities(height_m: RealArray) -> FloatArray:
+    """(...) → (..., 3): air, haze and ozone per metre, each 1 when added up over a column.
+
+    Scale heights 8.0 and 1.5 km; ozone in a triangle from 7 to 37 km.
+    """
+    air = np.exp(-height_m / 8000.0) / 8000.0
+    haze = np.exp(-height_m / 1500.0) / 1500.0
+    ozone = np.maximum(0.0, 1 - np.abs(height_m - 22e3) / 15e3) / 15e3
+    return np.stack([air, haze, ozone], axis=-1)
+
+
+EXTINCTION: FloatArray = np.stack([RAYLEIGH_DEPTH, AEROSOL_DEPTH, OZONE_DEPTH])
+"""(3, 3) species × band: optical depth of a whole vertical column."""
+_FORWARD = np.array([0.5, 0.5 * (1 + AEROSOL_ASYMMETRY), 0.0])
+_ALBEDO = np.array([1.0, AEROSOL_ALBEDO, 0.0])
+DIMMING: FloatArray = EXTINCTION * (1 - _ALBEDO * _FORWARD)[:, None]
+"""(3, 3) the same for the light of wide ground, which gets back what its surroundings lose forwards."""
+
+
+@functools.cache
+def _sun_table() -> Float32Array:
+    """(heights, suns, 3) share of sunlight that arrives, by height and by the Sun's elevation.
+
+    Rows are h = TOP (i/n)², columns the cosine of the zenith angle above the horizon's,
+    μ = μ_horizon + (1 − μ_horizon) (j/n)².
+    """
+    height_m = TOP_M * np.linspace(0, 1, _HEIGHTS) ** 2
+    r = RADIUS_M + height_m[:, None]
+    horizon = -np.sqrt(np.maximum(0, 1 - (RADIUS_M / r) ** 2))
+    mu = horizon + (1 - horizon) * np.linspace(0, 1, _SUNS) ** 2
+    b2 = r**2 * (1 - mu**2)
+    # Steps even in the square root of the way, since the air is densest at its start.
+    way_m = -r * mu + np.sqrt(np.maximum(0, (RADIUS_M + TOP_M) ** 2 - b2))
+    edges = np.linspace(0, 1, 65) ** 2
+    middle = (edges[1:] + edges[:-1]) / 2
+    along_m = way_m[..., None] * middle
+    heights = np.sqrt(r[..., None] ** 2 + along_m**2 + 2 * (r * mu)[..., None] * along_m) - RADIUS_M
+    columns = np.einsum(
+        "hsnk,hsn->hsk", densities(np.maximum(0, heights)), way_m[..., None] * np.diff(edges)
+    )
+    return np.asarray(np.exp(-columns @ EXTINCTION), dtype=np.float32)
+
+
+def sunlight(height_m: RealArray, mu: RealArray) -> Float32Array:
+    """(...) heights and cosines of the Sun's zenith angle → (..., 3) share of sunlight there."""
+    height = np.asarray(np.clip(height_m, 0, TOP_M), dtype=np.float64)
+    horizon = -np.sqrt(np.maximum(0, 1 - (RADIUS_M / (RADIUS_M + height)) ** 2))
+    above = (mu - horizon) / (1 - horizon)
+    row = np.sqrt(height / TOP_M) * (_HEIGHTS - 1)
+    column = np.sqrt(np.maximum(0, above)) * (_SUNS - 1)
+    share = lookup(_sun_table(), column.astype(np.float32), row.astype(np.float32))
+    share[above < 0] = 0
+    return np.asarray(share)
+
+
+GROUND_SUNS = 1024
+GROUND_MU_MIN = -0.3
+
+
+@functools.cache
+def ground_irradiance() -> Float32Array:
+    """(1, GROUND_SUNS, 3) irradiance of level ground per irradiance of the Sun above the air.
+
+    Column j is the cosine of the Sun's zenith angle, from GROUND_MU_MIN to 1. Direct light, and half
+    of what the column above scatters once; this goes on below the horizon, as twilight.
+    """
+    mu = np.linspace(GROUND_MU_MIN, 1, GROUND_SUNS)[None]
+    direct = np.maximum(0, mu)[..., None] * sunlight(np.zeros_like(mu), mu)
+    edges_m = TOP_M * np.linspace(0, 1, 65) ** 2
+    height_m = (edges_m[1:, None] + edges_m[:-1, None]) / 2
+    lit = sunlight(*np.broadcast_arrays(height_m, mu))
+    scattering = densities(height_m[:, 0])[:, :2] @ np.stack(
+        [RAYLEIGH_DEPTH, AEROSOL_ALBEDO * AEROSOL_DEPTH]
+    )
+    diffuse = 0.5 * np.einsum("hsb,hb,h->sb", lit, scattering, np.diff(edges_m))
+    return np.asarray(direct + diffuse[None], dtype=np.float32)
+
+
+@dataclass(frozen=True)
+class AirTables:
+    """Scattered light and transmission of all rays from one place.
+
+    Rows 0 … GROUND_ROWS−1 are rays that end on the ground, at the cosine i/(GROUND_ROWS−1) from its
+    vertical; then LIMB_ROWS of rays that pass it at the height TOP (i/(LIMB_ROWS−1))². Columns are
+    azimuths from the Sun's, 0 … π.
+
+    Attributes:
+        glow: (rows, AZIMUTHS, 3) radiance per irradiance of the Sun, sr⁻¹.
+        transmission: (rows, AZIMUTHS, 3) of the ground's light, or of light from beyond the limb.
+    """
+
+    glow: Float32Array
+    transmission: Float32Array
+
+    def sample(self, row: Float32Array, azimuth_rad: Float32Array) -> tuple[Float32Array, Float32Array]:
+        """(...) rows and azimuths → glow and transmission, (..., 3) each."""
+        column = azimuth_rad * np.float32((AZIMUTHS - 1) / np.pi)
+        return lookup(self.glow, column, row), lookup(self.transmission, column, row)
+
+
+def limb_row(height_m: FloatArray) -> Float32Array:
+    """Rows of rays that pass the ground at a height, (...) → (...)."""
+    share = np.sqrt(np.clip(height_m, 0, TOP_M) / TOP_M)
+    return (GROUND_ROWS + share * (LIMB_ROWS - 1)).astype(np.float32)
+
+
+def ground_row(mu: FloatArray) -> Float32Array:
+    """Rows of rays that meet the ground at a cosine from its vertical, (...) → (...)."""
+    return (mu * (GROUND_ROWS - 1)).astype(np.float32)
+
+
+@functools.lru_cache(maxsize=1)  # a frame's background and its environment map are one place
+def air_tables(distance_m: float, sun_zenith_cosine: float) -> AirTables:
+    """Trace all rays from a place at ``distance_m`` from the Earth's centre."""
+    distance_m = max(distance_m, RADIUS_M + TOP_M)
+    azimuth = np.linspace(0, np.pi, AZIMUTHS)
+    mu = np.linspace(0, 1, GROUND_ROWS)
+    passing_m = TOP_M * np.linspace(0, 1, LIMB_ROWS) ** 2
+    squares = (np.linspace(1, 0, _STEPS + 1)) ** 2  # from the top down
+    b_ground = RADIUS_M * np.sqrt(1 - mu**2)
+    to_ground = _way_m(b_ground, np.zeros_like(mu), squares)
+    b_limb = RADIUS_M + passing_m
+    near = _way_m(b_limb, passing_m, squares)
+    through = np.concatenate([near, -near[:, -2::-1]], axis=1)
+    parts = [
+        _trace(b, way, behind, distance_m, sun_zenith_cosine, azimuth)
+        for b, way, behind in ((b_ground, to_ground, DIMMING), (b_limb, through, EXTINCTION))
+    ]
+    glow, transmission = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return AirTables(glow, transmission)
+
+
+def _way_m(b_m: FloatArray, lowest_m: FloatArray, squares: FloatArray) -> FloatArray:
+    """(rays, steps + 1) distances before the point nearest to the Earth's centre."""
+    height_m = lowest_m[:, None] + (TOP_M - lowest_m[:, None]) * squares
+    return np.asarray(np.sqrt(np.maximum(0, (RADIUS_M + height_m) ** 2 - b_m[:, None] ** 2)))
+
+
+def _trace(
+    b_m: FloatArray,
+    way_m: FloatArray,
+    behind: FloatArray,
+    distance_m: float,
+    sun_zenith_cosine: float,
+    azimuth_rad: FloatArray,
+) -> tuple[Float32Array, Float32Array]:
+    """Glow and transmission, (rays, azimuths, 3) each, of rays with impact parameters ``b_m``."""
+    step_m = -np.diff(way_m)
+    middle_m = (way_m[:, 1:] + way_m[:, :-1]) / 2
+    radius_m = np.hypot(middle_m, b_m[:, None])
+    column = densities(np.maximum(0, radius_m - RADIUS_M)) * step_m[..., None]
+    depth = column @ EXTINCTION
+    passed = np.exp(-(np.cumsum(depth, axis=1) - depth / 2))
+    scattered = passed[:, :, None, :] * np.stack(
+        [column[..., :1] * RAYLEIGH_DEPTH, column[..., 1:2] * AEROSOL_ALBEDO * AEROSOL_DEPTH], axis=2
+    )
+    # In the plane of zenith and Sun: the ray's direction is (−cos η, sin η cos φ).
+    sine = np.minimum(1, b_m / distance_m)
+    cosine = np.sqrt(1 - sine**2)
+    sun_horizontal = np.sqrt(max(0.0, 1 - sun_zenith_cosine**2))
+    forward = -cosine[:, None] * sun_zenith_cosine + sine[:, None] * np.cos(azimuth_rad) * sun_horizontal
+    along_m = (distance_m * cosine)[:, None] - middle_m
+    toward_sun = (distance_m * sun_zenith_cosine + along_m[:, :, None] * forward[:, None, :]) / radius_m[
+        :, :, None
+    ]
+    shape = toward_sun.shape
+    heights = np.broadcast_to((radius_m - RADIUS_M)[:, :, None], shape)
+    lit = sunlight(heights, toward_sun)
+    by_species = np.einsum("rskb,rsab->rkab", scattered.astype(np.float32), lit)
+    rayleigh = 3 / (16 * np.pi) * (1 + forward**2)
+    g = AEROSOL_ASYMMETRY
+    haze = (1 - g * g) / (4 * np.pi * (1 + g * g - 2 * g * forward) ** 1.5)
+    glow = by_species[:, 0] * rayleigh[..., None] + by_species[:, 1] * haze[..., None]
+    transmission = np.exp(-column.sum(axis=1) @ behind)[:, None, :] * np.ones((1, len(azimuth_rad), 1))
+    return glow.astype(np.float32), transmission.astype(np.float32)

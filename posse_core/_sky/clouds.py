@@ -1,0 +1,172 @@
+"""Clouds by seed: a global pattern with storms, finer structure laid over it, and its drift."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from scipy.ndimage import map_coordinates
+from scipy.special import ndtri
+
+from posse_core._arrays import Float32Array
+from posse_core._randomness import generator
+from posse_core._sky.atmosphere import RADIUS_M
+from posse_core._sky.detail import Detail, make_detail
+from posse_core._sky.pyramid import Pyramid
+
+MAP_WIDTH = 2048
+DETAIL_SHARE = 0.2
+"""Share of the field's variance that is fine structure."""
+_COVER_LAT_DEG = (-90, -62, -48, -35, -20, -8, 5, 14, 25, 40, 55, 70, 90)
+_COVER = (0.50, 0.86, 0.82, 0.62, 0.50, 0.52, 0.68, 0.55, 0.44, 0.60, 0.72, 0.70, 0.62)
+"""Share of sky under cloud by latitude, after MODIS' zonal means (King et al. 2013)."""
+
+
+@dataclass(frozen=True)
+class Clouds:
+    """A field of mean 0 and variance 1; there is cloud where it exceeds a threshold.
+
+    Attributes:
+        base: float32 map of the field's large structure, plate carrée as the ground's.
+        detail: fine structure, laid over it.
+    """
+
+    base: Pyramid
+    detail: Detail
+
+    def at(
+        self, normal: Float32Array, latitude_rad: Float32Array, footprint_m: Float32Array, t_s: float
+    ) -> tuple[Float32Array, Float32Array, Float32Array]:
+        """What the sky over places holds.
+
+        normal: (3, n) unit, ECEF axes, and latitude_rad: (n,) of the places; footprint_m: (n,) width
+        that a pixel covers there. Returns, (n,), (n,) and (3, n): how far the field is above the
+        threshold of cloud; the standard deviation of what the footprint averages out; the field's
+        fine slope, ECEF axes, per kilometre.
+        """
+        turn = -drift_rad_s(latitude_rad) * np.float32(t_s)
+        cosine, sine = np.cos(turn), np.sin(turn)
+        turned = np.stack(
+            [normal[0] * cosine - normal[1] * sine, normal[0] * sine + normal[1] * cosine, normal[2]]
+        )
+        level = np.log2(footprint_m / np.float32(2 * np.pi * RADIUS_M / MAP_WIDTH))
+        x = np.arctan2(turned[1], turned[0]) * np.float32(0.5 / np.pi) + np.float32(0.5)
+        y = np.float32(0.5) - latitude_rad * np.float32(1 / np.pi)
+        field = self.base.between(x, y, level)
+        field -= threshold(latitude_rad)
+        # Some weather is smooth and some broken, as another part of the map has it.
+        broken = self.base.at((x + np.float32(0.381)) % 1, y, np.maximum(level, 3))
+        strength = np.sqrt(DETAIL_SHARE) * np.clip(0.9 + 0.5 * broken, 0.25, 1.7)
+        strength = np.asarray(strength, dtype=np.float32)
+        fine, slope = self.detail.at(turned, footprint_m)
+        field += strength * fine
+        lost = DETAIL_SHARE * self.detail.lost_variance(footprint_m) + (1 - DETAIL_SHARE) * np.clip(
+            level / 8, 0, 1
+        )
+        return field, np.sqrt(lost.astype(np.float32)), np.asarray(strength * slope)
+
+
+def threshold(latitude_rad: Float32Array) -> Float32Array:
+    """(...) latitudes → (...) value of the field above which there is cloud."""
+    grid = np.deg2rad(np.linspace(-90, 90, 181))
+    values = -ndtri(np.interp(np.rad2deg(grid), _COVER_LAT_DEG, _COVER))
+    return np.asarray(np.interp(latitude_rad, grid, values), dtype=np.float32)
+
+
+def drift_rad_s(latitude_rad: Float32Array) -> Float32Array:
+    """(...) → eastward angular rate of the clouds over ground: trades and westerlies, ±8 m/s."""
+    return np.asarray(-np.cos(3.5 * latitude_rad) * np.float32(8.0 / 6.378e6))
+
+
+@functools.lru_cache(maxsize=2)
+def make_clouds(seed: int) -> Clouds:
+    """The clouds of a seed. Takes about a second."""
+    random = generator(seed, -1, "clouds")
+    return Clouds(Pyramid(_base(random)), make_detail(seed))
+
+
+def _base(random: np.random.Generator) -> Float32Array:
+    """(MAP_WIDTH / 2, MAP_WIDTH) field of variance 1 − DETAIL_SHARE."""
+    places = _warped(random)
+    total: Float32Array = np.zeros((32, 64), dtype=np.float32)
+    volume = _noise_volume(random)
+    amplitude = 0.8
+    for cycles, width in ((1.6, 128), (3.2, 256), (6.4, 512), (13, 1024), (26, 2048), (52, 2048)):
+        at = _enlarged(places, width) * np.float32(8 * cycles)
+        octave = map_coordinates(
+            volume, np.moveaxis(at + random.uniform(0, 64, 3), -1, 0), order=1, mode="grid-wrap"
+        )
+        total = _enlarged(total, width) + np.float32(amplitude) * octave
+        amplitude *= 0.78
+    # Rows near the poles stand for little area.
+    area = np.cos(np.linspace(-np.pi / 2, np.pi / 2, len(total)))[:, None]
+    mean = np.average(total, weights=np.broadcast_to(area, total.shape))
+    variance = np.average((total - mean) ** 2, weights=np.broadcast_to(area, total.shape))
+    return np.asarray((total - mean) * np.sqrt((1 - DETAIL_SHARE) / variance), dtype=np.float32)
+
+
+def _enlarged(image: Float32Array, width: int) -> Float32Array:
+    """A plate carrée map (h, w[, c]) made ``width`` wide, without a seam where it meets itself."""
+    scale = width // image.shape[1]
+    if scale == 1:
+        return image
+    if scale == 0:
+        return np.asarray(cv2.resize(image, (width, width // 2), interpolation=cv2.INTER_AREA))
+    wide = cv2.copyMakeBorder(image, 0, 0, 2, 2, cv2.BORDER_WRAP)
+    size = (wide.shape[1] * scale, wide.shape[0] * scale)
+    return np.asarray(cv2.resize(wide, size, interpolation=cv2.INTER_CUBIC)[:, 2 * scale : -2 * scale])
+
+
+def _warped(random: np.random.Generator) -> Float32Array:
+    """(256, 512, 3) unit vectors, ECEF axes, moved as winds would have moved the air."""
+    y, x = np.mgrid[:256, :512]
+    lat, lon = np.pi * (0.5 - (y + 0.5) / 256), 2 * np.pi * ((x + 0.5) / 512 - 0.5)
+    p = np.stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)], axis=-1)
+    for _ in range(36):
+        # A storm: the air around its middle is wound up, inwards counter-clockwise in the north.
+        sign = random.choice([-1.0, 1.0])
+        centre_lat = sign * np.deg2rad(random.normal(50, 9))
+        centre_lon = random.uniform(-np.pi, np.pi)
+        c = np.array(
+            [
+                np.cos(centre_lat) * np.cos(centre_lon),
+                np.cos(centre_lat) * np.sin(centre_lon),
+                np.sin(centre_lat),
+            ]
+        )
+        size = random.uniform(0.07, 0.17)
+        cosine = p @ c
+        angle = sign * random.uniform(1.2, 3.2) * np.exp(-2 * (1 - cosine) / size**2)
+        angle = angle[..., None]
+        p = (
+            p * np.cos(angle)
+            + np.cross(c, p) * np.sin(angle)
+            + c * (cosine[..., None] * (1 - np.cos(angle)))
+        )
+    volume = _noise_volume(random)
+    for frequency, strength in ((6.0, 0.07), (14.0, 0.03)):
+        shift = [
+            map_coordinates(
+                volume,
+                np.moveaxis(p * frequency + random.uniform(0, 64, 3), -1, 0),
+                order=1,
+                mode="grid-wrap",
+            )
+            for _ in range(3)
+        ]
+        p = p + strength * np.stack(shift, axis=-1)
+    p[..., 2] *= 1.5  # weather is drawn out along the parallels
+    return np.asarray(p, dtype=np.float32)
+
+
+def _noise_volume(random: np.random.Generator) -> Float32Array:
+    """(64, 64, 64) periodic noise of unit variance, with waves of 5 to 11 voxels only."""
+    k = np.fft.fftfreq(64) * 64
+    norm = np.sqrt(k[:, None, None] ** 2 + k[None, :, None] ** 2 + k[None, None, :33] ** 2)
+    spectrum = np.fft.rfftn(random.standard_normal((64, 64, 64)))
+    volume = np.fft.irfftn(
+        np.where((norm >= 6) & (norm <= 13), spectrum, 0), s=(64, 64, 64), axes=(0, 1, 2)
+    )
+    return np.asarray(volume / volume.std(), dtype=np.float32)

@@ -1,0 +1,86 @@
+"""Structure finer than the maps: one tile of noise, laid over the whole globe."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+
+from posse_core._arrays import Float32Array, FloatArray
+from posse_core._randomness import generator
+from posse_core._sky.atmosphere import RADIUS_M
+from posse_core._sky.pyramid import Pyramid
+
+TILE_PX = 1024
+TILE_M = 512e3
+"""Side of the tile, which repeats: waves of 64 km and less."""
+TEXEL_M = TILE_M / TILE_PX
+
+
+@dataclass(frozen=True)
+class Detail:
+    """Noise of mean 0 and variance 1 on the globe.
+
+    Attributes:
+        tile: float32, 3 channels: the noise and its slopes to the right and downwards, per km.
+        kept: (levels,) share of the variance that is left at each halving.
+    """
+
+    tile: Pyramid
+    kept: FloatArray
+
+    def at(self, normal: Float32Array, footprint_m: Float32Array) -> tuple[Float32Array, Float32Array]:
+        """(3, n) unit vectors, ECEF axes, and (n,) pixel widths → noise (n,), slope (3, n) per km."""
+        noise, slope = np.zeros_like(normal[0]), np.zeros_like(normal)
+        level = np.log2(footprint_m / np.float32(TEXEL_M))
+        # Laid on from three sides, blended by how squarely each meets the ground.
+        weights = np.square(np.square(np.square(normal)))
+        weights /= weights.sum(axis=0)
+        for side in range(3):
+            near = np.flatnonzero(weights[side] > 0.03)
+            if not len(near):
+                continue
+            right, down = (side + 1) % 3, (side + 2) % 3
+            u = normal[right, near] * np.float32(RADIUS_M / TILE_M)
+            v = normal[down, near] * np.float32(RADIUS_M / TILE_M)
+            sample = self.tile.at(u - np.floor(u), v - np.floor(v), level[near])
+            sample *= weights[side, near, None]
+            noise[near] += sample[:, 0]
+            slope[right, near] += sample[:, 1]
+            slope[down, near] += sample[:, 2]
+        return noise, slope
+
+    def lost_variance(self, footprint_m: Float32Array) -> Float32Array:
+        """(n,) pixel widths → (n,) share of the variance that a pixel averages out."""
+        level = np.log2(footprint_m / np.float32(TEXEL_M))
+        return np.asarray(1 - np.interp(level, np.arange(len(self.kept)), self.kept), dtype=np.float32)
+
+
+@functools.lru_cache(maxsize=2)
+def make_detail(seed: int) -> Detail:
+    """The fine structure of a seed."""
+    random = generator(seed, -1, "detail")
+    k = np.fft.fftfreq(TILE_PX) * TILE_PX
+    norm = np.hypot(k[:, None], k[None, : TILE_PX // 2 + 1])
+    norm[0, 0] = 1
+    fall = np.where(norm >= 8, norm**-1.7, 0)
+    a, b, smooth = (
+        np.fft.irfft2(
+            fall * np.fft.rfft2(random.standard_normal((TILE_PX, TILE_PX))), s=(TILE_PX, TILE_PX)
+        )
+        for _ in range(3)
+    )
+    puffs = np.hypot(a, b)  # round tops between sharp clefts
+    noise = (puffs - puffs.mean()) / puffs.std() + 0.6 * smooth / smooth.std()
+    noise /= noise.std()
+    right = (np.roll(noise, -1, axis=1) - np.roll(noise, 1, axis=1)) / (2e-3 * TEXEL_M)
+    down = (np.roll(noise, -1, axis=0) - np.roll(noise, 1, axis=0)) / (2e-3 * TEXEL_M)
+    tile = Pyramid(np.stack([noise, right, down], axis=-1).astype(np.float32), tiles=True)
+    kept = [np.var(_halved(noise, times)) for times in range(7)]
+    return Detail(tile, np.array(kept))
+
+
+def _halved(image: FloatArray, times: int) -> FloatArray:
+    side = TILE_PX >> times
+    return np.asarray(image.reshape(side, TILE_PX // side, side, TILE_PX // side).mean(axis=(1, 3)))

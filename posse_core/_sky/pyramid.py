@@ -1,0 +1,78 @@
+"""Textures with their halvings packed into one sheet, so that distant ground does not flicker."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from posse_core._arrays import AnyArray, Float32Array
+
+MAX_LEVELS = 8
+_ROW = 256
+
+
+def lookup(image: AnyArray, column: Float32Array, row: Float32Array) -> AnyArray:
+    """Bilinear samples of (h, w[, c]) at places of any shape → that shape [+ (c,)].
+
+    Pixel centres are whole numbers; beyond the edge the image goes on as its last pixel.
+    """
+    # cv2.remap takes no side over 32767, so the places are laid out in rows.
+    count = column.size
+    laid = np.zeros((2, -(-count // _ROW) * _ROW), dtype=np.float32)
+    laid[0, :count], laid[1, :count] = column.ravel(), row.ravel()
+    columns, rows = laid.reshape(2, -1, _ROW)
+    found = cv2.remap(image, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(
+        found.reshape(-1, *image.shape[2:])[:count].reshape(*column.shape, *image.shape[2:])
+    )
+
+
+class Pyramid:
+    """An image that repeats sideways (and downwards if it ``tiles``), and its halvings.
+
+    Places run from 0 to 1 over the image, from its top-left corner.
+    """
+
+    def __init__(self, image: AnyArray, tiles: bool = False) -> None:
+        """image: (h, w) or (h, w, c ≤ 4), uint8 or float32."""
+        levels = [image]
+        while min(levels[-1].shape[:2]) >= 32 and len(levels) < MAX_LEVELS:
+            h, w = levels[-1].shape[:2]
+            levels.append(cv2.resize(levels[-1], (w // 2, h // 2), interpolation=cv2.INTER_AREA))
+        vertical = cv2.BORDER_WRAP if tiles else cv2.BORDER_REPLICATE
+        padded = []
+        for level in levels:
+            wide = cv2.copyMakeBorder(level, 0, 0, 1, 1, cv2.BORDER_WRAP)
+            padded.append(cv2.copyMakeBorder(wide, 1, 1, 0, 0, vertical))
+        # Level 0 on top, all others in a row below it.
+        beside = np.cumsum([0, *(level.shape[1] for level in padded[1:])])
+        corners = [(0, 0), *((int(x), padded[0].shape[0]) for x in beside[:-1])]
+        height = padded[0].shape[0] + padded[1].shape[0]
+        width = max(padded[0].shape[1], int(beside[-1]))
+        self._sheet = np.zeros((height, width, *image.shape[2:]), dtype=image.dtype)
+        for (x0, y0), level in zip(corners, padded, strict=True):
+            self._sheet[y0 : y0 + level.shape[0], x0 : x0 + level.shape[1]] = level
+        self._origin = np.array(corners, dtype=np.float32) + np.float32(0.5)
+        self._size = np.array([level.shape[1::-1] for level in levels], dtype=np.float32)
+
+    @property
+    def width_px(self) -> int:
+        """Of the image itself."""
+        return int(self._size[0, 0])
+
+    def at(self, x: Float32Array, y: Float32Array, level: Float32Array) -> AnyArray:
+        """Samples between pixels: (...) places and level numbers (rounded) → (..., [c])."""
+        which = np.clip(np.rint(level), 0, len(self._size) - 1).astype(np.intp)
+        column = self._origin[which, 0] + x * self._size[which, 0]
+        row = self._origin[which, 1] + y * self._size[which, 1]
+        return lookup(self._sheet, column, row)
+
+    def between(self, x: Float32Array, y: Float32Array, level: Float32Array) -> Float32Array:
+        """The same, between levels too: no step is seen where the level changes. float32."""
+        level = np.clip(level, 0, len(self._size) - 1)
+        below = np.floor(level)
+        share = level - below
+        fine, coarse = self.at(x, y, below), self.at(x, y, below + 1)
+        if fine.ndim > share.ndim:
+            share = share[..., None]
+        return np.asarray(fine * (1 - share) + coarse * share, dtype=np.float32)

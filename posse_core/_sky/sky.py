@@ -1,0 +1,194 @@
+"""The sky seen from the camera: Earth, Moon, Sun and stars. The same for every renderer."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from posse_core._arrays import BoolArray, Float32Array, FloatArray
+from posse_core._frames import turned
+from posse_core._model.bands import SOLAR_BAND_FRACTIONS
+from posse_core._model.camera import Camera, PixelBox
+from posse_core._model.scene import EnvironmentMap, FrameState
+from posse_core._model.shutter import STEP_PX, fastest_px_s, instants_s, moments
+from posse_core._scenario.sky import SkyConfig
+from posse_core._sky import moon
+from posse_core._sky.atmosphere import RADIUS_M, TOP_M
+from posse_core._sky.clouds import make_clouds
+from posse_core._sky.earth import Earth, EarthView
+from posse_core._sky.ellipsoid import entry_distance_m
+from posse_core._sky.environment import environment_map
+from posse_core._sky.ground import blue_marble
+from posse_core._sky.stars import hipparcos, random_field
+from posse_core._sky.sun import MAX_SUBSAMPLES, box_of_disc, limb_darkened, subpixel_rays
+from posse_core._sky.view import SkyView
+
+__all__ = ["STAR_MARGIN_PX", "Sky", "SkyView"]
+
+STAR_MARGIN_PX = 32.0
+"""Stars this far outside the image are handed on: a wide PSF brings their light in."""
+STREAK_POINTS = 1024
+"""Of a star's streak, at most."""
+_BAND_PX = 32
+_ROW_TRIALS = 8
+
+
+class Sky:
+    """Radiance of the sky by direction at the camera's place.
+
+    Places are geometric, as everything in a scene is: no aberration (20″), no light time, no
+    refraction.
+    """
+
+    def __init__(self, config: SkyConfig, camera: Camera, seed: int) -> None:
+        """seed: of the run; it draws clouds and random stars."""
+        self._config = config
+        self._camera = camera
+        self._seed = seed
+        self._earth = Earth(blue_marble(), make_clouds(seed)) if config.earth else None
+
+    def look(self, frame: FrameState, exposure_s: float = 0.0, instants: int = 1) -> SkyView:
+        """What the camera sees behind the spacecraft over an exposure, in ``instants`` at most.
+
+        What the Earth hides is that of the frame's instant.
+        """
+        speed_px_s = self._speed_px_s(frame)
+        radiance_rgb: Float32Array | None = None
+        for moment in moments(self._camera, speed_px_s, STEP_PX, exposure_s, instants):
+            light = self._background(frame.after(moment.after_s), moment.first_row, moment.rows)
+            if light is not None:
+                light *= np.float32(moment.share)
+                radiance_rgb = light if radiance_rgb is None else radiance_rgb + light
+        streaks = STREAK_POINTS if instants > 1 else 1
+        offsets_s = instants_s(speed_px_s, STEP_PX, exposure_s, streaks)
+        return SkyView(radiance_rgb, *self._stars(frame, speed_px_s, offsets_s))
+
+    def _speed_px_s(self, frame: FrameState) -> float:
+        """Of what moves fastest in the image: by the camera's turn, and its flight over the Earth."""
+        camera = self._camera
+        height_m = max(float(np.linalg.norm(frame.r_camera_eci_m)) - RADIUS_M, TOP_M)
+        return fastest_px_s(
+            camera,
+            PixelBox(0, 0, camera.width_px, camera.height_px),
+            -frame.R_cam_from_eci @ frame.rates.v_camera_eci_m_s,
+            -frame.rates.omega_camera_rad_s,
+            height_m if self._earth is not None else np.inf,
+            np.inf,
+        )
+
+    def _background(self, frame: FrameState, first_row: int, rows: int) -> Float32Array | None:
+        """(H, W, 3) light but for the stars in some rows, at one instant; None where all is black."""
+        camera = self._camera
+        earth = self._earth.seen(frame) if self._earth is not None else None
+        to_moon_m = frame.R_cam_from_eci @ (frame.r_moon_eci_m - frame.r_camera_eci_m)
+        to_sun_m = frame.R_cam_from_eci @ (frame.r_sun_eci_m - frame.r_camera_eci_m)
+        to_sun = to_sun_m / np.linalg.norm(to_sun_m)
+        moon_to_sun = (to_sun_m - to_moon_m) / np.linalg.norm(to_sun_m - to_moon_m)
+        sun_rgb_w_m2 = frame.solar_flux_w_m2 * SOLAR_BAND_FRACTIONS
+        image = _Image(camera)
+        if earth is not None:
+            self._draw_earth(earth, image, first_row, rows)
+        moon_rad = float(np.arcsin(min(1.0, moon.RADIUS_M / float(np.linalg.norm(to_moon_m)))))
+        box = box_of_disc(camera, to_moon_m / np.linalg.norm(to_moon_m), moon_rad)
+        box = box.within_rows(first_row, rows)
+        if not box.is_empty:
+            rays = subpixel_rays(camera, box)
+            light = moon.radiance(rays, to_moon_m, moon_to_sun, sun_rgb_w_m2)
+            image.add(box, (light * self._passed(frame, earth, rays)).mean(axis=2))
+        box = box_of_disc(camera, to_sun, frame.sun_angular_radius_rad).within_rows(first_row, rows)
+        if self._config.sun_disc and frame.sun_fraction_camera > 0 and not box.is_empty:
+            rays = subpixel_rays(camera, box)
+            light = limb_darkened(rays, to_sun, frame.sun_angular_radius_rad, sun_rgb_w_m2)
+            image.add(box, (light * self._passed(frame, earth, rays)).mean(axis=2))
+        return image.radiance_rgb
+
+    def environment(self, frame: FrameState) -> EnvironmentMap | None:
+        """Light from everywhere but the Sun and the spacecraft; None where there is none.
+
+        Moon and stars, under a thousandth of the Earth's light, are left out.
+        """
+        if self._earth is None:
+            return None
+        return environment_map(self._earth.seen(frame))
+
+    def _draw_earth(self, earth: EarthView, image: _Image, first_row: int, rows: int) -> None:
+        """Draw the Earth in bands of rows, as wide as it can reach."""
+        camera = self._camera
+        pixel_rad = camera.pixel_rad
+        for y in range(first_row, first_row + rows, _BAND_PX):
+            band = PixelBox(0, y, camera.width_px, min(_BAND_PX, first_row + rows - y))
+            middles_px = np.arange(_BAND_PX / 2, camera.width_px + _BAND_PX / 2, _BAND_PX)
+            np.minimum(middles_px, camera.width_px - 1, out=middles_px)  # a lens may map no more
+            rays = camera.rays(
+                np.stack([middles_px, np.full_like(middles_px, y + band.height / 2)], axis=-1)
+            )
+            rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+            touched = np.flatnonzero(earth.touches(rays, _BAND_PX * pixel_rad))
+            if not len(touched):
+                continue
+            x0 = int(touched[0]) * _BAND_PX
+            x1 = min(camera.width_px, (int(touched[-1]) + 1) * _BAND_PX)
+            box = PixelBox(x0, y, x1 - x0, band.height)
+            light = earth.light(camera.rays(box.pixel_centres_px()), pixel_rad)
+            image.add(box, light)
+
+    def _passed(self, frame: FrameState, earth: EarthView | None, rays_cam: FloatArray) -> Float32Array:
+        """Share of light behind the Earth and its air that reaches the camera: (..., 3) → (..., 3).
+
+        The Earth hides even where it is not shown: then without its air.
+        """
+        if earth is not None:
+            return earth.passed(rays_cam, self._camera.pixel_rad / MAX_SUBSAMPLES)
+        origin_m = frame.R_ecef_from_eci @ frame.r_camera_eci_m
+        rays_ecef = rays_cam @ (frame.R_ecef_from_eci @ frame.R_cam_from_eci.T).T
+        open_sky = np.isnan(entry_distance_m(origin_m, rays_ecef))
+        return np.repeat(open_sky[..., None].astype(np.float32), 3, axis=-1)
+
+    def _stars(
+        self, frame: FrameState, speed_px_s: float, offsets_s: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """(S, 2) pixels and (S, 3) irradiances of the stars in view: a point each at every offset."""
+        config, camera, turn = self._config.stars, self._camera, -frame.rates.omega_camera_rad_s
+        if config is None:
+            return np.empty((0, 2)), np.empty((0, 3))
+        if config.catalogue == "hipparcos":
+            field = hipparcos(config.max_magnitude)
+        else:
+            field = random_field(self._seed, config.max_magnitude)
+        directions_cam = field.directions_at(frame.epoch_jd_tt) @ frame.R_cam_from_eci.T
+        open_s = 2 * np.abs(offsets_s).max() + camera.line_time_s * camera.height_px
+        near = self._in_view(camera.project(directions_cam), STAR_MARGIN_PX + speed_px_s * open_s)
+        earth = self._earth.seen(frame) if self._earth is not None else None
+        passed = self._passed(frame, earth, directions_cam[near])
+        light = config.gain * field.irradiance_rgb_w_m2[near] * passed
+        left = passed.max(axis=-1) > 0
+        directions_cam = directions_cam[near][left][:, None]
+        after_s = np.broadcast_to(offsets_s, (len(directions_cam), len(offsets_s)))
+        uv = camera.project(turned(directions_cam, turn, after_s))
+        if camera.line_time_s > 0:
+            for _ in range(_ROW_TRIALS):
+                row_s = camera.row_after_s(np.nan_to_num(uv[..., 1]))
+                uv = camera.project(turned(directions_cam, turn, after_s + row_s))
+        seen = self._in_view(uv, STAR_MARGIN_PX)
+        shares = np.repeat(light[left][:, None] / len(offsets_s), len(offsets_s), axis=1)
+        return uv[seen], shares[seen]
+
+    def _in_view(self, uv_px: FloatArray, margin_px: float) -> BoolArray:
+        """(..., 2) → (...): in the image or within a margin around it."""
+        high = np.array([self._camera.width_px, self._camera.height_px]) - 0.5 + margin_px
+        return np.asarray(np.all((uv_px >= -0.5 - margin_px) & (uv_px <= high), axis=-1))
+
+
+class _Image:
+    """Radiance of an image that stays None until light falls on it."""
+
+    def __init__(self, camera: Camera) -> None:
+        self._shape = (camera.height_px, camera.width_px, 3)
+        self.radiance_rgb: Float32Array | None = None
+
+    def add(self, box: PixelBox, light: Float32Array) -> None:
+        """Add (h, w, 3) in a box."""
+        if not light.any():
+            return
+        if self.radiance_rgb is None:
+            self.radiance_rgb = np.zeros(self._shape, dtype=np.float32)
+        self.radiance_rgb[box.slices] += light

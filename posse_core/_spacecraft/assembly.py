@@ -1,0 +1,77 @@
+"""Putting named parts, materials and keypoints together to a spacecraft."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from posse_core._arrays import FloatArray
+from posse_core._model.spacecraft import Material, Part, Spacecraft
+from posse_core._spacecraft.shapes import Mesh, joined
+
+
+@dataclass
+class Assembly:
+    """A spacecraft being built in its layout frame: body axes, any origin."""
+
+    name: str
+    _parts: dict[str, tuple[Mesh, str]] = field(default_factory=dict)
+    _keypoints: dict[str, tuple[str, FloatArray]] = field(default_factory=dict)
+
+    def add(self, name: str, material: str, *meshes: Mesh) -> None:
+        """A part of one or more solids with one material."""
+        if name in self._parts:
+            raise ValueError(f"two parts are named {name!r}")
+        self._parts[name] = (joined(meshes), material)
+
+    @property
+    def bounds_m(self) -> FloatArray:
+        """(2, 3) lower and upper corner of what is there so far."""
+        points = np.concatenate([mesh.vertices_m for mesh, _ in self._parts.values()])
+        return np.stack([points.min(axis=0), points.max(axis=0)])
+
+    @property
+    def part_names(self) -> list[str]:
+        """The names of the parts so far."""
+        return list(self._parts)
+
+    @property
+    def material_names(self) -> list[str]:
+        """The names of the materials of the parts so far, each once, in their order."""
+        return list(dict.fromkeys(material for _, material in self._parts.values()))
+
+    def remove(self, names: Collection[str]) -> None:
+        """Take parts away, and the keypoints on them."""
+        self._parts = {name: part for name, part in self._parts.items() if name not in names}
+        self._keypoints = {
+            name: place for name, place in self._keypoints.items() if place[0] in self._parts
+        }
+
+    def mark(self, name: str, part: str, point_m: ArrayLike) -> None:
+        """A keypoint (3,) on the surface of a part."""
+        self._keypoints[name] = (part, np.asarray(point_m, dtype=np.float64))
+
+    def finish(
+        self,
+        materials: Mapping[str, Material],
+        centre_of_mass_m: ArrayLike,
+        skeleton: Sequence[tuple[str, str]],
+    ) -> Spacecraft:
+        """The spacecraft, its origin moved to the centre of mass (3,) given in the layout frame.
+
+        Pairs of the skeleton that lack a keypoint are left out.
+        """
+        origin = np.asarray(centre_of_mass_m, dtype=np.float64)
+        return Spacecraft(
+            name=self.name,
+            parts=tuple(
+                Part(name, mesh.vertices_m - origin, mesh.faces, mesh.normals, mesh.uv, material)
+                for name, (mesh, material) in self._parts.items()
+            ),
+            materials=materials,
+            keypoints_body_m={name: point - origin for name, (_, point) in self._keypoints.items()},
+            skeleton=tuple(pair for pair in skeleton if set(pair) <= set(self._keypoints)),
+        )

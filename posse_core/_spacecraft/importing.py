@@ -1,0 +1,150 @@
+"""Making a spacecraft package from a mesh file, and saying what is in the file."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+import yaml
+
+from posse_core._errors import InputError
+from posse_core._files.atomic import write_bytes
+from posse_core._model.spacecraft import Spacecraft
+from posse_core._spacecraft.gltf import side_files as gltf_side_files
+from posse_core._spacecraft.package import DESCRIPTION
+from posse_core._spacecraft.raw import RawMesh
+from posse_core._spacecraft.reader import obj_side_files
+
+SCENARIO = "scenario.yaml"
+
+
+def summary(raw: RawMesh) -> dict[str, Any]:
+    """What a file holds, for a person or a program: sizes in the file's units."""
+    parts = []
+    for part in raw.parts:
+        material = raw.materials[part.material]
+        textures = {
+            "base colour": material.base_color_texture,
+            "metallic-roughness": material.metallic_roughness_texture,
+            "normal": material.normal_texture,
+        }
+        parts.append(
+            {
+                "name": part.name,
+                "triangles": len(part.faces),
+                "watertight": _watertight(part.vertices, part.faces),
+                "material": part.material,
+                "textures": {
+                    kind: f"{texture.shape[1]}×{texture.shape[0]}"
+                    for kind, texture in textures.items()
+                    if texture is not None
+                },
+            }
+        )
+    return {
+        "size_units": [float(x) for x in np.diff(raw.bounds, axis=0)[0]],
+        "triangles": sum(len(part.faces) for part in raw.parts),
+        "vertices": sum(len(part.vertices) for part in raw.parts),
+        "parts": parts,
+    }
+
+
+def _watertight(vertices: Any, faces: Any) -> bool:
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    mesh.merge_vertices(merge_norm=True, merge_tex=True)
+    return bool(mesh.is_watertight)
+
+
+def side_files(path: Path) -> list[Path]:
+    """The files beside a mesh that it needs: buffers, pictures, material libraries."""
+    if path.suffix.lower() == ".gltf":
+        return gltf_side_files(path)
+    return obj_side_files(path) if path.suffix.lower() == ".obj" else []
+
+
+def write_package(
+    folder: Path,
+    mesh: Path,
+    craft: Spacecraft,
+    *,
+    scale_m_per_unit: float,
+    body_axes: str,
+    centre_of_mass_m: Sequence[float],
+) -> None:
+    """Make the package's folder: the mesh with its side files, the description, a scenario to try.
+
+    The folder appears whole or not at all.
+
+    Raises:
+        InputError: the folder is there already.
+    """
+    if folder.exists():
+        raise InputError(f"{folder}: is there already; remove it, or give another folder with --out")
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    record = {
+        "name": craft.name,
+        "mesh": mesh.name,
+        "scale_m_per_unit": scale_m_per_unit,
+        "body_axes": body_axes,
+        "centre_of_mass_m": [float(x) for x in centre_of_mass_m],
+        "keypoints": {
+            name: [round(float(x), 6) for x in point] for name, point in craft.keypoints_body_m.items()
+        },
+        "skeleton": [list(pair) for pair in craft.skeleton],
+        "symmetries": [R.tolist() for R in craft.symmetries],
+    }
+    temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+    try:
+        for source in (mesh, *side_files(mesh)):
+            target = temporary / source.resolve().relative_to(mesh.resolve().parent)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(source, target)
+        write_bytes(temporary / DESCRIPTION, _description(record).encode())
+        write_bytes(temporary / SCENARIO, _scenario(craft).encode())
+        os.chmod(temporary, 0o755)
+        os.rename(temporary, folder)
+    except BaseException:
+        shutil.rmtree(temporary, ignore_errors=True)
+        raise
+
+
+def _description(record: Mapping[str, Any]) -> str:
+    """YAML with one line a keypoint."""
+    lines = ["# A spacecraft package. Lengths in metres, body axes, from the centre of mass."]
+    for key, value in record.items():
+        if isinstance(value, dict) and value:
+            lines.append(f"{key}:")
+            lines.extend(f"  {name}: {json.dumps(point)}" for name, point in value.items())
+        else:
+            lines.append(f"{key}: {json.dumps(value, ensure_ascii=False)}")
+    return "\n".join(lines) + "\n"
+
+
+def _scenario(craft: Spacecraft) -> str:
+    """A scenario of the spacecraft: an inspection ellipse of about three radii in low orbit."""
+    reach = float(f"{3.0 * craft.radius_m:.2g}")
+    scenario = {
+        "target": {"package": "."},
+        "orbit": {
+            "elements": {
+                "epoch_utc": "2022-01-31T02:02:27.58",
+                "a_m": 7123931.35,
+                "e": 0.0000898,
+                "i_deg": 98.23,
+                "raan_deg": 334.4,
+                "argp_deg": 52.44,
+                "mean_anomaly_deg": 318.1,
+            }
+        },
+        "relative": {"roe_m": [0, 0, -reach, -0.75 * reach, -reach, -0.75 * reach]},
+        "times": {"duration_orbits": 1, "count": 24},
+    }
+    head = "# Try it: posse run scenario.yaml\n"
+    return head + yaml.safe_dump(scenario, sort_keys=False, default_flow_style=None)

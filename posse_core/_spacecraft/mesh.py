@@ -1,0 +1,103 @@
+"""A spacecraft from a mesh file, with its units and axes as the user states them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from posse_core._arrays import FloatArray
+from posse_core._errors import InputError
+from posse_core._interfaces.scene import SceneSource
+from posse_core._model.spacecraft import Part, Spacecraft
+from posse_core._spacecraft.keypoint_file import Keypoints, located, read_keypoints
+from posse_core._spacecraft.options import MeshOptions, R_body_from_mesh
+from posse_core._spacecraft.raw import RawMesh
+from posse_core._spacecraft.reader import read_mesh
+
+SMALLEST_M, LARGEST_M = 0.01, 1000.0
+"""A spacecraft outside this is a mistake in the scale."""
+
+
+class MeshFile(SceneSource):
+    """The scene source ``mesh``."""
+
+    options: MeshOptions
+
+    def build(self) -> Spacecraft:
+        options = self.options
+        raw = read_mesh(options.mesh)
+        points = Keypoints() if options.keypoints is None else read_keypoints(options.keypoints)
+        return spacecraft_from_raw(raw, options, options.mesh.stem, points)
+
+
+def spacecraft_from_raw(raw: RawMesh, options: MeshOptions, name: str, points: Keypoints) -> Spacecraft:
+    """A file's mesh in metres and body axes about its centre of mass.
+
+    Raises:
+        InputError: the scale is missing or absurd, or a keypoint lies far from the mesh.
+    """
+    scale = stated_scale(raw, options.mesh, options.scale_m_per_unit)
+    R = R_body_from_mesh(options.body_axes)
+    turn = scale * R
+    origin = (
+        turn @ raw.surface_centre
+        if options.centre_of_mass_m is None
+        else np.asarray(options.centre_of_mass_m)
+    )
+    parts = tuple(
+        Part(
+            part.name,
+            part.vertices @ turn.T - origin,
+            part.faces,
+            (part.normals @ R.T).astype(np.float32),
+            part.uv,
+            part.material,
+        )
+        for part in raw.parts
+    )
+    craft = Spacecraft(
+        name=name,
+        parts=parts,
+        materials=raw.materials,
+        keypoints_body_m=located(points.places, parts, options.keypoints or options.mesh),
+        skeleton=points.skeleton,
+        symmetries=points.symmetries,
+    )
+    _check_keypoints(craft, options.keypoints or options.mesh)
+    return craft
+
+
+def stated_scale(raw: RawMesh, path: Path, scale_m_per_unit: float | None) -> float:
+    """The scale, proven to be there and sensible.
+
+    Raises:
+        InputError: it is missing, or gives a spacecraft below a centimetre or beyond a kilometre.
+    """
+    extent: FloatArray = np.diff(raw.bounds, axis=0)[0]
+    longest = float(extent.max())
+    size = " × ".join(f"{length:.4g}" for length in extent)
+    if scale_m_per_unit is None:
+        raise InputError(
+            f"{path}: its unit is not stated; it measures {size} units. Add scale_m_per_unit, such as"
+            f" 1 if a unit is a metre (it would be {longest:.4g} m long), 0.001 if a millimetre"
+            f" ({longest / 1000.0:.4g} m), or length in metres / {longest:.6g}"
+        )
+    if not SMALLEST_M <= longest * scale_m_per_unit <= LARGEST_M:
+        raise InputError(
+            f"{path}: scale_m_per_unit {scale_m_per_unit:g} makes it {longest * scale_m_per_unit:.4g} m"
+            f" long; it measures {size} units, and a spacecraft is {SMALLEST_M:g} … {LARGEST_M:g} m"
+        )
+    return scale_m_per_unit
+
+
+def _check_keypoints(craft: Spacecraft, path: Path) -> None:
+    low, high = craft.bounds_body_m
+    margin = 0.1 * craft.radius_m
+    for name, point in craft.keypoints_body_m.items():
+        if np.any(point < low - margin) or np.any(point > high + margin):
+            place = ", ".join(f"{value:.4g}" for value in point)
+            raise InputError(
+                f"{path}: keypoint {name} at [{place}] m lies outside the spacecraft; keypoints are in"
+                " metres along body axes from the centre of mass"
+            )

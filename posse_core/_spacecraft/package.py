@@ -1,0 +1,74 @@
+"""A spacecraft package: a folder with ``spacecraft.yaml`` and the mesh that it names."""
+
+from __future__ import annotations
+
+from pathlib import Path, PurePosixPath
+
+from pydantic import Field, field_validator
+
+from posse_core._errors import InputError
+from posse_core._interfaces.scene import SceneSource
+from posse_core._model.spacecraft import Spacecraft
+from posse_core._plugins.options import validated
+from posse_core._spacecraft.keypoint_file import Corner, KeypointModel, Keypoints, Triple, read_mapping
+from posse_core._spacecraft.mesh import spacecraft_from_raw
+from posse_core._spacecraft.options import BodyAxes, MeshOptions, PackageOptions
+from posse_core._spacecraft.reader import read_mesh
+
+DESCRIPTION = "spacecraft.yaml"
+
+
+class PackageModel(KeypointModel):
+    """The keys of ``spacecraft.yaml``."""
+
+    name: str = Field(pattern=r"^[A-Za-z0-9][\w.-]*$", description="the class name in the labels")
+    mesh: str = Field(description="the mesh file, in the package's folder or below")
+    scale_m_per_unit: float = Field(gt=0, description="metres that one unit of the mesh file is")
+    body_axes: BodyAxes = Field(description="the mesh axis along each body axis, as in 'x -z y'")
+    centre_of_mass_m: Triple = Field(description="in metres along body axes from the mesh file's origin")
+    keypoints: dict[str, Triple | Corner] = Field(
+        default_factory=dict, description="as in a keypoint file"
+    )
+
+    @field_validator("mesh")
+    @classmethod
+    def _stays_inside(cls, text: str) -> str:
+        path = PurePosixPath(text)
+        if path.is_absolute() or ".." in path.parts or "\\" in text:
+            raise ValueError("the mesh lies outside the package; move it into the folder")
+        return text
+
+
+class Package(SceneSource):
+    """The scene source ``package``."""
+
+    options: PackageOptions
+
+    def build(self) -> Spacecraft:
+        folder = self.options.package
+        description = folder / DESCRIPTION
+        if not folder.is_dir():
+            raise InputError(f"{folder}: no such package folder; 'posse import MODEL' makes one")
+        model = validated(
+            PackageModel,
+            read_mapping(description),
+            lambda key: f"{description}: {'.'.join(map(str, key))}",
+        )
+        mesh = _inside(folder, model.mesh)
+        options = MeshOptions(
+            mesh=mesh,
+            scale_m_per_unit=model.scale_m_per_unit,
+            body_axes=model.body_axes,
+            centre_of_mass_m=model.centre_of_mass_m,
+            keypoints=description,
+        )
+        points = model.records() if model.keypoints else Keypoints()
+        return spacecraft_from_raw(read_mesh(mesh), options, model.name, points)
+
+
+def _inside(folder: Path, name: str) -> Path:
+    """The mesh, its links followed, proven to lie in the folder."""
+    mesh = folder / name
+    if not mesh.resolve().is_relative_to(folder.resolve()):
+        raise InputError(f"{folder / DESCRIPTION}: mesh {name!r} leads out of the package by a link")
+    return mesh

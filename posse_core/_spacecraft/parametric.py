@@ -1,0 +1,88 @@
+"""What the spacecraft made by code share: finishes, missing parts, variants by seed."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+
+from posse_core._errors import InputError
+from posse_core._interfaces.scene import SceneSource
+from posse_core._model.spacecraft import Material, Spacecraft
+from posse_core._plugins.options import nearest
+from posse_core._randomness import derived_seed, generator
+from posse_core._spacecraft.assembly import Assembly
+from posse_core._spacecraft.finishes import Finish
+from posse_core._spacecraft.options import VariantOptions
+
+
+class Parametric(SceneSource):
+    """A spacecraft made by code; a subclass says of what.
+
+    Attributes:
+        name: the spacecraft's.
+        centre_of_mass_m: the body frame's origin in the layout frame.
+        skeleton: pairs of keypoints.
+        loose: groups of parts that a variant may lack, each lost as a whole.
+    """
+
+    options: VariantOptions
+    name: ClassVar[str]
+    centre_of_mass_m: ClassVar[tuple[float, float, float]]
+    skeleton: ClassVar[tuple[tuple[str, str], ...]]
+    loose: ClassVar[tuple[tuple[str, ...], ...]]
+
+    @abstractmethod
+    def assemble(self, craft: Assembly, lean: float) -> None:
+        """Add all parts and keypoints; ``lean`` −1 … 1 is the variant's turn of what can turn."""
+
+    @abstractmethod
+    def finishes(self, seed: int) -> Mapping[str, Finish]:
+        """How the materials are made, by name, their textures drawn from the seed."""
+
+    def build(self) -> Spacecraft:
+        """The spacecraft that the options ask for, keypoints of missing parts left out.
+
+        Raises:
+            InputError: ``missing_parts`` names what is not there, or leaves nothing.
+        """
+        seed = self.options.variant_seed
+        craft = Assembly(self.name)
+        missing = set(self.options.missing_parts)
+        lean = 0.0
+        if seed is not None:
+            rng = generator(seed, -1, f"variant {self.name}")
+            lean = float(rng.uniform(-1.0, 1.0))
+            count = int(rng.integers(0, min(self.options.variant_missing_parts, len(self.loose)) + 1))
+            for group in rng.permutation(len(self.loose))[:count]:
+                missing.update(self.loose[int(group)])
+        self.assemble(craft, lean)
+        for part in self.options.missing_parts:
+            if part not in craft.part_names:
+                hint = nearest(part, craft.part_names)
+                raise InputError(f"target: missing_parts: {self.name} has no part {part!r}{hint}")
+        craft.remove(missing)
+        if not craft.part_names:
+            raise InputError(f"target: missing_parts: nothing of {self.name} is left; leave a part")
+        materials = self._materials(craft.material_names, seed)
+        return craft.finish(materials, self.centre_of_mass_m, self.skeleton)
+
+    def _materials(self, names: Sequence[str], seed: int | None) -> dict[str, Material]:
+        if seed is None:
+            finishes = self.finishes(0)
+            return {name: finishes[name]() for name in names}
+        finishes = self.finishes(derived_seed(seed, -1, "finishes"))
+        return {name: varied(finishes[name](), generator(seed, -1, f"variant {name}")) for name in names}
+
+
+def varied(material: Material, rng: np.random.Generator) -> Material:
+    """The material a little brighter or darker, tinted, rougher or smoother."""
+    factor = np.exp(0.15 * rng.standard_normal() + 0.06 * rng.standard_normal(3))
+    red, green, blue = (float(c) for c in np.clip(factor * material.base_color, 0.0, 1.0))
+    roughness = material.roughness * np.exp(0.3 * rng.standard_normal())
+    return replace(
+        material, base_color=(red, green, blue), roughness=float(np.clip(roughness, 0.05, 1.0))
+    )

@@ -1,0 +1,210 @@
+"""What a mesh file holds, before units and axes are known."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from scipy.sparse import coo_matrix
+
+from posse_core._arrays import AnyArray, Float32Array, FloatArray, IntArray
+from posse_core._errors import InputError
+from posse_core._model.spacecraft import Material
+
+CREASE_RAD = np.radians(40.0)
+"""Faces of a mesh without normals are shaded as one surface where they meet at less than this."""
+
+
+@dataclass(frozen=True)
+class RawPart:
+    """A part in the file's own units and axes.
+
+    Attributes:
+        vertices: (V, 3) float64.
+        faces: (T, 3) int32.
+        normals: (V, 3) float32 unit.
+        uv: (V, 2) float32, v upward.
+    """
+
+    name: str
+    vertices: FloatArray
+    faces: IntArray
+    normals: Float32Array
+    uv: Float32Array
+    material: str
+
+
+@dataclass(frozen=True)
+class RawMesh:
+    """All parts of a file and their materials by name."""
+
+    parts: tuple[RawPart, ...]
+    materials: Mapping[str, Material]
+
+    @property
+    def bounds(self) -> FloatArray:
+        """(2, 3) lower and upper corner, in the file's units."""
+        low = np.min([part.vertices.min(axis=0) for part in self.parts], axis=0)
+        high = np.max([part.vertices.max(axis=0) for part in self.parts], axis=0)
+        return np.stack([low, high])
+
+    @property
+    def surface_centre(self) -> FloatArray:
+        """(3,) centroid of the surface: what the thesis' Table 3.2 calls the centre of mass."""
+        area_sum, moment = 0.0, np.zeros(3)
+        for part in self.parts:
+            a, b, c = np.moveaxis(part.vertices[part.faces], 1, 0)
+            area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+            area_sum += float(area.sum())
+            moment += area @ (a + b + c) / 3.0
+        return np.asarray(moment / area_sum)
+
+
+def raw_part(
+    name: str,
+    vertices: AnyArray,
+    faces: AnyArray,
+    normals: AnyArray | None,
+    uv: AnyArray | None,
+    material: str,
+) -> RawPart:
+    """A part, with normals made for it where the file has none (by crease angle).
+
+    Raises:
+        ValueError: arrays that do not fit together, or numbers that are not finite.
+    """
+    vertices, faces = np.asarray(vertices, dtype=np.float64), np.asarray(faces)
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
+        raise ValueError(f"{name!r} is not made of triangles in space")
+    bad = int((~np.isfinite(vertices)).any(axis=1).sum())
+    if bad:
+        raise ValueError(f"{bad} of {len(vertices)} vertices of {name!r} are NaN or infinite")
+    if len(faces) and not (faces.min() >= 0 and faces.max() < len(vertices)):
+        raise ValueError(f"triangles of {name!r} name vertices that are not there")
+    if uv is not None and (np.shape(uv) != (len(vertices), 2) or not np.isfinite(uv).all()):
+        raise ValueError(f"the texture coordinates of {name!r} are not finite pairs, one a vertex")
+    if normals is not None and np.shape(normals) != vertices.shape:
+        raise ValueError(f"the normals of {name!r} are not one a vertex")
+    if normals is None or not np.isfinite(normals).all():
+        corners = vertices[faces]
+        uv = None if uv is None else np.asarray(uv)[faces].reshape(-1, 2)
+        normals = creased_normals(corners)
+        vertices, faces = corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3)
+    else:
+        length = np.linalg.norm(normals, axis=1, keepdims=True)
+        normals = np.where(length > 0.0, normals, (0.0, 0.0, 1.0)) / np.where(length > 0.0, length, 1.0)
+    flat = np.zeros((len(vertices), 2)) if uv is None else uv
+    return RawPart(
+        name,
+        np.ascontiguousarray(vertices, dtype=np.float64),
+        np.ascontiguousarray(faces, dtype=np.int32),
+        np.ascontiguousarray(normals, dtype=np.float32),
+        np.ascontiguousarray(flat, dtype=np.float32),
+        material,
+    )
+
+
+def creased_normals(corners: FloatArray) -> FloatArray:
+    """Shading normals at the corners (T, 3, 3) of triangles → (3 T, 3) unit.
+
+    At each corner the normals of the faces that share its position are averaged by area, as far as
+    they meet the face's own at less than :data:`CREASE_RAD`.
+    """
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.linalg.norm(cross, axis=1)
+    own = cross / np.where(area > 0.0, area, 1.0)[:, None]
+    own[area == 0.0] = (0.0, 0.0, 1.0)
+    _, place = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    place = place.reshape(-1)
+    face = np.repeat(np.arange(len(corners)), 3)
+    # Pairs (corner, face) that share a position: the product of two incidence matrices.
+    at = coo_matrix((np.ones(len(place)), (np.arange(len(place)), place))).tocsr()
+    meets = (at @ at.T).tocoo()
+    corner, other = meets.row, face[meets.col]
+    near = (own[face[corner]] * own[other]).sum(axis=1) > np.cos(CREASE_RAD)
+    total = np.zeros((len(place), 3))
+    np.add.at(total, corner[near], cross[other[near]])
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    return np.where(length > 0.0, total / np.where(length > 0.0, length, 1.0), own[face])
+
+
+def untextured(material: Material) -> Material:
+    """A material of the textures' mean values, for a part without texture coordinates."""
+    textures = (
+        material.base_color_texture,
+        material.metallic_roughness_texture,
+        material.normal_texture,
+    )
+    if all(texture is None for texture in textures):
+        return material
+    color = np.array(material.base_color)
+    metallic, roughness = material.metallic, material.roughness
+    if material.base_color_texture is not None:
+        color = color * linear(material.base_color_texture).mean(axis=(0, 1))
+    if material.metallic_roughness_texture is not None:
+        mean = material.metallic_roughness_texture.mean(axis=(0, 1)) / 255.0
+        metallic, roughness = metallic * float(mean[0]), roughness * float(mean[1])
+    red, green, blue = (float(c) for c in color)
+    return Material(f"{material.name}_plain", (red, green, blue), metallic, roughness)
+
+
+def painted(part: RawPart, colors: AnyArray) -> tuple[RawPart, Material]:
+    """A part with a colour for each face, (T, 3) 0 … 255 sRGB-coded: they become a palette texture."""
+    each: AnyArray = np.rint(colors).astype(np.uint8)
+    if len(np.unique(each, axis=0)) > 4096:
+        each = (each & 0xF0) | 8
+    palette, index = np.unique(each, axis=0, return_inverse=True)
+    side = int(np.ceil(np.sqrt(len(palette))))
+    texture = np.zeros((side, side, 3), dtype=np.uint8)
+    texture.reshape(-1, 3)[: len(palette)] = palette
+    row, column = np.divmod(index.reshape(-1), side)
+    center = np.column_stack([(column + 0.5) / side, 1.0 - (row + 0.5) / side])
+    corner = part.faces.reshape(-1)
+    bare = replace(
+        part,
+        vertices=part.vertices[corner],
+        faces=np.arange(len(corner), dtype=np.int32).reshape(-1, 3),
+        normals=part.normals[corner],
+        uv=np.repeat(center, 3, axis=0).astype(np.float32),
+        material=f"{part.name}_colors",
+    )
+    return bare, Material(bare.material, roughness=0.6, base_color_texture=texture)
+
+
+def linear(coded: AnyArray) -> FloatArray:
+    """sRGB-coded uint8 → linear 0 … 1 (IEC 61966-2-1), any shape."""
+    x = np.asarray(coded, dtype=np.float64) / 255.0
+    return np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4)
+
+
+def decoded(data: bytes, path: Path, what: str) -> AnyArray:
+    """An image file's bytes (PNG, JPEG, WebP, ...) → (H, W, 3) uint8 red, green, blue.
+
+    Raises:
+        InputError: the image cannot be decoded.
+    """
+    try:
+        image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_COLOR)
+    except cv2.error:  # no bytes, or a size beyond reason
+        image = None
+    if image is None:
+        raise InputError(f"{path}: {what} cannot be decoded; re-export it as PNG or JPEG")
+    return np.ascontiguousarray(image[..., ::-1])
+
+
+def unique_names(names: Sequence[str]) -> list[str]:
+    """Names made of letters, digits, ``_ . -``; ``part_N`` where nothing is left; no two the same."""
+    taken: set[str] = set()
+    result = []
+    for number, name in enumerate(names):
+        clean = "".join(c if c.isalnum() or c in "_.-" else "_" for c in name)
+        clean = "_".join(word for word in clean.split("_") if word) or f"part_{number}"
+        free = itertools.chain([clean], (f"{clean}_{k}" for k in itertools.count(2)))
+        chosen = next(candidate for candidate in free if candidate not in taken)
+        taken.add(chosen)
+        result.append(chosen)
+    return result

@@ -1,0 +1,162 @@
+"""Reading a mesh file of any of the formats that we take, or refusing it in one line."""
+
+from __future__ import annotations
+
+import io
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from posse_core._errors import InputError
+from posse_core._model.spacecraft import Material
+from posse_core._spacecraft.gltf import beside, read_gltf
+from posse_core._spacecraft.raw import (
+    RawMesh,
+    RawPart,
+    decoded,
+    painted,
+    raw_part,
+    unique_names,
+    untextured,
+)
+
+FORMATS = (".glb", ".gltf", ".obj", ".ply", ".stl")
+PLAIN = Material("plain", base_color=(0.7, 0.7, 0.7), roughness=0.8)
+"""What a part without a material looks like."""
+
+
+def read_mesh(path: Path) -> RawMesh:
+    """All parts of a mesh file, in its own units and axes.
+
+    Raises:
+        InputError: no such file, an unknown format, nothing in it, or numbers that are not finite.
+    """
+    if not path.exists():
+        raise InputError(f"{path}: no such mesh file")
+    suffix = path.suffix.lower()
+    if suffix not in FORMATS:
+        known = ", ".join(FORMATS)
+        raise InputError(f"{path}: {suffix or 'no extension'} is not a mesh format; known are {known}")
+    if not path.is_file():
+        raise InputError(f"{path}: a folder, not a mesh file; a package is given by 'package'")
+    if path.stat().st_size == 0:
+        raise InputError(f"{path}: the file is empty; export it again")
+    try:
+        raw = read_gltf(path) if suffix in (".glb", ".gltf") else _read_other(path, suffix[1:])
+    except ValueError as error:
+        reason = " ".join(str(error).split())
+        raise InputError(f"{path}: {reason}; mend the mesh and export it again") from None
+    except (KeyError, IndexError, TypeError, AttributeError) as error:
+        raise InputError(
+            f"{path}: not a valid {suffix} file ({type(error).__name__}: {error}); export it again"
+        ) from None
+    parts = tuple(_without_waste(part) for part in raw.parts)
+    parts = tuple(part for part in parts if len(part.faces))
+    if not parts:
+        raise InputError(f"{path}: no triangles in it; export it with its faces")
+    used = {part.material for part in parts}
+    return RawMesh(parts, {name: m for name, m in raw.materials.items() if name in used})
+
+
+def _without_waste(part: RawPart) -> RawPart:
+    """The part without triangles that have no area."""
+    a, b, c = np.moveaxis(part.vertices[part.faces], 1, 0)
+    solid = np.linalg.norm(np.cross(b - a, c - a), axis=1) > 0.0
+    if solid.all():
+        return part
+    return RawPart(part.name, part.vertices, part.faces[solid], part.normals, part.uv, part.material)
+
+
+def _read_other(path: Path, kind: str) -> RawMesh:
+    """OBJ, PLY and STL."""
+    data = path.read_bytes()
+    library = _material_libraries(path, data) if kind == "obj" else {}
+    # trimesh gets materials by name alone, since it needs another library for pictures.
+    names = "".join(f"newmtl {name}\n" for materials in library.values() for name in materials)
+    options: dict[str, Any] = {"resolver": {name: names.encode() for name in library}}
+    if kind == "obj":
+        options |= {"split_objects": True, "split_groups": True}
+    try:
+        scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, process=False, **options)
+    except Exception as error:  # whatever a broken file leads trimesh to
+        raise InputError(
+            f"{path}: cannot be read as {kind.upper()} ({type(error).__name__}); export it again"
+        ) from None
+    known = {name: m for materials in library.values() for name, m in materials.items()}
+    shaded = re.search(rb"^(vn\s|property \w+ nx\s)", data, re.MULTILINE) is not None
+    geometries: dict[str, Any] = scene.geometry
+    found = sorted((n, g) for n, g in geometries.items() if isinstance(g, trimesh.Trimesh))
+    parts, used = [], {}
+    labels = unique_names([name if kind == "obj" and len(found) > 1 else "" for name, _ in found])
+    for label, (_, geometry) in zip(labels, found, strict=True):
+        visual: Any = geometry.visual
+        uv = getattr(visual, "uv", None)
+        material = known.get(getattr(getattr(visual, "material", None), "name", ""), PLAIN)
+        material = untextured(material) if uv is None else material
+        normals = geometry.vertex_normals if shaded and kind != "stl" else None
+        part = raw_part(label, geometry.vertices, geometry.faces, normals, uv, material.name)
+        if visual.kind in ("vertex", "face"):
+            part, material = painted(part, visual.face_colors[:, :3])
+        parts.append(part)
+        used[material.name] = material
+    return RawMesh(tuple(parts), used)
+
+
+def _material_libraries(path: Path, data: bytes) -> dict[str, dict[str, Material]]:
+    """Materials by name, by the name of the library that an OBJ file names."""
+    libraries: dict[str, dict[str, Material]] = {}
+    for line in data.decode(errors="replace").splitlines():
+        if line.startswith("mtllib "):
+            name = line.removeprefix("mtllib ").strip()
+            libraries[name] = _materials(beside(path, name))
+    return libraries
+
+
+def obj_side_files(path: Path) -> list[Path]:
+    """The material libraries beside an OBJ file, and their pictures."""
+    libraries = [beside(path, name) for name in _material_libraries(path, path.read_bytes())]
+    pictures = [
+        beside(library, line.split(maxsplit=1)[1].strip())
+        for library in libraries
+        for line in library.read_text(errors="replace").splitlines()
+        if line.startswith("map_Kd ")
+    ]
+    return [*libraries, *pictures]
+
+
+def _materials(path: Path) -> dict[str, Material]:
+    """A Wavefront material library: Kd, Ns, map_Kd, and Pm, Pr of its physically based extension.
+
+    A Phong exponent becomes the roughness that gives the same width of the highlight,
+    alpha² = 2 / (Ns + 2) (Walter et al. 2007).
+    """
+    materials: dict[str, Material] = {}
+    name = ""
+    for number, line in enumerate(path.read_text(errors="replace").splitlines(), start=1):
+        key, _, value = line.strip().partition(" ")
+        value = value.strip()
+        try:
+            if key == "newmtl":
+                name = value
+                materials[name] = replace(PLAIN, name=value)
+            elif key == "Kd":
+                red, green, blue = (min(max(float(c), 0.0), 1.0) for c in value.split())
+                materials[name] = replace(materials[name], base_color=(red, green, blue))
+            elif key == "Ns":
+                alpha = (2.0 / (max(float(value), 0.0) + 2.0)) ** 0.5
+                materials[name] = replace(materials[name], roughness=alpha**0.5)
+            elif key == "Pr":
+                materials[name] = replace(materials[name], roughness=min(max(float(value), 0.0), 1.0))
+            elif key == "Pm":
+                materials[name] = replace(materials[name], metallic=min(max(float(value), 0.0), 1.0))
+            elif key == "map_Kd":
+                picture = beside(path, value)
+                texture = decoded(picture.read_bytes(), path, picture.name)
+                materials[name] = replace(materials[name], base_color_texture=texture)
+        except (ValueError, KeyError):
+            raise InputError(f"{path}, line {number}: {line.strip()!r} is not understood") from None
+    return materials

@@ -1,9 +1,12 @@
-"""POSSE: labelled, radiometric images of spacecraft, from an orbit to a dataset.
+"""POSSE simulates rendezvous as a chaser sees it, from an orbit to labelled images and poses.
 
-This package is the core. It imports no plugin and none of torch, bpy, mitsuba or OpenGL.
-Start reading at :mod:`posse_core._plugins.hooks` (every extension point),
-:mod:`posse_core._interfaces` (what a component must do) and
-:mod:`posse_core._model` (the records that flow between components).
+This package is the whole public interface of the core: what its ``__all__`` lists, and the conformance
+kit in :mod:`posse_core.testing`. The names stand in ``__init__.pyi``; each is imported when it is first
+used. Modules whose names begin with an underscore are private and change without notice.
 """
 
+import lazy_loader
+
 __version__ = "0.1.0"
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

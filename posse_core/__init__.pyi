@@ -47,6 +47,7 @@ from ._model.spacecraft import Part as Part
 from ._model.spacecraft import Spacecraft as Spacecraft
 from ._model.trajectory import Motion as Motion
 from ._model.trajectory import Trajectory as Trajectory
+from ._plugins.component import Component as Component
 from ._plugins.hooks import hookimpl as hookimpl
 from ._plugins.options import NoOptions as NoOptions
 from ._plugins.options import Options as Options

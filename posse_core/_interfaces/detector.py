@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pydantic import BaseModel
-
 from posse_core._arrays import AnyArray, FloatArray
 from posse_core._dataset.dataset import Dataset
+from posse_core._plugins.component import Component, OptionsT
 
 
 @dataclass(frozen=True)
@@ -32,7 +31,7 @@ class Detection:
     keypoints_sigma_px: FloatArray | None = None
 
 
-class Model(ABC):
+class Model(Component[OptionsT]):
     """A net that is trained, or read from a file. What it can do stands in its record's capabilities:
 
     ``boxes`` (it is a :class:`Detector`), ``keypoints`` (a :class:`KeypointFinder`), ``train``, ``onnx``
@@ -45,9 +44,6 @@ class Model(ABC):
 
     classes: Sequence[str] = ()
     """What it can find; known once it is loaded."""
-
-    def __init__(self, options: BaseModel) -> None:
-        self.options = options
 
     @abstractmethod
     def load(self, path: Path) -> None:
@@ -83,7 +79,7 @@ class Model(ABC):
         raise NotImplementedError
 
 
-class Detector(Model):
+class Detector(Model[OptionsT]):
     """Finds spacecraft in images."""
 
     @abstractmethod
@@ -91,7 +87,7 @@ class Detector(Model):
         """Detections by image, best first. Images: (H, W) or (H, W, 3), uint8 or uint16."""
 
 
-class KeypointFinder(Model):
+class KeypointFinder(Model[OptionsT]):
     """Finds the keypoints of a spacecraft in the box around it."""
 
     keypoints_body_m: Mapping[str, FloatArray]

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from pydantic import BaseModel
-
 from posse_core._errors import ComponentError
+from posse_core._plugins.component import Component, OptionsT
 
 
 class FrameWorker(Protocol):
@@ -37,11 +36,8 @@ class WorkerSetupError(ComponentError):
     """A worker could not be made, so no frame can."""
 
 
-class Executor(ABC):
+class Executor(Component[OptionsT]):
     """Spreads frames over workers. A frame whose worker dies is tried again in a new one."""
-
-    def __init__(self, options: BaseModel) -> None:
-        self.options = options
 
     @abstractmethod
     def run(

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from dataclasses import dataclass
-
-from pydantic import BaseModel
 
 from posse_core._arrays import FloatArray
 from posse_core._constants import Constants
 from posse_core._model.trajectory import Motion
+from posse_core._plugins.component import Component, OptionsT
 from posse_core._scenario.orbit import OrbitConfig, RelativeConfig
 
 
@@ -30,15 +29,12 @@ class PropagationProblem:
     constants: Constants
 
 
-class Propagator(ABC):
+class Propagator(Component[OptionsT]):
     """Computes the motion of target and chaser.
 
     Capabilities: ``exact-two-body`` (agrees with Kepler motion to rounding), ``own-frames`` (the
     motion may have other frames than ``t_s``).
     """
-
-    def __init__(self, options: BaseModel) -> None:
-        self.options = options
 
     @abstractmethod
     def propagate(self, problem: PropagationProblem) -> Motion:

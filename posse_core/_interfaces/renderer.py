@@ -6,15 +6,14 @@ process of its own, is opened once, renders frame after frame, and is closed.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 
-from pydantic import BaseModel
-
 from posse_core._model.scene import Radiance, RenderRequest, Scene
+from posse_core._plugins.component import Component, OptionsT
 
 
-class Renderer(ABC):
+class Renderer(Component[OptionsT]):
     """Turns a scene and a frame state into linear radiance.
 
     The Sun is a disc of ``sun_angular_radius_rad`` in ``sun_direction_cam`` that gives
@@ -25,9 +24,6 @@ class Renderer(ABC):
     Capabilities: ``path-traced``, ``deterministic`` (the same request gives the same bits),
     ``environment`` (uses the environment map), ``depth``, ``gpu``.
     """
-
-    def __init__(self, options: BaseModel) -> None:
-        self.options = options
 
     @abstractmethod
     def open(self, scene: Scene) -> None:
@@ -52,7 +48,7 @@ class Renderer(ABC):
         """Free what :meth:`open` took; may be called twice, or without open."""
 
     @classmethod
-    def doctor(cls, options: BaseModel) -> Sequence[tuple[str, bool, str]]:
+    def doctor(cls, options: OptionsT) -> Sequence[tuple[str, bool, str]]:
         """What the renderer needs of this machine: (what, whether it works, detail with the way out).
 
         ``posse doctor`` asks with the default options; nothing is opened.

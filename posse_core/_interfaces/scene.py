@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-
-from pydantic import BaseModel
+from abc import abstractmethod
 
 from posse_core._model.spacecraft import Spacecraft
+from posse_core._plugins.component import Component, OptionsT
 
 
-class SceneSource(ABC):
+class SceneSource(Component[OptionsT]):
     """Makes a spacecraft. The same options give the same spacecraft to the bit."""
-
-    def __init__(self, options: BaseModel) -> None:
-        self.options = options
 
     @abstractmethod
     def build(self) -> Spacecraft:

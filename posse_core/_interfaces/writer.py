@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
 
-from pydantic import BaseModel
-
 from posse_core._dataset.dataset import Dataset
+from posse_core._plugins.component import Component, OptionsT
 
 
-class Writer(ABC):
+class Writer(Component[OptionsT]):
     """Exports a dataset to one format.
 
     Capabilities: ``pinhole-only`` (the format cannot say that a lens distorts); ``labels-only`` (images
     and arrays are not read, so a run to a network store, which has none of them at hand, can write it).
     """
-
-    def __init__(self, options: BaseModel) -> None:
-        self.options = options
 
     @abstractmethod
     def write(self, dataset: Dataset, folder: Path) -> Sequence[Path]:

@@ -21,7 +21,7 @@ class NoOptions(Options):
     """For a component without options."""
 
 
-OptionsT = TypeVar("OptionsT", bound=BaseModel)
+ModelT = TypeVar("ModelT", bound=BaseModel)
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
@@ -31,10 +31,10 @@ def nearest(name: str, known: Iterable[str]) -> str:
 
 
 def validated(
-    model: type[OptionsT],
+    model: type[ModelT],
     raw: Mapping[str, Any],
     where: Callable[[tuple[int | str, ...]], str],
-) -> OptionsT:
+) -> ModelT:
     """Check ``raw`` against ``model``.
 
     ``where`` turns the path of a key, such as ``("orbit", "tle")``, into words for the message

@@ -23,14 +23,12 @@ _ECI = ("r_chaser_eci_m", "v_chaser_eci_m_s")
 _SAME_INSTANT_S = 1e-6
 
 
-class FilePropagator(Propagator):
+class FilePropagator(Propagator[FileOptions]):
     """NPZ and CSV with the names of ``posse propagate``; or two CCSDS OEM, target's and chaser's.
 
     NPZ and CSV need ``t_s``, the target's state, and the chaser's in RTN or ECI. t_s counts from
     ``epoch_utc`` where the file has it, else from the scenario's epoch.
     """
-
-    options: FileOptions
 
     def propagate(self, problem: PropagationProblem) -> Motion:
         path = self.options.path

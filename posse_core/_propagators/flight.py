@@ -21,6 +21,7 @@ from posse_core._dynamics.start import Start, Target
 from posse_core._errors import InputError
 from posse_core._interfaces.propagator import PropagationProblem, Propagator
 from posse_core._model.trajectory import Motion
+from posse_core._plugins.component import OptionsT
 from posse_core._scenario.design import VBarHop
 
 
@@ -33,7 +34,7 @@ class Flight:
     rtn: FloatArray
 
 
-class FlightPropagator(Propagator):
+class FlightPropagator(Propagator[OptionsT]):
     """A model that flies from a start; see :meth:`fly`."""
 
     elliptic: ClassVar[bool] = True

@@ -18,14 +18,12 @@ from posse_core._propagators.options import J2RoeOptions
 _CRITICAL_RAD = math.radians(1.0)
 
 
-class J2RoePropagator(FlightPropagator):
+class J2RoePropagator(FlightPropagator[J2RoeOptions]):
     """Osculating → mean elements, Koenig–Guffanti–D'Amico's matrix, mean → osculating, exact map.
 
     The inclination must not be 0° or 180°, where these ROE are singular, and for Brouwer and
     Lyddane's mean elements not within 1° of 63.43° or 116.57°.
     """
-
-    options: J2RoeOptions
 
     def fly(
         self, problem: PropagationProblem, start: Start, start_s: float, after_s: FloatArray

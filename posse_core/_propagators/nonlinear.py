@@ -18,10 +18,9 @@ from posse_core._propagators.flight import Flight, FlightPropagator
 from posse_core._propagators.options import NonlinearOptions
 
 
-class NonlinearPropagator(FlightPropagator):
+class NonlinearPropagator(FlightPropagator[NonlinearOptions]):
     """The reference: any orbit, hyperbolic too; two-body or J2, drag, solar pressure, Sun and Moon."""
 
-    options: NonlinearOptions
     elliptic = False
 
     def fly(

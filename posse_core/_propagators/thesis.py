@@ -29,10 +29,8 @@ from posse_core._model.trajectory import Motion
 from posse_core._propagators.options import ThesisOptions
 
 
-class ThesisPropagator(Propagator):
+class ThesisPropagator(Propagator[ThesisOptions]):
     """N instances × H relative orbits (Algorithm 3.1)."""
-
-    options: ThesisOptions
 
     def propagate(self, problem: PropagationProblem) -> Motion:
         t_s = np.asarray(problem.t_s, dtype=np.float64)

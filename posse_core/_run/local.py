@@ -15,10 +15,8 @@ from posse_core._interfaces.executor import Executor, FrameResult, FrameWorker
 from posse_core._run.attempts import Attempts, PoolOptions, make_frame
 
 
-class LocalExecutor(Executor):
+class LocalExecutor(Executor[PoolOptions]):
     """A pool of spawned processes (pebble); a dead or hung worker is replaced, its frame tried again."""
-
-    options: PoolOptions
 
     def run(
         self, make_worker: Callable[[], FrameWorker], indices: Iterable[int]

@@ -37,10 +37,9 @@ WING_ROOT, WING_TIP = -3.5, SHIELD_EDGE - SIZE_M[1]  # y
 DOWN = (0.0, 0.0, 1.0)
 
 
-class Aqua(Parametric):
+class Aqua(Parametric[AquaOptions]):
     """The scene source ``aqua``."""
 
-    options: AquaOptions
     name = "aqua"
     centre_of_mass_m = CENTRE_OF_MASS_M
     skeleton = (

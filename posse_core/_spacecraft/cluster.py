@@ -38,10 +38,9 @@ UP = R_from_z((0.0, 1.0, 0.0))
 DOWN = R_from_z((0.0, -1.0, 0.0))
 
 
-class Cluster(Parametric):
+class Cluster(Parametric[ClusterOptions]):
     """The scene source ``cluster``."""
 
-    options: ClusterOptions
     name = "cluster"
     centre_of_mass_m = CENTRE_OF_MASS_M
     skeleton = (

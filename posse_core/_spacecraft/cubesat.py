@@ -37,10 +37,9 @@ class CubesatOptions(VariantOptions):
     )
 
 
-class Cubesat(Parametric):
+class Cubesat(Parametric[CubesatOptions]):
     """The scene source ``cubesat``."""
 
-    options: CubesatOptions
     name = "cubesat"
     centre_of_mass_m = (0.0, 0.0, 0.0)
     skeleton = (

@@ -19,10 +19,8 @@ SMALLEST_M, LARGEST_M = 0.01, 1000.0
 """A spacecraft outside this is a mistake in the scale."""
 
 
-class MeshFile(SceneSource):
+class MeshFile(SceneSource[MeshOptions]):
     """The scene source ``mesh``."""
-
-    options: MeshOptions
 
     def build(self) -> Spacecraft:
         options = self.options

@@ -39,10 +39,8 @@ class PackageModel(KeypointModel):
         return text
 
 
-class Package(SceneSource):
+class Package(SceneSource[PackageOptions]):
     """The scene source ``package``."""
-
-    options: PackageOptions
 
     def build(self) -> Spacecraft:
         folder = self.options.package

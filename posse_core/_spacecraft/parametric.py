@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import ClassVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 
@@ -18,8 +18,10 @@ from posse_core._spacecraft.assembly import Assembly
 from posse_core._spacecraft.finishes import Finish
 from posse_core._spacecraft.options import VariantOptions
 
+VariantOptionsT = TypeVar("VariantOptionsT", bound=VariantOptions)
 
-class Parametric(SceneSource):
+
+class Parametric(SceneSource[VariantOptionsT]):
     """A spacecraft made by code; a subclass says of what.
 
     Attributes:
@@ -29,7 +31,6 @@ class Parametric(SceneSource):
         loose: groups of parts that a variant may lack, each lost as a whole.
     """
 
-    options: VariantOptions
     name: ClassVar[str]
     centre_of_mass_m: ClassVar[tuple[float, float, float]]
     skeleton: ClassVar[tuple[tuple[str, str], ...]]

@@ -48,10 +48,9 @@ def _open(path: Path, task: str, threads: int) -> tuple[onnxruntime.InferenceSes
     return session, card
 
 
-class OnnxDetector(Detector):
+class OnnxDetector(Detector[OnnxOptions]):
     """Finds spacecraft."""
 
-    options: OnnxOptions
     shipped = _NETS / "boxes.onnx"
 
     def load(self, path: Path) -> None:
@@ -69,10 +68,9 @@ class OnnxDetector(Detector):
         return found
 
 
-class OnnxKeypoints(KeypointFinder):
+class OnnxKeypoints(KeypointFinder[OnnxOptions]):
     """Finds keypoints in boxes."""
 
-    options: OnnxOptions
     shipped = _NETS / "keypoints.onnx"
 
     def load(self, path: Path) -> None:

@@ -6,7 +6,7 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 import torch
@@ -33,6 +33,8 @@ from posse_detect_torch.regions import onnx_translations
 OUTPUTS = ("boxes", "scores", "labels", "raw")
 _ZOOM, _SHIFT = (0.7, 1.4), 0.2
 _LEAST_SIDE = 3.0  # pixels that a box must keep after a shift to be learned
+
+BoxOptionsT = TypeVar("BoxOptionsT", bound=BoxOptions)
 
 
 class BoxLesson(Lesson):
@@ -111,7 +113,7 @@ class BoxLesson(Lesson):
         return {f"valid {name}": metrics[name] for name in ("mAP", "mAP50", "mAR")}
 
 
-class BoxDetector(Detector):
+class BoxDetector(Detector[BoxOptionsT]):
     """A net that finds boxes, with its lesson."""
 
     name: ClassVar[str]
@@ -132,12 +134,6 @@ class BoxDetector(Detector):
         """See :data:`posse_detect_torch.export.Compare`."""
         return compare_detections(ours, theirs)
 
-    @property
-    def settings(self) -> BoxOptions:
-        """The options."""
-        assert isinstance(self.options, BoxOptions)
-        return self.options
-
     def train(self, dataset: Dataset, folder: Path) -> Path:
         """See :class:`posse_core._interfaces.detector.Model`.
 
@@ -148,8 +144,8 @@ class BoxDetector(Detector):
             dataset,
             net=self.name,
             task="boxes",
-            input_px=self.settings.input_px,
-            options=self.settings.model_dump(mode="json"),
+            input_px=self.options.input_px,
+            options=self.options.model_dump(mode="json"),
             version=version("posse-detect-torch"),
         )
         return learn(lambda: self.lesson(dataset, folder, card), card, folder)
@@ -161,7 +157,7 @@ class BoxDetector(Detector):
         self.classes = self._card.classes
         net = self.net(self._card)
         read_weights(path, net)
-        self._decoded = self.decoded(net).eval().to(device_of(self.settings))
+        self._decoded = self.decoded(net).eval().to(device_of(self.options))
 
     def predict(self, images: Sequence[AnyArray]) -> list[list[Detection]]:
         return [self._predict(image) for image in images]

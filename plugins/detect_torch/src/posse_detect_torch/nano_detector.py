@@ -37,11 +37,10 @@ class NanoLesson(BoxLesson):
         return Decoded(net, self.options.detections)
 
 
-class NanoDetector(BoxDetector):
+class NanoDetector(BoxDetector[NanoOptions]):
     """Finds spacecraft with :class:`posse_detect_torch.nano.Nano`."""
 
     name = "nano"
-    options: NanoOptions
 
     def lesson(self, dataset: Dataset, folder: Path, card: ModelCard) -> NanoLesson:
         return NanoLesson(dataset, folder, card.classes, self.options)

@@ -88,11 +88,10 @@ class SdnLesson(BoxLesson):
         return metrics
 
 
-class SdnDetector(BoxDetector):
+class SdnDetector(BoxDetector[SdnOptions]):
     """Finds spacecraft with :class:`posse_detect_torch.sdn.Sdn`."""
 
     name = "sdn"
-    options: SdnOptions
 
     def lesson(self, dataset: Dataset, folder: Path, card: ModelCard) -> SdnLesson:
         return SdnLesson(dataset, folder, card.classes, self.options)

@@ -102,10 +102,8 @@ class SimccLesson(Lesson):
         return {"valid median error, %": 100 * float(np.median(away)) / self.options.input_px}
 
 
-class SimccFinder(KeypointFinder):
+class SimccFinder(KeypointFinder[SimccOptions]):
     """Finds keypoints with :class:`posse_detect_torch.simcc.SimCC`."""
-
-    options: SimccOptions
 
     def train(self, dataset: Dataset, folder: Path) -> Path:
         """See :class:`posse_core._interfaces.detector.Model`.

@@ -45,13 +45,11 @@ class _Task:
     deadline_s: float
 
 
-class RayExecutor(Executor):
+class RayExecutor(Executor[PoolOptions]):
     """As many actors as workers, each with one frame at a time; a dead or hung one is replaced.
 
     A frame is given only to an actor that runs, so a cluster without room for all works with fewer.
     """
-
-    options: PoolOptions
 
     def run(
         self, make_worker: Callable[[], FrameWorker], indices: Iterable[int]

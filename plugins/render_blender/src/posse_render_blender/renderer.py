@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel
 
 from posse_core._arrays import AnyArray
 from posse_core._errors import ComponentError
@@ -22,14 +21,12 @@ TEXTURES = ("base_color_texture", "metallic_roughness_texture", "normal_texture"
 CLIP_MARGIN = 1.01
 
 
-class BlenderRenderer(Renderer):
+class BlenderRenderer(Renderer[BlenderOptions]):
     """Cycles, path traced.
 
     The worker is started by :meth:`open` and ended by :meth:`close`. After a :class:`ComponentError`
     that says that the worker died, close and open the renderer again.
     """
-
-    options: BlenderOptions
 
     def __init__(self, options: BlenderOptions) -> None:
         super().__init__(options)
@@ -94,9 +91,8 @@ class BlenderRenderer(Renderer):
         return self._child.pid if self._child is not None else None
 
     @classmethod
-    def doctor(cls, options: BaseModel) -> Sequence[tuple[str, bool, str]]:
+    def doctor(cls, options: BlenderOptions) -> Sequence[tuple[str, bool, str]]:
         """What works on this machine: (what, whether it does, detail with the way out)."""
-        assert isinstance(options, BlenderOptions)
         out: list[tuple[str, bool, str]] = []
         what = "interpreter"
         try:

@@ -8,7 +8,6 @@ from dataclasses import replace
 from importlib import metadata
 
 import numpy as np
-from pydantic import BaseModel
 
 from posse_core._errors import ComponentError
 from posse_core._interfaces.renderer import Renderer
@@ -23,12 +22,10 @@ DARKEST_W_M2_SR = 1e-20
 """A sky that is darker everywhere counts as none: Mitsuba divides by a map's light, in floats."""
 
 
-class MitsubaRenderer(Renderer):
+class MitsubaRenderer(Renderer[MitsubaOptions]):
     """Path tracing with Mitsuba 3. The craft never moves: see :mod:`posse_render_mitsuba.world`."""
 
-    options: MitsubaOptions
-
-    def __init__(self, options: BaseModel) -> None:
+    def __init__(self, options: MitsubaOptions) -> None:
         super().__init__(options)
         self._choice: Choice | None = None
         self._scene: Scene | None = None
@@ -93,7 +90,7 @@ class MitsubaRenderer(Renderer):
         return facts
 
     @classmethod
-    def doctor(cls, options: BaseModel) -> Sequence[tuple[str, bool, str]]:
+    def doctor(cls, options: MitsubaOptions) -> Sequence[tuple[str, bool, str]]:
         """What works here, with the way out; see :meth:`Renderer.doctor`."""
         version = ("mitsuba", True, metadata.version("mitsuba"))
         try:

@@ -8,7 +8,6 @@ from importlib import metadata
 
 import moderngl
 import numpy as np
-from pydantic import BaseModel
 
 from posse_core._arrays import Float32Array, FloatArray
 from posse_core._errors import ComponentError
@@ -48,10 +47,8 @@ class _Stage:
     lobe_albedo: moderngl.Texture
 
 
-class RasterRenderer(Renderer):
+class RasterRenderer(Renderer[RasterOptions]):
     """OpenGL through EGL."""
-
-    options: RasterOptions
 
     def __init__(self, options: RasterOptions) -> None:
         super().__init__(options)
@@ -118,7 +115,7 @@ class RasterRenderer(Renderer):
         return self._described
 
     @classmethod
-    def doctor(cls, options: BaseModel) -> Sequence[tuple[str, bool, str]]:
+    def doctor(cls, options: RasterOptions) -> Sequence[tuple[str, bool, str]]:
         """What works on this machine: (what, whether it does, detail with the way out)."""
         try:
             context = create_context()

@@ -10,10 +10,8 @@ import click
 from tqdm import tqdm
 
 from posse_core._cli.common import echo_json
-from posse_core._dataset.dataset import Dataset
 from posse_core._errors import InputError
 from posse_core._selection.balance import AXES, Balance, axes_named
-from posse_core._selection.collect import collect
 from posse_core._selection.rules import RULES, named
 
 
@@ -50,6 +48,9 @@ def command(
 
     Frames are numbered anew. A frame counts for the first rule that drops it.
     """
+    from posse_core._dataset.dataset import Dataset
+    from posse_core._selection.collect import collect
+
     rules = named(drop)
     if frames is not None and not by:
         raise InputError("--frames: goes with --balance; name what is to be even")

@@ -5,14 +5,15 @@ from __future__ import annotations
 import contextlib
 import json
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
-from posse_core._scenario.load import load_scenario, parse_override
-from posse_core._scenario.model import Scenario
+
+if TYPE_CHECKING:
+    from posse_core._scenario.model import Scenario
 
 DEFAULT_SCENARIO = "aqua"
 
@@ -47,12 +48,16 @@ def net_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 def options_from(overrides: Sequence[str]) -> dict[str, Any]:
     """Key → value of what ``-o`` gave."""
+    from posse_core._scenario.load import parse_override
+
     return dict(parse_override(text) for text in overrides)
 
 
 def read_scenario(source: str, overrides: Sequence[str], **named: str | int | None) -> Scenario:
     """The scenario with ``-o`` and the named options (None: not given) put in."""
-    given = dict(parse_override(text) for text in overrides)
+    from posse_core._scenario.load import load_scenario
+
+    given = options_from(overrides)
     given.update({key: value for key, value in named.items() if value is not None})
     return load_scenario(source, load_plugins().registry, given)
 

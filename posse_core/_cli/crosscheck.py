@@ -6,7 +6,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from tqdm import tqdm
@@ -14,23 +14,15 @@ from tqdm import tqdm
 from posse_core._cli.common import DEFAULT_SCENARIO, echo_json, echo_table, read_scenario
 from posse_core._errors import CheckFailed, ComponentError, InputError
 from posse_core._evaluation.crosscheck.checks import Thresholds, Verdict, judge
-from posse_core._evaluation.crosscheck.closed_forms import ANCHORS, CLOSED_FORMS, ClosedFormCase
-from posse_core._evaluation.crosscheck.compare import Comparison, compare
-from posse_core._evaluation.crosscheck.page import (
-    PAIR_COLUMNS,
-    RENDERER_COLUMNS,
-    columns_in_use,
-    make_page,
-)
-from posse_core._evaluation.crosscheck.settings import Case, Poses, ScenarioCase
-from posse_core._evaluation.pages import number
-from posse_core._files.atomic import write_bytes
-from posse_core._interfaces.executor import Executor, FrameResult
 from posse_core._plugins.loading import load_plugins
 from posse_core._plugins.options import nearest, validated
 from posse_core._plugins.registry import Registry
 from posse_core._scenario.component import ComponentChoice
-from posse_core._scenario.load import parse_override, scenario_members
+
+if TYPE_CHECKING:
+    from posse_core._evaluation.crosscheck.compare import Comparison
+    from posse_core._evaluation.crosscheck.settings import Case, Poses
+    from posse_core._interfaces.executor import Executor, FrameResult
 
 
 def _threshold_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -84,6 +76,12 @@ def command(
     lambert-plate, mirror, glossy-sphere, paint-sphere, fiducials, checker. Scenarios are preceded by
     the two lambert ones. Ends with code 1, and names what, when a threshold is broken.
     """
+    from posse_core._evaluation.crosscheck.closed_forms import ANCHORS, CLOSED_FORMS, ClosedFormCase
+    from posse_core._evaluation.crosscheck.compare import compare
+    from posse_core._evaluation.crosscheck.page import make_page
+    from posse_core._evaluation.crosscheck.settings import ScenarioCase
+    from posse_core._files.atomic import write_bytes
+
     registry = load_plugins().registry
     thresholds = validated(Thresholds, limits, lambda path: f"--{str(path[0]).replace('_', '-')}")
     names = _names(renderers, registry)
@@ -126,6 +124,9 @@ def command(
 
 def _members(source: str) -> list[str]:
     """As :func:`scenario_members`; a name that is like a closed form's is taken for that, misspelt."""
+    from posse_core._evaluation.crosscheck.closed_forms import CLOSED_FORMS
+    from posse_core._scenario.load import scenario_members
+
     try:
         return scenario_members(source)
     except InputError:
@@ -151,6 +152,8 @@ def _choices(
     names: Sequence[str], overrides: Sequence[str], registry: Registry
 ) -> tuple[dict[str, ComponentChoice], list[str]]:
     """Renderers with their options, and the overrides that are the scenario's."""
+    from posse_core._scenario.load import parse_override
+
     options: dict[str, dict[str, Any]] = {name: {} for name in names}
     rest = []
     for text in overrides:
@@ -190,6 +193,8 @@ def _as_json(comparisons: Sequence[Comparison], verdicts: Sequence[Verdict]) -> 
 
 
 def _tell(comparisons: Sequence[Comparison]) -> None:
+    from posse_core._evaluation.crosscheck.page import PAIR_COLUMNS, RENDERER_COLUMNS
+
     for comparison in comparisons:
         click.echo(comparison.name)
         _tell_numbers("renderer", comparison.renderers, RENDERER_COLUMNS)
@@ -211,6 +216,9 @@ def _turned(
 def _tell_numbers(
     title: str, rows: Mapping[str, Mapping[str, float | None]], columns: Mapping[str, str]
 ) -> None:
+    from posse_core._evaluation.crosscheck.page import columns_in_use
+    from posse_core._evaluation.pages import number
+
     used = columns_in_use(rows.values(), columns)
     cells = [[name, *(number(row.get(key)) for key in used)] for name, row in rows.items()]
     echo_table((title, *used.values()), cells)

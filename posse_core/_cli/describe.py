@@ -15,9 +15,6 @@ from posse_core._plugins.loading import load_plugins
 from posse_core._plugins.options import nearest
 from posse_core._plugins.registry import KINDS
 from posse_core._scenario.component import ComponentChoice
-from posse_core._scenario.load import built_in_names
-from posse_core._scenario.model import Scenario
-from posse_core._scenario.presets import PRESETS
 
 
 @click.command()
@@ -29,6 +26,9 @@ def command(kind: str, name: str | None, as_json: bool) -> None:
 
     posse describe scenario; posse describe camera speed-plus; posse describe renderer mitsuba
     """
+    from posse_core._scenario.load import built_in_names
+    from posse_core._scenario.model import Scenario
+
     if kind == "camera":
         _describe_camera(name, as_json)
         return
@@ -55,6 +55,8 @@ def command(kind: str, name: str | None, as_json: bool) -> None:
 
 def _describe_camera(name: str | None, as_json: bool) -> None:
     """The keys that a camera's name stands for, and where they are from."""
+    from posse_core._scenario.presets import PRESETS
+
     preset = PRESETS.get(name or "")
     if preset is None:
         hint = nearest(name, PRESETS) if name else ""

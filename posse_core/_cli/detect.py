@@ -5,22 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
-import cv2
 
 from posse_core._cli.common import echo_json, net_options, options_from
-from posse_core._dataset.dataset import read_camera, read_image
-from posse_core._detection.draw import draw
-from posse_core._detection.models import open_models
-from posse_core._detection.pnp import solve_pose
 from posse_core._errors import InputError
-from posse_core._files.atomic import write_bytes
-from posse_core._frames import quaternion_from_matrix
-from posse_core._interfaces.detector import Detection, KeypointFinder
-from posse_core._model.camera import Camera
 from posse_core._plugins.loading import load_plugins
+
+if TYPE_CHECKING:
+    from posse_core._interfaces.detector import Detection, KeypointFinder
+    from posse_core._model.camera import Camera
 
 _SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 
@@ -50,6 +45,13 @@ def command(
 
     Without --model and --keypoints, the trained nets that come with posse-detect-onnx.
     """
+    import cv2
+
+    from posse_core._dataset.dataset import read_camera, read_image
+    from posse_core._detection.draw import draw
+    from posse_core._detection.models import open_models
+    from posse_core._files.atomic import write_bytes
+
     if camera is not None and model is not None and keypoints is None:
         raise InputError("--camera: a pose needs keypoints; name their model by --keypoints")
     files = _files(images)
@@ -102,6 +104,9 @@ def _files(images: Sequence[Path]) -> list[Path]:
 
 
 def _as_json(found: Detection, finder: KeypointFinder | None, camera: Camera | None) -> dict[str, Any]:
+    from posse_core._detection.pnp import solve_pose
+    from posse_core._frames import quaternion_from_matrix
+
     row: dict[str, Any] = {
         "label": found.label,
         "score": round(float(found.score), 4),

@@ -5,13 +5,16 @@ from __future__ import annotations
 import importlib
 import platform
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import click
 
 from posse_core._cli.common import echo_json
 from posse_core._errors import CheckFailed, PosseError
-from posse_core._interfaces.renderer import Renderer
 from posse_core._plugins.loading import Plugins, load_plugins
+
+if TYPE_CHECKING:
+    from posse_core._interfaces.renderer import Renderer
 
 Finding = tuple[str, bool, str]
 """(what, works, detail with the way out)."""

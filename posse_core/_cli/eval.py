@@ -5,19 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from posse_core._cli.common import echo_json, echo_table, net_options, options_from
-from posse_core._dataset.coco import open_dataset
-from posse_core._detection.card import dataset_hash
-from posse_core._detection.evaluate import evaluate, frames_of
-from posse_core._detection.groups import Group, columns, groups
-from posse_core._detection.models import open_models
-from posse_core._detection.page import make_page
 from posse_core._errors import InputError
-from posse_core._files.atomic import write_bytes
 from posse_core._plugins.loading import load_plugins
+
+if TYPE_CHECKING:
+    from posse_core._detection.groups import Group
 
 
 @click.command(name="eval")
@@ -41,6 +38,14 @@ def command(
 
     Without --model and --keypoints, the trained nets that come with posse-detect-onnx.
     """
+    from posse_core._dataset.coco import open_dataset
+    from posse_core._detection.card import dataset_hash
+    from posse_core._detection.evaluate import evaluate, frames_of
+    from posse_core._detection.groups import columns, groups
+    from posse_core._detection.models import open_models
+    from posse_core._detection.page import make_page
+    from posse_core._files.atomic import write_bytes
+
     if out is not None and not out.absolute().parent.is_dir():
         raise InputError(f"--out {out}: its folder does not exist; make it, or name another")
     registry = load_plugins().registry

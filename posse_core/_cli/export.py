@@ -6,7 +6,6 @@ from pathlib import Path
 
 import click
 
-from posse_core._dataset.dataset import Dataset
 from posse_core._plugins.loading import load_plugins
 
 
@@ -24,6 +23,8 @@ def command(dataset: Path, formats: tuple[str, ...], out: Path | None) -> None:
     The formats are those that 'posse plugins' lists as writers. Image paths in the files are relative
     to the dataset's folder.
     """
+    from posse_core._dataset.dataset import Dataset
+
     registry = load_plugins().registry
     writers = [registry.create("writer", name) for name in formats]
     source = Dataset(dataset)

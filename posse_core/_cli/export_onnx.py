@@ -5,22 +5,18 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
-import numpy as np
 
 from posse_core._cli.common import net_options, options_from
-from posse_core._dataset.coco import open_dataset
-from posse_core._dataset.dataset import Dataset
-from posse_core._detection.accuracy import accuracy
-from posse_core._detection.card import read_card
-from posse_core._detection.evaluate import frames_of, truths_of
-from posse_core._detection.models import open_model
 from posse_core._errors import InputError
-from posse_core._interfaces.detector import Model
 from posse_core._plugins.loading import load_plugins
-from posse_core._plugins.registry import Registry
-from posse_core._randomness import generator
+
+if TYPE_CHECKING:
+    from posse_core._dataset.dataset import Dataset
+    from posse_core._interfaces.detector import Model
+    from posse_core._plugins.registry import Registry
 
 _FRAMES = 8
 _INT8_FRAMES = 128
@@ -43,6 +39,10 @@ _INT8_FRAMES = 128
 @net_options
 def command(model: Path, dataset: Path, out: Path, int8: bool, overrides: tuple[str, ...]) -> None:
     """Write MODEL (.safetensors) as ONNX; it is kept only if it gives what MODEL gives."""
+    from posse_core._dataset.coco import open_dataset
+    from posse_core._detection.card import read_card
+    from posse_core._detection.models import open_model
+
     if out.suffix != ".onnx":
         raise InputError(f"--out {out}: the file's name must end in .onnx")
     if not model.is_file():
@@ -68,6 +68,10 @@ def command(model: Path, dataset: Path, out: Path, int8: bool, overrides: tuple[
 
 def _spread(source: Dataset, count: int) -> Sequence[int]:
     """So many indices of frames, evenly spread."""
+    import numpy as np
+
+    from posse_core._detection.evaluate import frames_of
+
     indices = frames_of(source, "all")
     places = np.linspace(0, len(indices) - 1, min(count, len(indices))).round().astype(int)
     return [indices[place] for place in places]
@@ -76,6 +80,10 @@ def _spread(source: Dataset, count: int) -> Sequence[int]:
 def _write_int8(
     net: Model, task: str, exact: Path, out: Path, source: Dataset, registry: Registry
 ) -> None:
+    from posse_core._detection.accuracy import accuracy
+    from posse_core._detection.evaluate import truths_of
+    from posse_core._randomness import generator
+
     chosen = [index for index in _spread(source, _INT8_FRAMES) if truths_of(source.frame(index))]
     if not chosen:
         raise InputError(f"{source.folder}: shows no spacecraft to calibrate eight bits on")

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
-import numpy as np
 
-from posse_core._arrays import FloatArray
 from posse_core._cli.common import echo_json, echo_table
 from posse_core._errors import InputError
 from posse_core._plugins.options import validated
-from posse_core._spacecraft import importing
-from posse_core._spacecraft.keypoint_file import Keypoints, read_keypoints
-from posse_core._spacecraft.mesh import spacecraft_from_raw, stated_scale
-from posse_core._spacecraft.options import MeshOptions, R_body_from_mesh
-from posse_core._spacecraft.proposals import propose_keypoints, rotations, shape_symmetries
-from posse_core._spacecraft.raw import RawMesh, unique_names
-from posse_core._spacecraft.reader import read_mesh
+
+if TYPE_CHECKING:
+    from posse_core._arrays import FloatArray
+    from posse_core._spacecraft.raw import RawMesh
 
 
 @click.command("import")
@@ -82,6 +78,16 @@ def command(
     It shows what is in the file, takes its scale and axes (and asks for the scale at a terminal),
     proposes keypoints, and writes a folder that a scenario names by 'target: {package: FOLDER}'.
     """
+    import numpy as np
+
+    from posse_core._spacecraft import importing
+    from posse_core._spacecraft.keypoint_file import Keypoints, read_keypoints
+    from posse_core._spacecraft.mesh import spacecraft_from_raw
+    from posse_core._spacecraft.options import MeshOptions, R_body_from_mesh
+    from posse_core._spacecraft.proposals import propose_keypoints, shape_symmetries
+    from posse_core._spacecraft.raw import unique_names
+    from posse_core._spacecraft.reader import read_mesh
+
     group = _group(symmetries)
     raw = read_mesh(model)
     about = importing.summary(raw)
@@ -127,6 +133,8 @@ def command(
 
 
 def _group(symmetries: tuple[str, ...]) -> tuple[FloatArray, ...]:
+    from posse_core._spacecraft.proposals import rotations
+
     try:
         return rotations([_symmetry(text) for text in symmetries])
     except ValueError as error:
@@ -141,14 +149,16 @@ def _symmetry(text: str) -> tuple[str, int]:
 
 
 def _scale(raw: RawMesh, path: Path, scale: float | None, length_m: float | None) -> float:
+    from posse_core._spacecraft.mesh import stated_scale
+
     if scale is not None and length_m is not None:
         raise InputError("--scale and --length say the same thing; give one of them")
-    longest = float(np.diff(raw.bounds, axis=0).max())
+    longest = float((raw.bounds[1] - raw.bounds[0]).max())
     if scale is None and length_m is None and sys.stdin.isatty():
         length_m = click.prompt(f"Its longest side is {longest:.6g} units. How many metres?", type=float)
     if length_m is not None:
         scale = length_m / longest
-    if scale is not None and not 0.0 < scale < np.inf:
+    if scale is not None and not 0.0 < scale < math.inf:
         raise InputError("--scale and --length must be above zero")
     try:
         return stated_scale(raw, path, scale)
@@ -173,6 +183,8 @@ def _show(path: Path, about: dict[str, Any]) -> None:
 
 
 def _tell(made: dict[str, Any]) -> None:
+    from posse_core._spacecraft.importing import SCENARIO
+
     size = " × ".join(f"{x:.4g}" for x in made["size_m"])
     centre = ", ".join(f"{x:.4g}" for x in made["centre_of_mass_m"])
     click.echo(f"\n{made['package']}: {size} m, centre of mass at [{centre}] m from the file's origin")
@@ -182,6 +194,4 @@ def _tell(made: dict[str, Any]) -> None:
     if made["shape_repeats"] and not made["symmetries"]:
         turns = ", ".join(made["shape_repeats"])
         click.echo(f"Its shape repeats under {turns}; if its looks do too, say so with --symmetry.")
-    click.echo(
-        f"target: {{package: {made['package']}}}, or: posse run {made['package']}/{importing.SCENARIO}"
-    )
+    click.echo(f"target: {{package: {made['package']}}}, or: posse run {made['package']}/{SCENARIO}")

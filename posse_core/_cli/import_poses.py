@@ -5,12 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
-import numpy as np
 
-from posse_core._dataset.dataset import read_camera
 from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
-from posse_core._scenario.poses import camera_beside, read_poses, write_scenario
 
 
 @click.command("import-poses")
@@ -41,6 +38,11 @@ def command(
     'posse run OUT/scenario.yaml' then renders them anew. Labels do not say where the Sun and the Earth
     are: the Sun is put at --sun, and there is no Earth.
     """
+    import numpy as np
+
+    from posse_core._dataset.dataset import read_camera
+    from posse_core._scenario.poses import camera_beside, read_poses, write_scenario
+
     registry = load_plugins().registry
     registry.options("scene", target, {}, where=f"--target {target}")
     if out.exists():

@@ -6,7 +6,6 @@ import click
 
 from posse_core._cli.common import echo_json, echo_table, naming, read_scenario, scenario_options
 from posse_core._errors import InputError
-from posse_core._interfaces.propagator import PropagationProblem
 
 
 @click.command()
@@ -17,7 +16,7 @@ def command(
     scenario: str, as_json: bool, seed: int | None, frames: int | None, overrides: tuple[str, ...]
 ) -> None:
     """List the impulses of SCENARIO's relative.plan with their sum and the least possible."""
-    # Importing casadi takes longer than listing the commands.
+    from posse_core._interfaces.propagator import PropagationProblem
     from posse_core._propagators.flight import planned, starts_of
     from posse_core._run.plan import times_s
 

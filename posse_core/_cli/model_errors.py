@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import click
-import numpy as np
 
 from posse_core._cli.common import echo_json, echo_table
-from posse_core._constants import Constants
 
 
 @click.command()
@@ -16,7 +14,9 @@ def command(as_json: bool) -> None:
 
     Aqua over one and ten orbits, Cluster (e = 0.52) over one; a separation of 100 m and more.
     """
-    # Importing casadi takes longer than listing the commands.
+    import numpy as np
+
+    from posse_core._constants import Constants
     from posse_core._evaluation.model_errors import cases, errors
 
     constants = Constants()

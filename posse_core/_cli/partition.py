@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from posse_core._dataset.dataset import PARTS, Dataset
 from posse_core._errors import InputError
-from posse_core._selection.partition import By, write_partition
+
+if TYPE_CHECKING:
+    from posse_core._selection.partition import By
 
 
 @click.command(name="partition")
@@ -27,6 +29,9 @@ def command(dataset: Path, split: str, seed: int, by: By) -> None:
 
     Writes the thesis' six lists, and the frames of each part, into the dataset's folder partition/.
     """
+    from posse_core._dataset.dataset import PARTS, Dataset
+    from posse_core._selection.partition import write_partition
+
     source = Dataset(dataset)
     _ = source.manifest  # a run that has not ended has frames to come
     parts = write_partition(source, _shares(split), seed, by)
@@ -35,6 +40,8 @@ def command(dataset: Path, split: str, seed: int, by: By) -> None:
 
 
 def _shares(split: str) -> list[float]:
+    from posse_core._dataset.dataset import PARTS
+
     try:
         shares = [float(share) for share in split.split("/")]
     except ValueError:

@@ -9,8 +9,6 @@ import click
 from posse_core._cli.common import naming, read_scenario, scenario_options
 from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
-from posse_core._run.plan import make_trajectory
-from posse_core._trajectory.trajectory import save_trajectory
 
 
 @click.command()
@@ -23,6 +21,9 @@ def command(
     scenario: str, out: Path, seed: int | None, frames: int | None, overrides: tuple[str, ...]
 ) -> None:
     """Write the trajectory of SCENARIO: target and chaser, attitudes, Sun, eclipse, flux."""
+    from posse_core._run.plan import make_trajectory
+    from posse_core._trajectory.trajectory import save_trajectory
+
     if out.suffix not in (".npz", ".csv"):
         raise InputError(f"--out {out}: the file's name must end in .npz or .csv")
     checked = read_scenario(scenario, overrides, seed=seed, frames=frames)

@@ -9,19 +9,18 @@ import time
 from collections.abc import Iterable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from tqdm import tqdm
 
 from posse_core._cli.common import DEFAULT_SCENARIO, naming, read_scenario, scenario_options
 from posse_core._errors import InputError
-from posse_core._files.store import open_store
-from posse_core._interfaces.executor import Executor, FrameResult
 from posse_core._plugins.loading import Plugins, load_plugins
-from posse_core._run.plan import make_plan
-from posse_core._run.run import RunResult, run
-from posse_core._scenario.load import scenario_members
+
+if TYPE_CHECKING:
+    from posse_core._interfaces.executor import Executor, FrameResult
+    from posse_core._run.run import RunResult
 
 
 @click.command()
@@ -58,6 +57,10 @@ def command(
 
     Without SCENARIO it makes one of Aqua over the Earth. A collection of scenarios makes a folder each.
     """
+    from posse_core._run.plan import make_plan
+    from posse_core._run.run import run
+    from posse_core._scenario.load import scenario_members
+
     plugins = load_plugins()
     if resume and out is None:
         raise InputError("--resume: name the folder of the run by --out")
@@ -87,6 +90,8 @@ def command(
 @contextlib.contextmanager
 def _started_in(out: str) -> Iterator[str]:
     """The scenario of the run at a place."""
+    from posse_core._files.store import open_store
+
     try:
         with open_store(out).local_copy("scenario.yaml") as path:
             if not path.exists():

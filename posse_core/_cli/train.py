@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from posse_core._cli.common import net_options, options_from
-from posse_core._dataset.coco import open_dataset
 from posse_core._errors import InputError
-from posse_core._interfaces.detector import Model
 from posse_core._plugins.loading import load_plugins
+
+if TYPE_CHECKING:
+    from posse_core._interfaces.detector import Model
 
 
 @click.command()
@@ -24,6 +26,8 @@ def command(dataset: Path, detector: str, out: Path, overrides: tuple[str, ...])
     A training that was cut short goes on when the command is given again. 'posse describe detector NAME'
     tells the options.
     """
+    from posse_core._dataset.coco import open_dataset
+
     registry = load_plugins().registry
     if "train" not in registry.spec("detector", detector).capabilities:
         able = [s.name for s in registry.specs("detector") if "train" in s.capabilities]

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 from tqdm import tqdm
 
 from posse_core._cli.common import echo_json, echo_table
-from posse_core._dataset.dataset import Dataset
 from posse_core._errors import CheckFailed
-from posse_core._evaluation.foreign import validate_foreign
-from posse_core._evaluation.result import Report
-from posse_core._evaluation.validate import validate
+
+if TYPE_CHECKING:
+    from posse_core._evaluation.result import Report
 
 SHOWN = 10
 """Frames that the error names at most; ``--json`` names all."""
@@ -28,6 +28,10 @@ def command(dataset: Path, as_json: bool) -> None:
     DATASET is a folder made by POSSE; or labels of any other origin: a COCO or SPEED file, or a BOP or
     YOLO-pose folder. Ends with code 1, and names the frames, when a check fails.
     """
+    from posse_core._dataset.dataset import Dataset
+    from posse_core._evaluation.foreign import validate_foreign
+    from posse_core._evaluation.validate import validate
+
     report = validate_foreign(dataset) or validate(Dataset(dataset), _progress)
     if as_json:
         echo_json(report.as_json())

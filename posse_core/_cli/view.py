@@ -8,9 +8,7 @@ from pathlib import Path
 import click
 from tqdm import tqdm
 
-from posse_core._dataset.dataset import Dataset
 from posse_core._errors import InputError
-from posse_core._view.page import write_page
 
 
 @click.command(name="view")
@@ -32,6 +30,9 @@ def command(dataset: Path, out: Path | None, frames: int | None, max_mib: float)
 
     It needs no server and no network.
     """
+    from posse_core._dataset.dataset import Dataset
+    from posse_core._view.page import write_page
+
     source = Dataset(dataset)
     out = source.folder / "view.html" if out is None else out
     if not out.parent.is_dir():

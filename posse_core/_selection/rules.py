@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from posse_core._dataset.dataset import Dataset
 from posse_core._errors import InputError
 from posse_core._formats.rle import decode_rle
 from posse_core._model.labels import VISIBLE
 from posse_core._plugins.options import nearest
+
+if TYPE_CHECKING:
+    from posse_core._dataset.dataset import Dataset
 
 SUNLIT = 0.5
 """Share of the Sun's disc below which a frame is in eclipse."""

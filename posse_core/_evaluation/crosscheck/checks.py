@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from posse_core._evaluation.crosscheck.compare import Comparison
 from posse_core._plugins.options import Options
+
+if TYPE_CHECKING:
+    from posse_core._evaluation.crosscheck.compare import Comparison
 
 
 class Thresholds(Options):

@@ -16,6 +16,7 @@ from ._errors import InputError as InputError
 from ._errors import PosseError as PosseError
 from ._errors import StoreError as StoreError
 from ._errors import WorkerLost as WorkerLost
+from ._files.atomic import atomic_file as atomic_file
 from ._geometry.raycast import RayCaster as RayCaster
 from ._interfaces.annotator import Annotator as Annotator
 from ._interfaces.detector import Detection as Detection
@@ -52,5 +53,9 @@ from ._plugins.hooks import hookimpl as hookimpl
 from ._plugins.options import NoOptions as NoOptions
 from ._plugins.options import Options as Options
 from ._plugins.registry import ComponentSpec as ComponentSpec
+from ._randomness import random_generator as random_generator
+from ._run.attempts import FrameAttempts as FrameAttempts
+from ._run.attempts import PoolOptions as PoolOptions
+from ._run.attempts import make_frame_in_process as make_frame_in_process
 
 __version__: str

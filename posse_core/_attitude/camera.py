@@ -16,7 +16,7 @@ from posse_core._frames import (
     matrix_from_rotation_vector,
     rotation_vector_from_matrix,
 )
-from posse_core._randomness import generator
+from posse_core._randomness import random_generator
 from posse_core._scenario.attitude import CameraLaw, FileLaw, PointingErrorLaw, TrackLaw
 
 R_RTN_FROM_RESTING_CAM: FloatArray = R_GL_FROM_CAM
@@ -51,7 +51,7 @@ def R_rtn_from_camera(
         InputError: the camera is at the target.
     """
     aimed = looking_at_target(r_chaser_rtn_m)
-    draws = [generator(seed, index, "pointing") for index in range(len(aimed))]
+    draws = [random_generator(seed, index, "pointing") for index in range(len(aimed))]
     match law:
         case TrackLaw():
             influence = np.array([1 - law.offset * draw.uniform() for draw in draws])

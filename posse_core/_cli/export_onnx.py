@@ -82,12 +82,12 @@ def _write_int8(
 ) -> None:
     from posse_core._detection.accuracy import accuracy
     from posse_core._detection.evaluate import truths_of
-    from posse_core._randomness import generator
+    from posse_core._randomness import random_generator
 
     chosen = [index for index in _spread(source, _INT8_FRAMES) if truths_of(source.frame(index))]
     if not chosen:
         raise InputError(f"{source.folder}: shows no spacecraft to calibrate eight bits on")
-    order = generator(0, 0, "eight bits").permutation(chosen)  # every second may be of one class
+    order = random_generator(0, 0, "eight bits").permutation(chosen)  # every second may be of one class
     half = (len(chosen) + 1) // 2
     seen = [(source.image(i), truths_of(source.frame(i))[0].box_px) for i in order[:half].tolist()]
     net.write_int8(exact, out, seen)

@@ -20,9 +20,16 @@ _PART_BYTES = 1 << 20
 
 @contextlib.contextmanager
 def atomic_file(path: Path) -> Iterator[BinaryIO]:
-    """A file to write to that takes its name only when the block ends without an error.
+    """A binary file to write to, which takes its name only when the block ends without an error.
 
-    The folder must exist. What the block wrote is on the disk before the name changes.
+    So a reader finds the whole file, or the one that was there before, or none. What the block wrote is
+    on the disk before the name changes::
+
+        with atomic_file(folder / "ranges.json") as file:
+            file.write(json.dumps(ranges).encode())
+
+    Raises:
+        OSError: the folder does not exist, or the disk is full.
     """
     descriptor, temporary = tempfile.mkstemp(PARTIAL, f".{path.name}.", path.parent)
     try:

@@ -20,7 +20,7 @@ _STORE_FAILED = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EI
 
 
 class PoolOptions(Options):
-    """How many worker processes, and when one is given up."""
+    """Options of an executor of worker processes: how many there are, and when one is given up."""
 
     workers: int = Field(1, ge=1, le=1024, description="number of worker processes")
     frames_per_worker: int = Field(
@@ -32,11 +32,12 @@ class PoolOptions(Options):
     tries: int = Field(3, ge=1, description="how often a frame is tried when its worker dies")
 
 
-class Attempts:
-    """Counts how often each frame has been tried, and tells whether it is to be tried again.
+class FrameAttempts:
+    """Counts how often each frame has been tried, and says whether it is to be tried again.
 
     An exception that a frame raises is its result: only the loss of a worker, or of a process that its
-    renderer works in, is worth another try.
+    renderer works in, is worth another try. Each method returns the frame's result, or None where the
+    executor is to try the frame again.
     """
 
     def __init__(self, options: PoolOptions) -> None:
@@ -44,18 +45,22 @@ class Attempts:
         self._losses: Counter[int] = Counter()
 
     def lost(self, index: int, why: str) -> FrameResult | None:
-        """The frame's worker is gone: None where the frame is to be tried again."""
+        """The frame's worker died; ``why`` is said in the error of the last try."""
         self._losses[index] += 1
         if self._losses[index] < self._options.tries:
             return None
         return FrameResult(index, None, f"{why}, {self._losses.pop(index)} times")
 
     def overdue(self, index: int) -> FrameResult | None:
-        """The frame's worker had to be stopped."""
+        """The frame took longer than it may, and its worker was stopped."""
         return self.lost(index, f"it took over {self._options.frame_time_limit_s:g} s")
 
     def raised(self, index: int, error: Exception) -> FrameResult | None:
-        """The frame raised; raises again what ends the run."""
+        """Making the frame raised ``error``.
+
+        Raises:
+            WorkerSetupError, StoreError, OSError: ``error`` itself, where it ends the run.
+        """
         if isinstance(error, WorkerLost):
             return self.lost(index, str(error))
         if isinstance(error, WorkerSetupError | StoreError) or (
@@ -68,8 +73,14 @@ class Attempts:
 _worker: FrameWorker | None = None
 
 
-def make_frame(make_worker: Callable[[], FrameWorker], index: int) -> Mapping[str, Any]:
-    """Runs in the worker process, whose one frame worker is made at the first frame.
+def make_frame_in_process(make_worker: Callable[[], FrameWorker], index: int) -> Mapping[str, Any]:
+    """Make a frame with this process's one frame worker, which is made at the first frame.
+
+    An executor calls it in its worker processes, whose environment sets ``POSSE_THREADS``, the number
+    of CPU threads that each may use.
+
+    Returns:
+        What :meth:`FrameWorker.make` returned.
 
     Raises:
         WorkerSetupError: ``make_worker`` failed.

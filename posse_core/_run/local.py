@@ -12,7 +12,7 @@ from typing import Any
 from pebble import ProcessExpired, ProcessPool
 
 from posse_core._interfaces.executor import Executor, FrameResult, FrameWorker
-from posse_core._run.attempts import Attempts, PoolOptions, make_frame
+from posse_core._run.attempts import FrameAttempts, PoolOptions, make_frame_in_process
 
 
 class LocalExecutor(Executor[PoolOptions]):
@@ -24,7 +24,7 @@ class LocalExecutor(Executor[PoolOptions]):
         workers = self.options.workers
         _share_cores(workers)
         waiting = iter(indices)
-        attempts = Attempts(self.options)
+        attempts = FrameAttempts(self.options)
         pending: dict[Future[Any], int] = {}
         pool: Any = ProcessPool(
             max_workers=workers,
@@ -34,7 +34,7 @@ class LocalExecutor(Executor[PoolOptions]):
 
         def submit(index: int) -> None:
             future = pool.schedule(
-                make_frame, args=[make_worker, index], timeout=self.options.frame_time_limit_s
+                make_frame_in_process, args=[make_worker, index], timeout=self.options.frame_time_limit_s
             )
             pending[future] = index
 
@@ -59,7 +59,7 @@ class LocalExecutor(Executor[PoolOptions]):
             pool.join()
 
 
-def _result(future: Future[Any], index: int, attempts: Attempts) -> FrameResult | None:
+def _result(future: Future[Any], index: int, attempts: FrameAttempts) -> FrameResult | None:
     """The frame's result, or None where it is to be tried again."""
     try:
         return FrameResult(index, future.result())

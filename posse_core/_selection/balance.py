@@ -14,7 +14,7 @@ import numpy as np
 from posse_core._errors import InputError
 from posse_core._frames import matrix_from_quaternion
 from posse_core._plugins.options import nearest
-from posse_core._randomness import generator
+from posse_core._randomness import random_generator
 
 RANGES_PER_OCTAVE = 2
 BANDS, SECTORS = 4, 8
@@ -162,7 +162,7 @@ def balanced(bins: Sequence[Bin], frames: int | None, seed: int) -> list[int]:
         frames: how many to keep, or all if there are fewer; None for as many as leave all bins alike.
         seed: of the draws. The same arguments give the same places.
     """
-    random = generator(seed, -1, "balance")
+    random = random_generator(seed, -1, "balance")
     order = sorted(random.permutation(len(bins)).tolist(), key=lambda place: bins[place])
     queues = [list(members) for _, members in groupby(order, key=lambda place: bins[place])]
     if frames is None:

@@ -13,7 +13,7 @@ from posse_core._errors import InputError
 from posse_core._files.atomic import write_json
 from posse_core._formats.stream import labels_with, write_csv
 from posse_core._formats.thesis import NEEDS_POSE, POSE_COLUMNS, camera_pose
-from posse_core._randomness import generator
+from posse_core._randomness import random_generator
 
 By = Literal["frame", "sequence"]
 
@@ -35,7 +35,7 @@ def partition(
         Part → ascending indices. By frame, sizes are within one frame of the shares; by sequence, each
         goes to the part that has the least of its share.
     """
-    random = generator(seed, -1, "partition")
+    random = random_generator(seed, -1, "partition")
     wanted = np.array(shares) / np.sum(shares) * len(indices)
     if by == "frame":
         cuts = np.round(np.cumsum(wanted)).astype(int)[:-1]

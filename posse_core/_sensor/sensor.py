@@ -10,7 +10,7 @@ from posse_core._errors import ComponentError
 from posse_core._model.bands import BAND_CENTRES_M, SOLAR_BAND_FRACTIONS
 from posse_core._model.camera import Camera, PixelBox
 from posse_core._model.scene import Radiance
-from posse_core._randomness import generator
+from posse_core._randomness import random_generator
 from posse_core._scenario.sensor import AutoExposureConfig, SensorConfig
 from posse_core._sensor.psf import make_psf
 from posse_core._sky.view import SkyView
@@ -109,11 +109,11 @@ class Sensor:
             ComponentError: the craft's radiance is negative or not finite.
         """
         config = self._config
-        random = generator(seed, index, "sensor")
+        random = random_generator(seed, index, "sensor")
         electrons = self.mean_electrons(sky, craft, exposure_s)
         electrons += np.float32(config.noise.dark_e_s * exposure_s)
         if config.noise.hot_pixels:
-            self._heat(electrons, exposure_s, generator(seed, -1, "hot pixels"))
+            self._heat(electrons, exposure_s, random_generator(seed, -1, "hot pixels"))
         if config.noise.shot:
             electrons = _shot(electrons, random)
         if config.blooming:

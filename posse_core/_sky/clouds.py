@@ -11,7 +11,7 @@ from scipy.ndimage import map_coordinates
 from scipy.special import ndtri
 
 from posse_core._arrays import Float32Array
-from posse_core._randomness import generator
+from posse_core._randomness import random_generator
 from posse_core._sky.atmosphere import RADIUS_M
 from posse_core._sky.detail import Detail, make_detail
 from posse_core._sky.pyramid import Pyramid
@@ -83,7 +83,7 @@ def drift_rad_s(latitude_rad: Float32Array) -> Float32Array:
 @functools.lru_cache(maxsize=2)
 def make_clouds(seed: int) -> Clouds:
     """The clouds of a seed. Takes about a second."""
-    random = generator(seed, -1, "clouds")
+    random = random_generator(seed, -1, "clouds")
     return Clouds(Pyramid(_base(random)), make_detail(seed))
 
 

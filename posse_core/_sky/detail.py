@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from posse_core._arrays import Float32Array, FloatArray
-from posse_core._randomness import generator
+from posse_core._randomness import random_generator
 from posse_core._sky.atmosphere import RADIUS_M
 from posse_core._sky.pyramid import Pyramid
 
@@ -60,7 +60,7 @@ class Detail:
 @functools.lru_cache(maxsize=2)
 def make_detail(seed: int) -> Detail:
     """The fine structure of a seed."""
-    random = generator(seed, -1, "detail")
+    random = random_generator(seed, -1, "detail")
     k = np.fft.fftfreq(TILE_PX) * TILE_PX
     norm = np.hypot(k[:, None], k[None, : TILE_PX // 2 + 1])
     norm[0, 0] = 1

@@ -10,7 +10,7 @@ import numpy as np
 
 from posse_core._arrays import FloatArray
 from posse_core._model.bands import BAND_EDGES_M, band_radiance_w_m2_sr, planck_radiance_w_m2_sr_m
-from posse_core._randomness import generator
+from posse_core._randomness import random_generator
 
 HIPPARCOS_EPOCH_JD_TT = 2448349.0625
 """J1991.25, the epoch of the catalogue's places."""
@@ -76,7 +76,7 @@ def random_field(seed: int, max_magnitude: float) -> StarField:
     Its Voronoi textures of scale s = 20, 15 and 10 have some 4 π s² cells on the sphere, one star
     in each. A strength of 1 is V = 6.0, 4.5 and 3.0 here: the thesis gives no physical unit.
     """
-    random = generator(seed, -1, "stars")
+    random = random_generator(seed, -1, "stars")
     directions, v, colours = [], [], []
     for scale, unit_v in _THESIS_SIZES:
         count = round(4 * np.pi * scale**2)

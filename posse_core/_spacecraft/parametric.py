@@ -13,7 +13,7 @@ from posse_core._errors import InputError
 from posse_core._interfaces.scene import SceneSource
 from posse_core._model.spacecraft import Material, Spacecraft
 from posse_core._plugins.options import nearest
-from posse_core._randomness import derived_seed, generator
+from posse_core._randomness import derived_seed, random_generator
 from posse_core._spacecraft.assembly import Assembly
 from posse_core._spacecraft.finishes import Finish
 from posse_core._spacecraft.options import VariantOptions
@@ -55,7 +55,7 @@ class Parametric(SceneSource[VariantOptionsT]):
         missing = set(self.options.missing_parts)
         lean = 0.0
         if seed is not None:
-            rng = generator(seed, -1, f"variant {self.name}")
+            rng = random_generator(seed, -1, f"variant {self.name}")
             lean = float(rng.uniform(-1.0, 1.0))
             count = int(rng.integers(0, min(self.options.variant_missing_parts, len(self.loose)) + 1))
             for group in rng.permutation(len(self.loose))[:count]:
@@ -76,7 +76,10 @@ class Parametric(SceneSource[VariantOptionsT]):
             finishes = self.finishes(0)
             return {name: finishes[name]() for name in names}
         finishes = self.finishes(derived_seed(seed, -1, "finishes"))
-        return {name: varied(finishes[name](), generator(seed, -1, f"variant {name}")) for name in names}
+        return {
+            name: varied(finishes[name](), random_generator(seed, -1, f"variant {name}"))
+            for name in names
+        }
 
 
 def varied(material: Material, rng: np.random.Generator) -> Material:

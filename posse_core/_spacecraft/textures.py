@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from posse_core._arrays import AnyArray, FloatArray
 from posse_core._frames import unit
 from posse_core._model.spacecraft import Material
-from posse_core._randomness import generator
+from posse_core._randomness import random_generator
 
 TILE_M = 1.0
 """Side of the square that a repeating texture covers, so its uv is metres."""
@@ -78,7 +78,7 @@ def foil(
         wrinkle: root-mean-square slope of the facets.
     """
     size = 512
-    rng = generator(seed, -1, f"foil {name}")
+    rng = random_generator(seed, -1, f"foil {name}")
     large, shade = facets(rng, size, 60, 3.0)
     small, fine = facets(rng, size, 900, 1.2)
     slope = wrinkle * np.tanh(0.7 * (large + 0.6 * small)) / 0.7
@@ -112,7 +112,7 @@ def solar_panel(
         size_px: (width, height) of one face, texels.
         back: reflectance of the back: 0.045 is bare carbon fibre, 0.5 is painted white.
     """
-    rng = generator(seed, -1, f"solar panel {name}")
+    rng = random_generator(seed, -1, f"solar panel {name}")
     front, rough_front = _cells(cells, size_px, rng)
     rear, rough_rear = _panel_back(size_px, back, rng)
     # Row 0 of a texture is its top, v = 1.
@@ -128,7 +128,7 @@ def solar_panel(
 
 def solar_cells(name: str, cells: tuple[int, int], size_px: tuple[int, int], seed: int) -> Material:
     """Cells alone, covering uv 0 … 1 once: for body-mounted arrays."""
-    front, rough = _cells(cells, size_px, generator(seed, -1, f"solar cells {name}"))
+    front, rough = _cells(cells, size_px, random_generator(seed, -1, f"solar cells {name}"))
     return Material(
         name,
         roughness=1.0,
@@ -196,7 +196,7 @@ def _panel_back(
 def paint(name: str, reflectance: float, seed: int) -> Material:
     """A matt paint with a faint unevenness: 0.8 is a white radiator, 0.04 a black baffle."""
     size = 256
-    noise = generator(seed, -1, f"paint {name}").standard_normal((size, size))
+    noise = random_generator(seed, -1, f"paint {name}").standard_normal((size, size))
     cloud = gaussian_filter(noise, 12.0, mode="wrap")
     value = 0.94 + 0.03 * cloud / cloud.std()
     return Material(
@@ -215,7 +215,7 @@ def metal(name: str, color: tuple[float, float, float], roughness: float) -> Mat
 def mirror_tiles(name: str, seed: int) -> Material:
     """Optical solar reflector: second-surface mirrors, 25 a metre, each a little out of plane."""
     size, count = 512, 25
-    rng = generator(seed, -1, f"mirrors {name}")
+    rng = random_generator(seed, -1, f"mirrors {name}")
     place = (np.arange(size) + 0.5) / size * count
     cell = np.floor(place).astype(int)
     x, y = np.meshgrid(place - cell, place - cell)

@@ -11,16 +11,14 @@ from click.testing import CliRunner
 from onnx import TensorProto, helper, numpy_helper
 from scipy.spatial.transform import Rotation
 
+from posse_core import Camera, Dataset, Detection, InputError
 from posse_core._cli.detect import command
 from posse_core._cli.eval import command as eval_command
-from posse_core._dataset.dataset import Dataset, write_camera
+from posse_core._dataset.dataset import write_camera
 from posse_core._detection.card import ModelCard, dataset_hash
 from posse_core._detection.keypoints import square_for
 from posse_core._detection.models import open_detector, open_keypoint_finder, open_models
 from posse_core._detection.square import whole_image
-from posse_core._errors import InputError
-from posse_core._interfaces.detector import Detection
-from posse_core._model.camera import Camera
 from posse_core._plugins.loading import load_plugins
 from posse_core._plugins.registry import Registry
 

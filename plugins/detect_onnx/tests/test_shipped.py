@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from posse_core import Dataset
 from posse_core._cli.main import posse
-from posse_core._dataset.dataset import Dataset
 from posse_core._evaluation.metrics import box_iou
 
 FRAMES = 25

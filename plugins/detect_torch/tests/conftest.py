@@ -11,7 +11,8 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from posse_core._dataset.dataset import Dataset, write_camera, write_spacecraft
+from posse_core import Dataset
+from posse_core._dataset.dataset import write_camera, write_spacecraft
 from posse_core._selection.partition import write_partition
 
 HALVES = cuboid.HALF, np.array([1.4, 1.4, 0.1])
@@ -68,8 +69,8 @@ def posse(tmp_path_factory: pytest.TempPathFactory):
     """Run a command in this process: posse("eval", ...) → exit code, output, errors."""
     from click.testing import CliRunner
 
+    from posse_core import PosseError
     from posse_core._cli.main import posse as group
-    from posse_core._errors import PosseError
 
     def call(*arguments: object) -> tuple[int, str, str]:
         done = CliRunner().invoke(group, [str(a) for a in arguments])

@@ -6,9 +6,8 @@ import torch
 import torch.nn.functional as F
 from safetensors.torch import save_file
 
-from posse_core._dataset.dataset import Dataset
+from posse_core import Dataset, InputError
 from posse_core._detection.card import read_card
-from posse_core._errors import InputError
 from posse_core._selection.partition import write_partition
 from posse_detect_torch.imagenet import load_imagenet
 from posse_detect_torch.sdn import Backbone

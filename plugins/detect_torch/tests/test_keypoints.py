@@ -8,8 +8,8 @@ import torch
 from torch import nn
 from torch.utils.flop_counter import FlopCounterMode
 
+from posse_core import InputError
 from posse_core._detection.card import ModelCard
-from posse_core._errors import InputError
 from posse_detect_torch.checkpoint import read_like, write_model
 from posse_detect_torch.nano import STRIDE, Nano
 from posse_detect_torch.simcc import SPREAD, Decoded, SimCC, losses, steps
@@ -101,12 +101,11 @@ def test_it_learns(trained):
 def test_from_image_to_pose_with_and_without_torch(posse, trained, tmp_path):
     """Boxes come from a stand-in detector that knows the labels, so that only keypoints are judged."""
     folder, model = trained
-    from posse_core._dataset.dataset import Dataset
+    from posse_core import Dataset, Detection, Detector
     from posse_core._detection.accuracy import accuracy
     from posse_core._detection.evaluate import evaluate
     from posse_core._detection.groups import groups
     from posse_core._detection.models import open_keypoint_finder
-    from posse_core._interfaces.detector import Detection, Detector
     from posse_core._plugins.loading import load_plugins
 
     exported = tmp_path / "k.onnx"

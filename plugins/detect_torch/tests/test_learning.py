@@ -14,10 +14,9 @@ import onnx
 import pytest
 import torch
 
-from posse_core._dataset.dataset import Dataset
+from posse_core import Dataset, NoOptions
 from posse_core._detection.card import ModelCard, card_of, read_card
 from posse_core._formats.coco import CocoWriter
-from posse_core._plugins.options import NoOptions
 from posse_core._selection.partition import write_partition
 from posse_detect_torch.checkpoint import write_model
 from posse_detect_torch.learn import CURVES, LAST, MODEL, learn

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from posse_core._model.scene import Scene
+from posse_core import Scene
 from posse_render_blender.options import BlenderOptions
 from posse_render_blender.renderer import BlenderRenderer
 

@@ -15,10 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from posse_core._errors import ComponentError, InputError, WorkerLost
-from posse_core._model.camera import PixelBox
-from posse_core._model.scene import RenderRequest, Scene
-from posse_core._model.spacecraft import Material
+from posse_core import ComponentError, InputError, Material, PixelBox, RenderRequest, Scene, WorkerLost
 from posse_core._plugins.loading import load_plugins
 from posse_core.testing import scenes
 from posse_render_blender import child

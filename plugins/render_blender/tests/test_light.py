@@ -8,10 +8,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from posse_core._arrays import FloatArray
-from posse_core._model.camera import Camera, PixelBox
-from posse_core._model.scene import EnvironmentMap, FrameState, Radiance, RenderRequest
-from posse_core._model.spacecraft import Material
+from posse_core import (
+    Camera,
+    EnvironmentMap,
+    FloatArray,
+    FrameState,
+    Material,
+    PixelBox,
+    Radiance,
+    RenderRequest,
+)
 from posse_core.testing import scenes
 from posse_core.testing.closed_forms import directions
 from posse_render_blender.renderer import BlenderRenderer

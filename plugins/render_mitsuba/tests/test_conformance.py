@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from posse_core._errors import ComponentError
+from posse_core import ComponentError
 from posse_core.testing import RendererConformance
 from posse_render_mitsuba.options import MitsubaOptions
 from posse_render_mitsuba.renderer import MitsubaRenderer

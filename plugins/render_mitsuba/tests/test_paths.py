@@ -8,10 +8,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from posse_core._arrays import AnyArray
-from posse_core._model.camera import PixelBox
-from posse_core._model.scene import EnvironmentMap, FrameState, RenderRequest
-from posse_core._model.spacecraft import Material
+from posse_core import AnyArray, EnvironmentMap, FrameState, Material, PixelBox, RenderRequest
 from posse_core.testing import scenes
 from posse_render_mitsuba.options import MitsubaOptions
 from posse_render_mitsuba.renderer import MitsubaRenderer

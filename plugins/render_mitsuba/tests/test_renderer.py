@@ -14,11 +14,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from posse_core._arrays import BoolArray, Float32Array
-from posse_core._errors import ComponentError
-from posse_core._model.camera import PixelBox
-from posse_core._model.scene import EnvironmentMap, RenderRequest
-from posse_core._model.spacecraft import Material
+from posse_core import (
+    BoolArray,
+    ComponentError,
+    EnvironmentMap,
+    Float32Array,
+    Material,
+    PixelBox,
+    RenderRequest,
+)
 from posse_core.testing import scenes
 from posse_render_mitsuba.options import MitsubaOptions
 from posse_render_mitsuba.passes import MARGIN_PX, _tiles, sun_direction_body

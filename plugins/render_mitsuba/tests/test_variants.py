@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from posse_core._errors import ComponentError
+from posse_core import ComponentError
 from posse_render_mitsuba import variants
 from posse_render_mitsuba.options import MitsubaOptions
 from posse_render_mitsuba.renderer import MitsubaRenderer
@@ -124,7 +124,7 @@ def test_cuda_without_a_gpu_is_an_error() -> None:
 def test_another_library_after_mitsubas_import_is_refused() -> None:
     code = """
 import mitsuba
-from posse_core._errors import ComponentError
+from posse_core import ComponentError
 from posse_render_mitsuba.variants import load_library
 try:
     load_library("/another/libLLVM.so")

@@ -7,8 +7,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from posse_core._errors import ComponentError
-from posse_core._model.scene import Scene
+from posse_core import ComponentError, Scene
 from posse_render_raster.context import create_context
 from posse_render_raster.options import RasterOptions
 from posse_render_raster.renderer import RasterRenderer

@@ -10,10 +10,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from posse_core._errors import ComponentError
-from posse_core._model.camera import PixelBox
-from posse_core._model.scene import RenderRequest, Scene
-from posse_core._model.spacecraft import Material
+from posse_core import ComponentError, Material, PixelBox, RenderRequest, Scene
 from posse_core.testing import scenes
 from posse_render_raster.options import RasterOptions
 from posse_render_raster.renderer import RasterRenderer
@@ -23,7 +20,7 @@ REQUEST = RenderRequest(
     scenes.frame(t_body_cam_m=(0, 0, 4), sun_direction_body=(0, 0, 1)), BOX, None, seed=1
 )
 DOCTOR = """
-from posse_core._errors import ComponentError
+from posse_core import ComponentError
 from posse_render_raster.options import RasterOptions
 from posse_render_raster.renderer import RasterRenderer
 import test_faults

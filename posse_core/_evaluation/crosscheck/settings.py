@@ -18,7 +18,7 @@ from posse_core._model.camera import Camera
 from posse_core._model.scene import EnvironmentMap, FrameState, Scene
 from posse_core._model.trajectory import Trajectory
 from posse_core._plugins.loading import load_plugins
-from posse_core._randomness import generator
+from posse_core._randomness import random_generator
 from posse_core._run.frame_maker import create
 from posse_core._run.plan import evenly_spread, make_trajectory
 from posse_core._scenario.model import Scenario
@@ -120,7 +120,7 @@ def _random_frames(case: ScenarioCase, scene: Scene, trajectory: Trajectory) -> 
     high_m = max(float(ranges_m.max()), low_m)
     frames = []
     for i in range(case.count):
-        draw = generator(case.scenario.seed, i, "crosscheck pose")
+        draw = random_generator(case.scenario.seed, i, "crosscheck pose")
         time = int(draw.choice(lit))
         base = frame_state(trajectory, time, case.scenario.constants)
         R_cam_from_eci = Rotation.random(random_state=draw).as_matrix()

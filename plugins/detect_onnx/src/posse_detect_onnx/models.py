@@ -10,13 +10,19 @@ from pathlib import Path
 import numpy as np
 import onnxruntime
 
-from posse_core._arrays import AnyArray, Float32Array, FloatArray
+from posse_core import (
+    AnyArray,
+    Detection,
+    Detector,
+    Float32Array,
+    FloatArray,
+    InputError,
+    KeypointFinder,
+)
 from posse_core._detection.card import ModelCard
 from posse_core._detection.keypoints import keypoint_ranges, points_of, square_for
 from posse_core._detection.results import detections_from
 from posse_core._detection.square import Square, grey, whole_image
-from posse_core._errors import InputError
-from posse_core._interfaces.detector import Detection, Detector, KeypointFinder
 from posse_detect_onnx.options import OnnxOptions
 
 _NETS = Path(__file__).parent / "nets"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from posse_core._plugins.options import Options
+from posse_core import Options
 
 
 class OnnxOptions(Options):

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from posse_core._plugins.hooks import hookimpl
-from posse_core._plugins.registry import ComponentSpec
+from posse_core import ComponentSpec, hookimpl
 
 
 @hookimpl

@@ -10,7 +10,7 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 
-from posse_core._arrays import Float32Array, FloatArray
+from posse_core import Float32Array, FloatArray
 
 Random = np.random.Generator
 

@@ -12,15 +12,12 @@ import numpy as np
 import torch
 from torch import nn
 
-from posse_core._arrays import AnyArray, Float32Array, FloatArray
-from posse_core._dataset.dataset import Dataset
+from posse_core import AnyArray, Dataset, Detection, Detector, Float32Array, FloatArray, InputError
 from posse_core._detection.card import ModelCard, card_of, read_card
 from posse_core._detection.evaluate import truths_of
 from posse_core._detection.results import detections_from
 from posse_core._detection.square import Square, grey, whole_image
-from posse_core._errors import InputError
 from posse_core._evaluation.metrics import Truth, coco_metrics
-from posse_core._interfaces.detector import Detection, Detector
 from posse_detect_torch.augment import look, move_boxes, random_view, warp
 from posse_detect_torch.checkpoint import read_weights
 from posse_detect_torch.export import Outputs, compare_detections, export
@@ -135,7 +132,7 @@ class BoxDetector(Detector[BoxOptionsT]):
         return compare_detections(ours, theirs)
 
     def train(self, dataset: Dataset, folder: Path) -> Path:
-        """See :class:`posse_core._interfaces.detector.Model`.
+        """See :class:`posse_core.Model`.
 
         Raises:
             InputError: the dataset was not divided, has no boxes, or shows nothing.

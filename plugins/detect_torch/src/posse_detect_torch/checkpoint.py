@@ -11,21 +11,22 @@ import safetensors
 from safetensors.torch import load_file, save
 from torch import Tensor, nn
 
+from posse_core import InputError, atomic_file
 from posse_core._detection.card import ModelCard, read_card
-from posse_core._errors import InputError
-from posse_core._files.atomic import write_bytes
 
 _STATE = "posse_training"
 
 
 def write_model(path: Path, tensors: Mapping[str, Tensor], card: ModelCard) -> None:
     """Write a net's tensors with its card, atomically."""
-    write_bytes(path, save(_plain(tensors), card.metadata()))
+    with atomic_file(path) as file:
+        file.write(save(_plain(tensors), card.metadata()))
 
 
 def write_state(path: Path, tensors: Mapping[str, Tensor], card: ModelCard, state: Any) -> None:
     """Write what a training needs to go on; ``state`` is JSON."""
-    write_bytes(path, save(_plain(tensors), {**card.metadata(), _STATE: json.dumps(state)}))
+    with atomic_file(path) as file:
+        file.write(save(_plain(tensors), {**card.metadata(), _STATE: json.dumps(state)}))
 
 
 def read_state(path: Path) -> tuple[dict[str, Tensor], ModelCard, Any]:

@@ -14,10 +14,8 @@ import onnxruntime
 import torch
 from torch import nn
 
-from posse_core._arrays import AnyArray, Float32Array
+from posse_core import AnyArray, ComponentError, Float32Array, atomic_file
 from posse_core._detection.card import ModelCard
-from posse_core._errors import ComponentError
-from posse_core._files.atomic import write_bytes
 
 _SCORE = 1e-4  # by which raw tensors and scores may differ
 OPSET = 18  # above it, some runtimes have no RoiAlign or fall back to the CPU
@@ -68,7 +66,8 @@ def export(
                     f" {allowed:g} is allowed"
                 )
             worst[name] = max(worst.get(name, 0.0), difference)
-    write_bytes(path, data)
+    with atomic_file(path) as file:
+        file.write(data)
     return worst
 
 

@@ -10,7 +10,7 @@ import torch
 from safetensors.torch import load_file
 from torch import Tensor, nn
 
-from posse_core._errors import InputError
+from posse_core import InputError
 from posse_detect_torch.sdn import Backbone
 
 _DEVIATION = (0.229, 0.224, 0.225)  # of ImageNet's red, green and blue, which its nets divide by

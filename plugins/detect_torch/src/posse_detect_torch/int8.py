@@ -13,8 +13,7 @@ from typing import Any
 import onnx
 from onnxruntime.quantization import CalibrationDataReader, QuantFormat, QuantType, quantize_static
 
-from posse_core._arrays import Float32Array
-from posse_core._files.atomic import write_bytes
+from posse_core import Float32Array, atomic_file
 
 _DENSE = ("Conv", "Gemm", "MatMul")
 
@@ -59,7 +58,8 @@ def write_int8(path: Path, out: Path, pictures: Iterable[Float32Array]) -> None:
     del model.opset_import[:]
     model.opset_import.extend(imported)
     onnx.checker.check_model(model)
-    write_bytes(out, model.SerializeToString())
+    with atomic_file(out) as file:
+        file.write(model.SerializeToString())
 
 
 @contextlib.contextmanager

@@ -17,10 +17,8 @@ import torch
 from torch import Tensor, nn
 from tqdm import tqdm
 
+from posse_core import ComponentError, InputError, atomic_file, random_generator
 from posse_core._detection.card import ModelCard
-from posse_core._errors import ComponentError, InputError
-from posse_core._files.atomic import write_bytes
-from posse_core._randomness import derived_seed, generator
 from posse_detect_torch.checkpoint import read_like, read_state, write_model, write_state
 from posse_detect_torch.curves import page
 from posse_detect_torch.options import TrainOptions
@@ -77,7 +75,7 @@ def first_net(options: TrainOptions, make: Callable[[], NetT]) -> NetT:
     """
     device = device_of(options)
     with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(derived_seed(options.seed, -1, "weights"))
+        torch.manual_seed(int(random_generator(options.seed, -1, "weights").integers(2**31)))
         net = make()
     if options.start is not None:
         read_like(options.start, net)
@@ -148,7 +146,8 @@ def learn(make_lesson: Callable[[], Lesson], card: ModelCard, folder: Path) -> P
             card = replace(card, epochs=epoch + 1)
             _save(last, net, average, optimizer, card, history)
             text = page(f"{card.net}: {epoch + 1} epochs on {card.dataset_sha256[:12]}", history)
-            write_bytes(folder / CURVES, text.encode())
+            with atomic_file(folder / CURVES) as file:
+                file.write(text.encode())
             tqdm.write(", ".join(f"{k} {v:.4g}" for k, v in history[-1].items()), file=sys.stderr)
     write_model(folder / MODEL, average.state_dict(), replace(card, epochs=len(history)))
     return folder / MODEL
@@ -157,7 +156,7 @@ def learn(make_lesson: Callable[[], Lesson], card: ModelCard, folder: Path) -> P
 def _batches(lesson: Lesson, epoch: int, pool: ThreadPoolExecutor) -> Iterator[Batch]:
     """Batches in the epoch's own order, the next one made while one is learned from."""
     options = lesson.options
-    order = generator(options.seed, epoch, "order").permutation(len(lesson))
+    order = random_generator(options.seed, epoch, "order").permutation(len(lesson))
     places = [int(place) for place in order]
     groups = [places[i : i + options.batch] for i in range(0, len(places), options.batch)]
 
@@ -166,7 +165,7 @@ def _batches(lesson: Lesson, epoch: int, pool: ThreadPoolExecutor) -> Iterator[B
             pool.submit(
                 lesson.sample,
                 place,
-                generator(options.seed, epoch * len(places) + place, "augmentation"),
+                random_generator(options.seed, epoch * len(places) + place, "augmentation"),
             )
             for place in group
         ]

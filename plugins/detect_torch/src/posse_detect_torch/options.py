@@ -7,8 +7,8 @@ from typing import Literal
 
 from pydantic import Field, FilePath, field_serializer
 
+from posse_core import Options
 from posse_core._files.atomic import sha256
-from posse_core._plugins.options import Options
 
 
 class TrainOptions(Options):

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from posse_core._arrays import AnyArray, Float32Array
-from posse_core._dataset.dataset import Dataset
+from posse_core import AnyArray, Dataset, Float32Array
 from posse_core._detection.card import dataset_hash
 from posse_core._detection.square import Square, grey
 

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from posse_core._dataset.dataset import Dataset
+from posse_core import Dataset
 from posse_core._detection.card import ModelCard
 from posse_core._evaluation.metrics import proposal_recall
 from posse_detect_torch.box_detector import BoxDetector, BoxLesson

@@ -12,14 +12,11 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from posse_core._arrays import AnyArray, Float32Array, FloatArray
-from posse_core._dataset.dataset import Dataset
+from posse_core import AnyArray, Dataset, Detection, Float32Array, FloatArray, InputError, KeypointFinder
 from posse_core._detection.card import ModelCard, card_of, read_card
 from posse_core._detection.evaluate import truths_of
 from posse_core._detection.keypoints import keypoint_ranges, points_of, square_for
 from posse_core._detection.square import Square, grey
-from posse_core._errors import InputError
-from posse_core._interfaces.detector import Detection, KeypointFinder
 from posse_detect_torch.augment import look, move_points, random_view, warp
 from posse_detect_torch.checkpoint import read_weights
 from posse_detect_torch.export import Outputs, difference, export, raw_difference
@@ -106,7 +103,7 @@ class SimccFinder(KeypointFinder[SimccOptions]):
     """Finds keypoints with :class:`posse_detect_torch.simcc.SimCC`."""
 
     def train(self, dataset: Dataset, folder: Path) -> Path:
-        """See :class:`posse_core._interfaces.detector.Model`.
+        """See :class:`posse_core.Model`.
 
         Raises:
             InputError: the dataset was not divided, or lacks boxes or keypoints.

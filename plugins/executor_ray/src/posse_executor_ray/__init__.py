@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from posse_core._plugins.hooks import hookimpl
-from posse_core._plugins.registry import ComponentSpec
+from posse_core import ComponentSpec, hookimpl
 
 
 @hookimpl
@@ -13,6 +12,6 @@ def posse_executors() -> list[ComponentSpec]:
             "ray",
             "actors of a Ray cluster, each with a renderer of its own",
             "posse_executor_ray.executor:RayExecutor",
-            "posse_core._run.attempts:PoolOptions",
+            "posse_core:PoolOptions",
         )
     ]

@@ -14,9 +14,16 @@ from typing import Any
 import ray
 from ray.exceptions import RayError, RayTaskError
 
-from posse_core._errors import ComponentError
-from posse_core._interfaces.executor import Executor, FrameResult, FrameWorker, WorkerSetupError
-from posse_core._run.attempts import Attempts, PoolOptions, make_frame
+from posse_core import (
+    ComponentError,
+    Executor,
+    FrameAttempts,
+    FrameResult,
+    FrameWorker,
+    PoolOptions,
+    WorkerSetupError,
+    make_frame_in_process,
+)
 
 
 class FrameActor:
@@ -32,7 +39,7 @@ class FrameActor:
 
     def make(self, index: int) -> Mapping[str, Any]:
         """Make a frame."""
-        return make_frame(self._make_worker, index)
+        return make_frame_in_process(self._make_worker, index)
 
 
 @dataclass
@@ -70,7 +77,7 @@ class _Actors:
     ) -> None:
         self._options = options
         self._todo = todo
-        self._attempts = Attempts(options)
+        self._attempts = FrameAttempts(options)
         self._failed_starts = 0
         self._tasks: dict[Any, _Task] = {}
         self._new_actor = _actor_maker(options.workers, make_worker)

@@ -11,7 +11,7 @@ import tempfile
 from io import FileIO
 from pathlib import Path
 
-from posse_core._errors import ComponentError, WorkerLost
+from posse_core import ComponentError, WorkerLost
 from posse_render_blender.interpreter import WAY_OUT, Interpreter
 from posse_render_blender.worker.wire import Message, WireClosed, WireError, receive, send
 

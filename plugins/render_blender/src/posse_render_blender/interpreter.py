@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from posse_core._errors import ComponentError
+from posse_core import ComponentError
 from posse_render_blender.options import BlenderOptions
 
 WORKER = Path(__file__).parent / "worker" / "main.py"

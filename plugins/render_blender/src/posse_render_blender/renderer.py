@@ -8,10 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from posse_core._arrays import AnyArray
-from posse_core._errors import ComponentError
-from posse_core._interfaces.renderer import Renderer
-from posse_core._model.scene import Radiance, RenderRequest, Scene
+from posse_core import AnyArray, ComponentError, Radiance, Renderer, RenderRequest, Scene
 from posse_render_blender.child import Child
 from posse_render_blender.interpreter import find_interpreter
 from posse_render_blender.options import BlenderOptions
@@ -119,7 +116,7 @@ def scene_message(scene: Scene, options: BlenderOptions) -> Message:
 
     Values are the options, the camera, and materials and parts as lists; arrays are named
     ``part0.vertices_body_m``, ``material0.base_color_texture`` and so on, as in
-    :class:`~posse_core._model.spacecraft.Part` and :class:`~posse_core._model.spacecraft.Material`.
+    :class:`~posse_core.Part` and :class:`~posse_core.Material`.
     """
     craft, camera = scene.spacecraft, scene.camera
     names = list(craft.materials)

@@ -7,8 +7,7 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
-from posse_core._arrays import AnyArray, Float32Array
-from posse_core._model.spacecraft import Material, Part, Spacecraft
+from posse_core import AnyArray, Float32Array, Material, Part, Spacecraft
 
 
 def craft_shapes(craft: Spacecraft) -> dict[str, Any]:

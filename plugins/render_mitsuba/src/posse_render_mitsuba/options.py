@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from posse_core._plugins.options import Options
+from posse_core import Options
 
 
 class MitsubaOptions(Options):

@@ -17,10 +17,16 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import maximum_filter
 
-from posse_core._arrays import BoolArray, Float32Array, FloatArray
-from posse_core._model.camera import Camera, PixelBox
-from posse_core._model.scene import FrameState, RenderRequest
-from posse_core._randomness import generator
+from posse_core import (
+    BoolArray,
+    Camera,
+    Float32Array,
+    FloatArray,
+    FrameState,
+    PixelBox,
+    RenderRequest,
+    random_generator,
+)
 from posse_render_mitsuba.options import MitsubaOptions
 from posse_render_mitsuba.samples import MOST_ROUNDS, allot, mean_of_samples
 from posse_render_mitsuba.world import (
@@ -73,7 +79,7 @@ class Passes:
         sun_w_m2 = float(frame.sun_irradiance_rgb_w_m2.sum())
         if request.environment is not None:
             world.set({"sky.sampling_weight": 0.0 if sun_w_m2 > 0 else SKY_WEIGHT})
-        random = generator(request.seed, frame.index, "mitsuba")
+        random = random_generator(request.seed, frame.index, "mitsuba")
         shift = random.uniform(size=2)
         total = first = self._pass(world, request, 0, [box], shift, random)
         tiles = _tiles(first[..., 3] > 0, box)

@@ -15,8 +15,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from posse_core._model.camera import Camera
-from posse_core._model.scene import FrameState
+from posse_core import Camera, FrameState
 from posse_render_mitsuba.world import near_plane_m, rotation_with_z
 
 FAR_M = 1e4

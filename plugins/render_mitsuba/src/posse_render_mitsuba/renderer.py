@@ -9,9 +9,7 @@ from importlib import metadata
 
 import numpy as np
 
-from posse_core._errors import ComponentError
-from posse_core._interfaces.renderer import Renderer
-from posse_core._model.scene import Radiance, RenderRequest, Scene
+from posse_core import ComponentError, Radiance, Renderer, RenderRequest, Scene
 from posse_render_mitsuba.options import MitsubaOptions
 from posse_render_mitsuba.passes import Passes
 from posse_render_mitsuba.variants import Choice, choose, load_library

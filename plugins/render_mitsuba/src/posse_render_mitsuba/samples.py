@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import correlate, maximum_filter
 
-from posse_core._arrays import FloatArray, IntArray
+from posse_core import FloatArray, IntArray
 
 NEIGHBOURS = np.ones((5, 5))
 NEIGHBOURS[2, 2] = 0.0

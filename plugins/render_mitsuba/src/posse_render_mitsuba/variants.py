@@ -19,8 +19,7 @@ from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 
-from posse_core._errors import ComponentError
-from posse_core._files.atomic import write_json
+from posse_core import ComponentError, atomic_file
 
 PROBE_TIMEOUT_S = 180.0
 _LLVM_PATTERNS = (
@@ -128,7 +127,8 @@ def _remembered_probe(library: str) -> str:
         known[key] = cause
         with suppress(OSError):  # without a cache it is probed again
             cache.parent.mkdir(parents=True, exist_ok=True)
-            write_json(cache, known)
+            with atomic_file(cache) as file:
+                file.write(json.dumps(known, indent=2).encode())
     return known[key]
 
 

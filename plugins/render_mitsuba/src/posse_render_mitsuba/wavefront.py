@@ -12,10 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from posse_core._arrays import FloatArray
-from posse_core._model.camera import Camera
-from posse_core._model.scene import RenderRequest
-from posse_core._randomness import generator
+from posse_core import Camera, FloatArray, RenderRequest, random_generator
 from posse_render_mitsuba.options import MitsubaOptions
 from posse_render_mitsuba.samples import further_rounds, mean_of_samples
 from posse_render_mitsuba.world import World
@@ -62,7 +59,7 @@ class Wavefront:
         from posse_render_mitsuba.paths import Eye, Sun
 
         frame, box = request.frame, request.box
-        random = generator(request.seed, frame.index, "mitsuba")
+        random = random_generator(request.seed, frame.index, "mitsuba")
         white = float(frame.sun_irradiance_rgb_w_m2.sum()) / np.pi
         places = box.pixel_centres_px().reshape(-1, 2)
         look = partial(

@@ -11,9 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from posse_core._arrays import Float32Array, FloatArray
-from posse_core._model.scene import EnvironmentMap, FrameState
-from posse_core._model.spacecraft import Spacecraft
+from posse_core import EnvironmentMap, Float32Array, FloatArray, FrameState, Spacecraft
 
 MITSUBA_FROM_CAM: FloatArray = np.diag([-1.0, -1.0, 1.0])
 """OpenCV camera axes → Mitsuba's (x left, y up, z forward), and its own inverse."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import moderngl
 
-from posse_core._errors import ComponentError
+from posse_core import ComponentError
 
 WAY_OUT = "install an EGL driver (Debian, Ubuntu: apt-get install libegl1 libgl1 libgl1-mesa-dri)"
 

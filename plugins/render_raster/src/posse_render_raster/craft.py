@@ -10,8 +10,7 @@ from pathlib import Path
 import moderngl
 import numpy as np
 
-from posse_core._arrays import AnyArray
-from posse_core._model.spacecraft import Material, Spacecraft
+from posse_core import AnyArray, Material, Spacecraft
 
 TEXTURES = ("base_color_texture", "metallic_roughness_texture", "normal_texture")
 """Samplers of the program; the place is the texture unit."""

@@ -9,12 +9,20 @@ from importlib import metadata
 import moderngl
 import numpy as np
 
-from posse_core._arrays import Float32Array, FloatArray
-from posse_core._errors import ComponentError
-from posse_core._interfaces.renderer import Renderer
-from posse_core._model.camera import Camera, PixelBox
-from posse_core._model.scene import EnvironmentMap, FrameState, Radiance, RenderRequest, Scene
-from posse_core._model.spacecraft import Spacecraft
+from posse_core import (
+    Camera,
+    ComponentError,
+    EnvironmentMap,
+    Float32Array,
+    FloatArray,
+    FrameState,
+    PixelBox,
+    Radiance,
+    Renderer,
+    RenderRequest,
+    Scene,
+    Spacecraft,
+)
 from posse_render_raster.context import create_context
 from posse_render_raster.craft import FREE_UNIT, Craft, program
 from posse_render_raster.options import RasterOptions

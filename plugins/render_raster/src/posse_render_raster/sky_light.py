@@ -12,7 +12,7 @@ from functools import cache
 import cv2
 import numpy as np
 
-from posse_core._arrays import Float32Array, FloatArray
+from posse_core import Float32Array, FloatArray
 
 LOBE_ROUGHNESS = (0.25, 0.5, 0.75, 1.0)
 """Perceptual roughness of the lobes; below the first, the map itself is mixed in."""
@@ -26,7 +26,7 @@ def convolved(radiance_rgb: Float32Array) -> Float32Array:
     """Convolve a map with each lobe, and with the cosine lobe last.
 
     Args:
-        radiance_rgb: (h, w, 3) as in :class:`posse_core._model.scene.EnvironmentMap`.
+        radiance_rgb: (h, w, 3) as in :class:`posse_core.EnvironmentMap`.
 
     Returns:
         (5, 24, 48, 3): mean radiance over the lobe about each direction; the last one is irradiance/π.

@@ -46,6 +46,8 @@ from ._model.scene import Scene as Scene
 from ._model.spacecraft import Material as Material
 from ._model.spacecraft import Part as Part
 from ._model.spacecraft import Spacecraft as Spacecraft
+from ._model.srgb import linear_from_srgb as linear_from_srgb
+from ._model.srgb import srgb_from_linear as srgb_from_linear
 from ._model.trajectory import Motion as Motion
 from ._model.trajectory import Trajectory as Trajectory
 from ._plugins.component import Component as Component

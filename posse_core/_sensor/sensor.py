@@ -10,6 +10,7 @@ from posse_core._errors import ComponentError
 from posse_core._model.bands import BAND_CENTRES_M, SOLAR_BAND_FRACTIONS
 from posse_core._model.camera import Camera, PixelBox
 from posse_core._model.scene import Radiance
+from posse_core._model.srgb import srgb_from_linear
 from posse_core._randomness import random_generator
 from posse_core._scenario.sensor import AutoExposureConfig, SensorConfig
 from posse_core._sensor.psf import make_psf
@@ -127,7 +128,7 @@ class Sensor:
         dn /= self._gain_e_dn.astype(np.float32)
         dn += np.float32(config.offset_dn)
         if config.response == "srgb":
-            dn = _srgb(dn, np.float32(self._max_dn))
+            dn = self._max_dn * srgb_from_linear(np.clip(dn / self._max_dn, 0, 1))
         if config.noise.gaussian_dn:
             dn += np.float32(config.noise.gaussian_dn) * random.standard_normal(
                 dn.shape, dtype=np.float32
@@ -208,10 +209,3 @@ def _bloom(electrons: Float32Array, full_well_e: np.float32) -> None:
             columns[row] = np.minimum(carried, full_well_e)
             carried += over[row] / 2 - columns[row]
     electrons[:, full] = columns
-
-
-def _srgb(dn: Float32Array, max_dn: np.float32) -> Float32Array:
-    """Linear DN → DN by the curve of sRGB, any shape."""
-    share = np.clip(dn / max_dn, 0, 1)
-    curved = 1.055 * share ** np.float32(1 / 2.4) - 0.055
-    return np.asarray(max_dn * np.where(share <= 0.0031308, 12.92 * share, curved), dtype=np.float32)

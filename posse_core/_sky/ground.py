@@ -12,6 +12,7 @@ import numpy as np
 
 from posse_core._arrays import AnyArray, Float32Array
 from posse_core._errors import ComponentError
+from posse_core._model.srgb import linear_from_srgb
 from posse_core._sky.atmosphere import RADIUS_M
 from posse_core._sky.detail import Detail, make_detail
 from posse_core._sky.pyramid import Pyramid
@@ -106,8 +107,7 @@ def blue_marble() -> Ground:
     # 0 is ocean, 1 land, 2 lake; row 0 is south.
     wet = np.where(kinds.reshape(4320, 8640)[::-1] != 1, np.uint8(255), np.uint8(0))
     water = cv2.resize(wet, picture.shape[1::-1], interpolation=cv2.INTER_AREA)
-    code = np.arange(256) / 255
-    linear = np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
+    linear = linear_from_srgb(np.arange(256) / 255)
     land = cv2.LUT(picture, np.rint(255 * np.sqrt(0.02 + 0.8 * linear)).astype(np.uint8))
     # The picture tints shores with the sea: take their colour from the dry land nearby.
     dry = cv2.inRange(water, np.array(0), np.array(5))

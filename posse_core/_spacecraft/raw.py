@@ -14,6 +14,7 @@ from scipy.sparse import coo_matrix
 from posse_core._arrays import AnyArray, Float32Array, FloatArray, IntArray
 from posse_core._errors import InputError
 from posse_core._model.spacecraft import Material
+from posse_core._model.srgb import linear_from_srgb
 
 CREASE_RAD = np.radians(40.0)
 """Faces of a mesh without normals are shaded as one surface where they meet at less than this."""
@@ -144,7 +145,7 @@ def untextured(material: Material) -> Material:
     color = np.array(material.base_color)
     metallic, roughness = material.metallic, material.roughness
     if material.base_color_texture is not None:
-        color = color * linear(material.base_color_texture).mean(axis=(0, 1))
+        color = color * linear_from_srgb(material.base_color_texture / 255.0).mean(axis=(0, 1))
     if material.metallic_roughness_texture is not None:
         mean = material.metallic_roughness_texture.mean(axis=(0, 1)) / 255.0
         metallic, roughness = metallic * float(mean[0]), roughness * float(mean[1])
@@ -173,12 +174,6 @@ def painted(part: RawPart, colors: AnyArray) -> tuple[RawPart, Material]:
         material=f"{part.name}_colors",
     )
     return bare, Material(bare.material, roughness=0.6, base_color_texture=texture)
-
-
-def linear(coded: AnyArray) -> FloatArray:
-    """sRGB-coded uint8 → linear 0 … 1 (IEC 61966-2-1), any shape."""
-    x = np.asarray(coded, dtype=np.float64) / 255.0
-    return np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4)
 
 
 def decoded(data: bytes, path: Path, what: str) -> AnyArray:

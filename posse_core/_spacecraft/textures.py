@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 from posse_core._arrays import AnyArray, FloatArray
 from posse_core._frames import unit
 from posse_core._model.spacecraft import Material
+from posse_core._model.srgb import srgb_from_linear
 from posse_core._randomness import random_generator
 
 TILE_M = 1.0
@@ -21,10 +22,8 @@ TILE_M = 1.0
 
 
 def srgb(linear: FloatArray) -> AnyArray:
-    """Linear reflectance 0 … 1 → sRGB-coded uint8 (IEC 61966-2-1), any shape."""
-    x = np.clip(linear, 0.0, 1.0)
-    coded = np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
-    return np.asarray(np.rint(255.0 * coded), dtype=np.uint8)
+    """Linear reflectance 0 … 1 → sRGB-coded uint8, any shape."""
+    return byte(srgb_from_linear(np.clip(linear, 0.0, 1.0)))
 
 
 def byte(values: FloatArray) -> AnyArray:

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from posse_core._model.srgb import linear_from_srgb
 from posse_core._spacecraft import textures
-from posse_core._spacecraft.raw import linear
 
 
 def jump(image, axis):
@@ -44,7 +44,7 @@ def test_foil_has_the_wrinkles_that_were_asked_for():
 def test_reflectance_survives_its_coding(reflectance):
     """Within half a step of 8 bits, by the decoder of IEC 61966-2-1."""
     coded = textures.srgb(np.array([reflectance]))
-    low, high = (linear(np.clip(coded.astype(float) + d, 0, 255)) for d in (-0.51, 0.51))
+    low, high = (linear_from_srgb(np.clip(coded + d, 0, 255) / 255) for d in (-0.51, 0.51))
     assert low[0] <= reflectance <= high[0]
 
 
@@ -56,7 +56,7 @@ def test_a_normal_map_tilts_against_the_slope():
 
 def test_a_panels_front_is_dark_cells_and_its_back_as_bright_as_asked():
     panel = textures.solar_panel("panel", (10, 5), (256, 128), seed=0, back=0.5)
-    image = linear(panel.base_color_texture)
+    image = linear_from_srgb(panel.base_color_texture / 255)
     back, front = image[:128], image[128:]  # row 0 is the texture's top, v = 1
     red, _, blue = np.median(front.reshape(-1, 3), axis=0)
     assert blue > 3.0 * red

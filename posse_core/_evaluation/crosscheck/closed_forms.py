@@ -13,6 +13,7 @@ from posse_core._evaluation.crosscheck.settings import Setting
 from posse_core._model.camera import Camera, PixelBox
 from posse_core._model.scene import EnvironmentMap, FrameState
 from posse_core._model.spacecraft import Material
+from posse_core._model.srgb import linear_from_srgb
 from posse_core.testing import scenes
 from posse_core.testing.closed_forms import directions, lambertian_sphere, polygon_area_and_centroid
 
@@ -175,8 +176,7 @@ def checker() -> Setting:
     )
     plate = scenes.rectangle("plate", "checker", u_m=(1.0, 0, 0), v_m=(0, 1.0, 0))
     scene = scenes.scene(plate, materials=(material,), camera=scenes.camera(160, 120))
-    code = np.array(CHECKER_CODES) / 255
-    reflectance = np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
+    reflectance = linear_from_srgb(np.array(CHECKER_CODES) / 255)
     frames = tuple(
         scenes.frame(
             t_body_cam_m=(0.0, 0.0, 3.0),

@@ -7,7 +7,7 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
-from posse_core import AnyArray, Float32Array, Material, Part, Spacecraft
+from posse_core import AnyArray, Float32Array, Material, Part, Spacecraft, linear_from_srgb
 
 
 def craft_shapes(craft: Spacecraft) -> dict[str, Any]:
@@ -122,7 +122,5 @@ def _bitmap(values: AnyArray) -> dict[str, Any]:
 
 
 def _linear(srgb: AnyArray) -> Float32Array:
-    """uint8 sRGB code → linear (IEC 61966-2-1)."""
-    code = np.arange(256) / 255
-    table = np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
-    return np.asarray(table.astype(np.float32)[srgb])
+    """uint8 sRGB code → linear."""
+    return np.asarray(linear_from_srgb(np.arange(256) / 255).astype(np.float32)[srgb])

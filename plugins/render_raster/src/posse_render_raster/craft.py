@@ -10,7 +10,7 @@ from pathlib import Path
 import moderngl
 import numpy as np
 
-from posse_core import AnyArray, Material, Spacecraft
+from posse_core import AnyArray, Material, Spacecraft, linear_from_srgb
 
 TEXTURES = ("base_color_texture", "metallic_roughness_texture", "normal_texture")
 """Samplers of the program; the place is the texture unit."""
@@ -121,7 +121,5 @@ def _texture(context: moderngl.Context, material: Material, key: str) -> moderng
 
 @cache
 def _linear_from_srgb() -> AnyArray:
-    """(256,) float16 light of each code (IEC 61966-2-1)."""
-    code = np.arange(256) / 255
-    linear = np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
-    return linear.astype(np.float16)
+    """(256,) float16 light of each code."""
+    return linear_from_srgb(np.arange(256) / 255).astype(np.float16)

@@ -1,0 +1,27 @@
+"""The transfer curve of sRGB (IEC 61966-2-1): shares of full scale, coded and linear.
+
+It is applied to each colour by itself, and to values from 0 to 1. Elsewhere, as in the textures of a
+spacecraft, a code is an integer from 0 to 255, which is 255 times the coded share.
+"""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+import numpy as np
+
+from posse_core._arrays import Float32Array, FloatArray
+
+_Floats = TypeVar("_Floats", FloatArray, Float32Array)
+
+
+def linear_from_srgb(coded: FloatArray) -> FloatArray:
+    """Coded share 0 … 1 → linear share 0 … 1, any shape."""
+    return np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
+
+
+def srgb_from_linear(linear: _Floats) -> _Floats:
+    """Linear share 0 … 1 → coded share 0 … 1, any shape, of the same precision."""
+    curved = 1.055 * linear ** (1 / 2.4) - 0.055
+    coded: _Floats = np.where(linear <= 0.0031308, 12.92 * linear, curved)
+    return coded

@@ -15,13 +15,13 @@ from posse_core._cli.import_poses import command
 from posse_core._dataset.dataset import Dataset
 from posse_core._errors import InputError
 from posse_core._evaluation.validate import validate
+from posse_core._formats.poses import read_poses
 from posse_core._formats.speed import SpeedWriter
 from posse_core._formats.urso import read_urso
 from posse_core._plugins.loading import load_plugins
 from posse_core._plugins.options import NoOptions
 from posse_core._run.plan import make_trajectory
 from posse_core._scenario.load import load_scenario
-from posse_core._scenario.poses import read_poses
 from posse_core._trajectory.trajectory import frame_state
 
 

@@ -11,6 +11,7 @@ from posse_core._arrays import FloatArray
 from posse_core._attitude.recorded import recorded_attitude
 from posse_core._attitude.sight import R_rtn_by_sight
 from posse_core._attitude.tumbling import torque_free_attitude
+from posse_core._environment.ephemeris import ECLIPTIC_NORTH_ECI
 from posse_core._environment.time import Epoch
 from posse_core._errors import InputError
 from posse_core._frames import (
@@ -34,10 +35,6 @@ from posse_core._scenario.attitude import (
     TumblingLaw,
 )
 
-_OBLIQUITY_RAD = np.radians(84381.406 / 3600)
-ECLIPTIC_NORTH_ECI: FloatArray = np.array([0.0, -np.sin(_OBLIQUITY_RAD), np.cos(_OBLIQUITY_RAD)])
-"""North pole of the ecliptic of J2000 in GCRF axes (obliquity of IAU 2006)."""
-ECLIPTIC_NORTH_ECI.setflags(write=False)
 _POLE_TOLERANCE = 1e-9
 
 

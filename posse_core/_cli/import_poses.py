@@ -41,7 +41,8 @@ def command(
     import numpy as np
 
     from posse_core._dataset.dataset import read_camera
-    from posse_core._scenario.poses import camera_beside, read_poses, write_scenario
+    from posse_core._formats.poses import camera_beside, read_poses
+    from posse_core._scenario.from_poses import write_scenario
 
     registry = load_plugins().registry
     registry.options("scene", target, {}, where=f"--target {target}")

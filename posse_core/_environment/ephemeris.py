@@ -17,6 +17,10 @@ from posse_core._arrays import FloatArray
 from posse_core._errors import InputError
 
 _M_PER_KM = 1000.0
+_OBLIQUITY_RAD = np.radians(84381.406 / 3600)
+ECLIPTIC_NORTH_ECI: FloatArray = np.array([0.0, -np.sin(_OBLIQUITY_RAD), np.cos(_OBLIQUITY_RAD)])
+"""(3,) north pole of the ecliptic of J2000, a unit vector in GCRF axes (obliquity of IAU 2006)."""
+ECLIPTIC_NORTH_ECI.setflags(write=False)
 
 
 @cache

@@ -14,9 +14,10 @@ from posse_core._dataset.dataset import PARTS, Dataset, read_image, read_json
 from posse_core._dataset.mesh import Mesh
 from posse_core._errors import InputError
 from posse_core._files.atomic import write_bytes, write_json
+from posse_core._files.text import text_file, write_members
 from posse_core._formats.images import place, write_png
+from posse_core._formats.needs import labels_with
 from posse_core._formats.rle import decode_rle
-from posse_core._formats.stream import labels_with, text_file, write_members
 from posse_core._interfaces.writer import Writer
 
 NEEDS = {

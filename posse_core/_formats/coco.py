@@ -11,7 +11,8 @@ from typing import Any
 
 from posse_core import __version__
 from posse_core._dataset.dataset import Dataset, SpacecraftInfo, read_json
-from posse_core._formats.stream import labels_with, text_file, write_items
+from posse_core._files.text import text_file, write_items
+from posse_core._formats.needs import labels_with
 from posse_core._interfaces.writer import Writer
 from posse_core._model.labels import NOT_IN_FRAME
 

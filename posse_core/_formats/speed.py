@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from posse_core._dataset.dataset import Dataset
-from posse_core._formats.stream import labels_with, text_file, write_items
+from posse_core._files.text import text_file, write_items
+from posse_core._formats.needs import labels_with
 from posse_core._interfaces.writer import Writer
 
 NEEDS = {"q_cam_from_body": "pose", "t_body_cam_m": "pose"}

@@ -13,7 +13,8 @@ import numpy as np
 
 from posse_core import _frames as frames
 from posse_core._dataset.dataset import Dataset
-from posse_core._formats.stream import labels_with, text_file, write_csv, write_members
+from posse_core._files.text import text_file, write_csv, write_members
+from posse_core._formats.needs import labels_with
 from posse_core._interfaces.writer import Writer
 from posse_core._model.trajectory import Trajectory
 from posse_core._trajectory.trajectory import load_trajectory

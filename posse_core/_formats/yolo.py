@@ -15,7 +15,7 @@ from posse_core._dataset.dataset import PARTS, Dataset
 from posse_core._errors import InputError
 from posse_core._files.atomic import write_bytes
 from posse_core._formats.images import place
-from posse_core._formats.stream import labels_with
+from posse_core._formats.needs import labels_with
 from posse_core._interfaces.writer import Writer
 from posse_core._model.camera import Camera
 from posse_core._model.labels import NOT_IN_FRAME

@@ -11,7 +11,8 @@ from posse_core._arrays import IntArray
 from posse_core._dataset.dataset import PARTITION_FILE, PARTS, Dataset
 from posse_core._errors import InputError
 from posse_core._files.atomic import write_json
-from posse_core._formats.stream import labels_with, write_csv
+from posse_core._files.text import write_csv
+from posse_core._formats.needs import labels_with
 from posse_core._formats.thesis import NEEDS_POSE, POSE_COLUMNS, camera_pose
 from posse_core._randomness import random_generator
 

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from posse_core._arrays import FloatArray
-from posse_core._attitude.target import ECLIPTIC_NORTH_ECI, R_eci_from_body, Surroundings, body_axes
-from posse_core._environment.ephemeris import sun_eci_m
+from posse_core._attitude.target import R_eci_from_body, Surroundings, body_axes
+from posse_core._environment.ephemeris import ECLIPTIC_NORTH_ECI, sun_eci_m
 from posse_core._environment.time import Epoch
 from posse_core._errors import InputError
 from posse_core._frames import eci_from_rtn, unit

@@ -1,4 +1,4 @@
-"""Poses that somebody's labels give, as a trajectory: the same views of another craft, by any renderer.
+"""A scenario from poses that the labels of another dataset give: the same views, of any craft.
 
 Labels say where the craft is in the camera, and nothing of orbit, time or light. These are assumed, for
 each frame by itself: the target on a circular orbit, right under the Sun, so never in shadow; the Sun
@@ -7,7 +7,6 @@ in one direction of the camera's axes; frames a second apart, each a sequence of
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,17 +14,13 @@ import numpy as np
 import yaml
 
 from posse_core._arrays import FloatArray
-from posse_core._attitude.target import ECLIPTIC_NORTH_ECI
 from posse_core._constants import Constants
-from posse_core._dataset.dataset import read_camera
-from posse_core._environment.ephemeris import sun_eci_m
+from posse_core._environment.ephemeris import ECLIPTIC_NORTH_ECI, sun_eci_m
 from posse_core._environment.time import Epoch
 from posse_core._errors import InputError
 from posse_core._files.atomic import write_bytes
 from posse_core._files.tables import write_table
-from posse_core._formats.speed import read_speed
-from posse_core._formats.stream import write_csv
-from posse_core._formats.urso import is_urso, read_urso
+from posse_core._files.text import write_csv
 from posse_core._frames import (
     R_a_from_b_by_directions,
     R_eci_from_rtn,
@@ -34,58 +29,17 @@ from posse_core._frames import (
     unit,
 )
 from posse_core._model.camera import Camera
+from posse_core._model.poses import Poses
 
 EPOCH_UTC = "2022-03-20T12:00:00"
 RADIUS_M = 7.0e6
-_OFF_UNIT = 1e-3
-_PARALLEL = 1e-6
+_PARALLEL_SINE = 1e-6
+"""Sine of the angle between two directions below which they count as parallel."""
 _HEADER = """\
 # The {frames} poses of {labels}, to be rendered anew: posse run {scenario}
 # Assumed, since labels do not say: the Sun at {sun} in camera axes (right, down, forward), never
 # in eclipse; no Earth. With sky.earth true it stands opposite to the Sun, in full light.
 """
-
-
-@dataclass(frozen=True)
-class Poses:
-    """F poses.
-
-    Attributes:
-        names: (F,) of the images.
-        q_cam_from_body: (F, 4) unit, scalar first.
-        t_body_cam_m: (F, 3).
-    """
-
-    names: tuple[str, ...]
-    q_cam_from_body: FloatArray
-    t_body_cam_m: FloatArray
-
-
-def read_poses(path: Path) -> Poses:
-    """Read SPEED's or SPEED+'s JSON, or URSO's ``PART_poses_gt.csv``.
-
-    Raises:
-        InputError: the file is missing or of another kind, or a pose is none.
-    """
-    try:
-        entries = list(read_urso(path) if is_urso(path) else read_speed(path))
-        q = np.array([pose["q_cam_from_body"] for _, pose in entries], dtype=np.float64).reshape(-1, 4)
-        t_m = np.array([pose["t_body_cam_m"] for _, pose in entries], dtype=np.float64).reshape(-1, 3)
-    except FileNotFoundError:
-        raise InputError(f"there is no file {path}") from None
-    except (AttributeError, IndexError, KeyError, OSError, TypeError, ValueError) as error:
-        raise InputError(
-            f"{path}: not poses of SPEED, SPEED+ or URSO: {type(error).__name__}: {error}"
-        ) from None
-    if not entries or len(q) != len(t_m):
-        raise InputError(f"{path}: has no poses, or one that is cut short")
-    bad = ~(np.abs(np.linalg.norm(q, axis=1) - 1) < _OFF_UNIT) | ~(t_m[:, 2] > 0)
-    if bad.any():
-        raise InputError(
-            f"{path}: {entries[np.argmax(bad)][0]}: the quaternion is not of length 1, or the target not"
-            " before the camera"
-        )
-    return Poses(tuple(name for name, _ in entries), unit(q), t_m)
 
 
 def motion_of(poses: Poses, sun_cam: FloatArray) -> dict[str, FloatArray]:
@@ -106,7 +60,7 @@ def motion_of(poses: Poses, sun_cam: FloatArray) -> dict[str, FloatArray]:
     v_target_m_s = np.sqrt(Constants().mu_earth_m3_s2 / RADIUS_M) * along
     # Turning about the Sun's direction is free: the image's top is kept near ecliptic north.
     up_cam = np.array([0.0, -1.0, 0.0])
-    if np.linalg.norm(np.cross(unit(sun_cam), up_cam)) < _PARALLEL:
+    if np.linalg.norm(np.cross(unit(sun_cam), up_cam)) < _PARALLEL_SINE:
         up_cam = np.array([0.0, 0.0, 1.0])
     R_eci_from_cam = R_a_from_b_by_directions(sun_eci, ECLIPTIC_NORTH_ECI, sun_cam, up_cam)
     R_rtn_from_cam = np.swapaxes(R_eci_from_rtn(r_target_m, v_target_m_s), -1, -2) @ R_eci_from_cam
@@ -160,18 +114,6 @@ def write_scenario(
     )
     write_bytes(path, (header + yaml.safe_dump(value, sort_keys=False)).encode())
     return path
-
-
-def camera_beside(labels: Path) -> Camera | None:
-    """The camera by SPEED+'s ``camera.json``, in the labels' folder or the one above; None without one.
-
-    Raises:
-        InputError: it cannot be read.
-    """
-    for folder in (labels.parent, labels.absolute().parent.parent):
-        if (folder / "camera.json").exists():
-            return read_camera(folder / "camera.json")
-    return None
 
 
 def _keys_of(camera: Camera) -> dict[str, Any]:

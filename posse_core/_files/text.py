@@ -1,4 +1,4 @@
-"""What the writers share: text written piece by piece, so that memory does not grow with the frames."""
+"""Text, CSV and JSON written piece by piece, so that memory does not grow with the frames."""
 
 from __future__ import annotations
 
@@ -6,12 +6,10 @@ import contextlib
 import csv
 import io
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, TextIO
 
-from posse_core._dataset.dataset import Dataset
-from posse_core._errors import InputError
 from posse_core._files.atomic import atomic_file
 
 
@@ -49,25 +47,3 @@ def write_members(text: TextIO, members: Iterable[tuple[str, Any]]) -> None:
         text.write(",\n" if i else "\n")
         text.write(f"{json.dumps(key)}: {json.dumps(value, ensure_ascii=False, allow_nan=False)}")
     text.write("\n}")
-
-
-def labels_with(
-    dataset: Dataset, format_name: str, needs: Mapping[str, str], indices: Iterable[int] | None = None
-) -> Iterator[dict[str, Any]]:
-    """Every frame's labels, each checked to have what the format needs.
-
-    Args:
-        needs: label → the annotator that makes it.
-        indices: of the frames; all, if None.
-
-    Raises:
-        InputError: a label is missing; the message names its annotator.
-    """
-    for labels in dataset.frames if indices is None else map(dataset.frame, indices):
-        for key, annotator in needs.items():
-            if key not in labels:
-                raise InputError(
-                    f"{dataset.folder}: frame {labels['index']} has no {key!r}, which"
-                    f" {format_name} needs; add {annotator!r} to the scenario's annotators"
-                )
-        yield labels

@@ -1,0 +1,57 @@
+"""Poses from the labels of other datasets: SPEED, SPEED+ and URSO."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from posse_core._dataset.dataset import read_camera
+from posse_core._errors import InputError
+from posse_core._formats.speed import read_speed
+from posse_core._formats.urso import is_urso, read_urso
+from posse_core._frames import unit
+from posse_core._model.camera import Camera
+from posse_core._model.poses import Poses
+
+_QUATERNION_LENGTH_ERROR = 1e-3
+"""Largest difference of a quaternion's length from 1."""
+
+
+def read_poses(path: Path) -> Poses:
+    """Read SPEED's or SPEED+'s JSON, or URSO's ``PART_poses_gt.csv``.
+
+    Raises:
+        InputError: the file is missing or of another kind, or an entry is not a pose.
+    """
+    try:
+        entries = list(read_urso(path) if is_urso(path) else read_speed(path))
+        q = np.array([pose["q_cam_from_body"] for _, pose in entries], dtype=np.float64).reshape(-1, 4)
+        t_m = np.array([pose["t_body_cam_m"] for _, pose in entries], dtype=np.float64).reshape(-1, 3)
+    except FileNotFoundError:
+        raise InputError(f"there is no file {path}") from None
+    except (AttributeError, IndexError, KeyError, OSError, TypeError, ValueError) as error:
+        raise InputError(
+            f"{path}: not poses of SPEED, SPEED+ or URSO: {type(error).__name__}: {error}"
+        ) from None
+    if not entries or len(q) != len(t_m):
+        raise InputError(f"{path}: has no poses, or one that is cut short")
+    bad = ~(np.abs(np.linalg.norm(q, axis=1) - 1) < _QUATERNION_LENGTH_ERROR) | ~(t_m[:, 2] > 0)
+    if bad.any():
+        raise InputError(
+            f"{path}: {entries[np.argmax(bad)][0]}: the quaternion is not of length 1, or the target is"
+            " not in front of the camera"
+        )
+    return Poses(tuple(name for name, _ in entries), unit(q), t_m)
+
+
+def camera_beside(labels: Path) -> Camera | None:
+    """The camera by SPEED+'s ``camera.json``, in the labels' folder or the one above; None without one.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    for folder in (labels.parent, labels.absolute().parent.parent):
+        if (folder / "camera.json").exists():
+            return read_camera(folder / "camera.json")
+    return None

@@ -39,7 +39,6 @@ def command(
     Without --model and --keypoints, the trained nets that come with posse-detect-onnx.
     """
     from posse_core._dataset.coco import open_dataset
-    from posse_core._detection.card import dataset_hash
     from posse_core._detection.evaluate import evaluate, frames_of
     from posse_core._detection.groups import columns, groups
     from posse_core._detection.models import open_models
@@ -55,7 +54,7 @@ def command(
     detector, finder = open_models(model, keypoints, registry, given)
     judged = evaluate(source, indices, detector, finder)
     result = groups(source, judged, poses=finder is not None)
-    digest = dataset_hash(source)
+    digest = source.sha256
     if out is not None:
         models = " and ".join(path.name for path in (model, keypoints) if path is not None)
         title = f"{models or 'the shipped nets'} on {source.folder.resolve().name}, part {part}"

@@ -40,7 +40,7 @@ _INT8_FRAMES = 128
 def command(model: Path, dataset: Path, out: Path, int8: bool, overrides: tuple[str, ...]) -> None:
     """Write MODEL (.safetensors) as ONNX; it is kept only if it gives what MODEL gives."""
     from posse_core._dataset.coco import open_dataset
-    from posse_core._detection.card import read_card
+    from posse_core._detection.card import ModelCard
     from posse_core._detection.models import open_model
 
     if out.suffix != ".onnx":
@@ -48,7 +48,7 @@ def command(model: Path, dataset: Path, out: Path, int8: bool, overrides: tuple[
     if not model.is_file():
         raise InputError(f"{model}: there is no such file; name a model by 'posse train'")
     registry = load_plugins().registry
-    card = read_card(model)
+    card = ModelCard.read(model)
     able = registry.spec("detector", card.net).capabilities
     if "onnx" not in able:
         raise InputError(f"{model}: {card.net!r} cannot be exported")
@@ -81,15 +81,15 @@ def _write_int8(
     net: Model, task: str, exact: Path, out: Path, source: Dataset, registry: Registry
 ) -> None:
     from posse_core._detection.accuracy import accuracy
-    from posse_core._detection.evaluate import truths_of
+    from posse_core._evaluation.metrics import true_boxes
     from posse_core._randomness import random_generator
 
-    chosen = [index for index in _spread(source, _INT8_FRAMES) if truths_of(source.frame(index))]
+    chosen = [index for index in _spread(source, _INT8_FRAMES) if true_boxes(source.frame(index))]
     if not chosen:
         raise InputError(f"{source.folder}: shows no spacecraft to calibrate eight bits on")
     order = random_generator(0, 0, "eight bits").permutation(chosen)  # every second may be of one class
     half = (len(chosen) + 1) // 2
-    seen = [(source.image(i), truths_of(source.frame(i))[0].box_px) for i in order[:half].tolist()]
+    seen = [(source.image(i), true_boxes(source.frame(i))[0].box_px) for i in order[:half].tolist()]
     net.write_int8(exact, out, seen)
     others = order[half:].tolist() or chosen
     before, after = (accuracy(source, others, path, task, registry) for path in (exact, out))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ import numpy as np
 from posse_core._arrays import AnyArray, FloatArray
 from posse_core._dataset.mesh import Mesh, read_mesh, write_mesh
 from posse_core._errors import InputError
-from posse_core._files.atomic import write_json
+from posse_core._files.atomic import sha256, write_json
 from posse_core._model.camera import Camera
 from posse_core._model.distortion import BrownConrady
 from posse_core._model.spacecraft import Spacecraft
@@ -196,6 +197,20 @@ class Dataset:
         rows = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
         files = (row.partition("  ") for row in rows if not row.startswith("#"))
         return {name: digest for digest, _, name in files}
+
+    @property
+    def sha256(self) -> str:
+        """Hexadecimal SHA-256 of what the dataset holds: over the digests that the manifest lists, and
+        the division into parts. Images' own digests are in a list of theirs, which is hashed there.
+
+        Raises:
+            InputError: the run has not ended.
+        """
+        digests = dict(self.manifest["sha256"])
+        if self.is_divided:
+            digests[PARTITION_FILE] = sha256(self.folder / PARTITION_FILE)
+        rows = "".join(f"{digests[path]}  {path}\n" for path in sorted(digests))
+        return hashlib.sha256(rows.encode()).hexdigest()
 
     def frame(self, index: int) -> dict[str, Any]:
         """Labels of the frame with this index.

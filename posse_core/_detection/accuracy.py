@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from posse_core._dataset.dataset import Dataset
-from posse_core._detection.evaluate import evaluate, truths_of
+from posse_core._detection.evaluate import evaluate
 from posse_core._detection.models import open_detector, open_keypoint_finder
 from posse_core._errors import InputError
-from posse_core._evaluation.metrics import coco_metrics
+from posse_core._evaluation.metrics import coco_metrics, true_boxes
 from posse_core._interfaces.detector import Detection, KeypointFinder
 from posse_core._plugins.registry import Registry
 
@@ -44,7 +44,7 @@ def _of_keypoints(dataset: Dataset, indices: Sequence[int], finder: KeypointFind
                 f"{dataset.folder}: the labels have no keypoints; make the dataset with the annotator"
                 " 'keypoints'"
             )
-        boxes = [Detection(truth.label, 1.0, truth.box_px) for truth in truths_of(labels)]
+        boxes = [Detection(truth.label, 1.0, truth.box_px) for truth in true_boxes(labels)]
         known = np.array([point[:2] for point in labels["keypoints"].values()], np.float64)
         for found in finder.find(dataset.image(index), boxes):
             distance = np.linalg.norm(np.asarray(found.keypoints_px) - known, axis=1)

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from posse_core._arrays import AnyArray
-from posse_core._detection.square import grey
+from posse_core._detection.square import to_grey
 from posse_core._interfaces.detector import Detection
 
 _COLOURS = ((80, 220, 80), (60, 160, 255), (255, 120, 80), (220, 80, 220))  # blue, green, red
@@ -21,7 +21,7 @@ def draw(image: AnyArray, detections: Sequence[Detection], classes: Sequence[str
         image: (H, W) or (H, W, 3), uint8 or uint16.
         classes: each has its own colour, by its place here.
     """
-    canvas = cv2.cvtColor(np.round(255 * grey(image)).astype(np.uint8), cv2.COLOR_GRAY2BGR)
+    canvas = cv2.cvtColor(np.round(255 * to_grey(image)).astype(np.uint8), cv2.COLOR_GRAY2BGR)
     size = max(canvas.shape[:2])
     line, font = max(1, size // 400), max(0.3, size / 1200)
     for found in detections:

@@ -12,7 +12,7 @@ from posse_core._arrays import AnyArray
 from posse_core._dataset.dataset import Dataset
 from posse_core._detection.pnp import PoseEstimate, solve_pose
 from posse_core._errors import InputError
-from posse_core._evaluation.metrics import Truth, best_overlaps
+from posse_core._evaluation.metrics import TrueBox, best_overlaps, true_boxes
 from posse_core._evaluation.poses import add_m, adi_m, pose_errors
 from posse_core._frames import matrix_from_quaternion
 from posse_core._interfaces.detector import Detection, Detector, KeypointFinder
@@ -46,7 +46,7 @@ class Judged:
     """
 
     labels: Mapping[str, Any]
-    truths: Sequence[Truth]
+    truths: Sequence[TrueBox]
     detections: Sequence[Detection]
     overlaps: Sequence[float]
     pose: PoseErrors | None
@@ -63,18 +63,6 @@ def frames_of(dataset: Dataset, part: str) -> list[int]:
     if not indices:
         raise InputError(f"{dataset.folder}: part {part!r} has no frames")
     return indices
-
-
-def truths_of(labels: Mapping[str, Any]) -> list[Truth]:
-    """What a label line says is seen.
-
-    Raises:
-        InputError: it has no boxes.
-    """
-    if "box_visible_px" not in labels:
-        raise InputError("the labels have no boxes; make the dataset with the annotator 'box'")
-    box = labels["box_visible_px"]
-    return [] if box is None else [Truth(labels["spacecraft"], np.array(box, np.float64))]
 
 
 def evaluate(
@@ -99,7 +87,7 @@ def evaluate(
     judged = []
     for index in indices:
         labels, image = dataset.frame(index), dataset.image(index)
-        truths = truths_of(labels)
+        truths = true_boxes(labels)
         found = [d for d in detector.predict([image])[0] if d.label in dataset.spacecraft_by_name]
         pose = None
         if finder is not None and found and found[0].label == labels.get("spacecraft"):

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from posse_core._detection.card import read_card
+from posse_core._detection.card import ModelCard
 from posse_core._errors import InputError
 from posse_core._interfaces.detector import Detector, KeypointFinder, Model
 from posse_core._plugins.registry import Registry
@@ -64,7 +64,7 @@ def open_model(path: Path, task: str, registry: Registry, options: Mapping[str, 
     if path.suffix == ONNX:
         name = _onnx_reader(path, task, registry)
     else:
-        card = read_card(path)
+        card = ModelCard.read(path)
         name = card.net
         if card.task != task:
             raise InputError(

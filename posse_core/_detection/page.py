@@ -13,7 +13,7 @@ from posse_core._dataset.dataset import Dataset
 from posse_core._detection.draw import draw
 from posse_core._detection.evaluate import Judged, PoseErrors
 from posse_core._detection.groups import Group, columns
-from posse_core._detection.square import grey
+from posse_core._detection.square import to_grey
 from posse_core._evaluation.metrics import precision_by_recall
 from posse_core._evaluation.pages import Axis, Series, jpeg, number, page, plot, strip, table
 
@@ -124,7 +124,7 @@ def _strip(
 
 
 def _thumbnail(dataset: Dataset, judged: Judged) -> bytes:
-    light = np.sqrt(grey(dataset.image(judged.labels["index"])))
+    light = np.sqrt(to_grey(dataset.image(judged.labels["index"])))
     scale = _THUMBNAIL_PX / max(light.shape)
     size = round(light.shape[1] * scale), round(light.shape[0] * scale)
     small = cv2.resize(light, size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_NEAREST)

@@ -14,16 +14,33 @@ from typing import Any
 import numpy as np
 
 from posse_core._arrays import FloatArray
-from posse_core._errors import ComponentError
+from posse_core._errors import ComponentError, InputError
 from posse_core._interfaces.detector import Detection
 
 
 @dataclass(frozen=True)
-class Truth:
-    """What an image shows: the class and the visible box, x, y, width, height."""
+class TrueBox:
+    """What an image shows, by its labels.
+
+    Attributes:
+        label: the class, such as ``aqua``.
+        box_px: (4,) visible box: x, y, width, height, as of :class:`Detection`.
+    """
 
     label: str
     box_px: FloatArray
+
+
+def true_boxes(labels: Mapping[str, Any]) -> list[TrueBox]:
+    """What a frame shows, by its labels: a list of one, or an empty one where nothing is seen.
+
+    Raises:
+        InputError: it has no boxes.
+    """
+    if "box_visible_px" not in labels:
+        raise InputError("the labels have no boxes; make the dataset with the annotator 'box'")
+    box = labels["box_visible_px"]
+    return [] if box is None else [TrueBox(labels["spacecraft"], np.array(box, np.float64))]
 
 
 def box_iou(a_px: FloatArray, b_px: FloatArray) -> FloatArray:
@@ -37,21 +54,24 @@ def box_iou(a_px: FloatArray, b_px: FloatArray) -> FloatArray:
 
 
 def coco_metrics(
-    truths: Sequence[Sequence[Truth]],
+    truths: Sequence[Sequence[TrueBox]],
     detections: Sequence[Sequence[Detection]],
     classes: Sequence[str],
 ) -> dict[str, float]:
-    """COCO's averages over images: mAP, mAP50, mAP75, mAR (100 detections), and ``AP.CLASS`` of each.
-
-    A class that no image shows has no AP.
+    """COCO's averages over images, each 0 … 1, by COCO's own code.
 
     Args:
-        truths, detections: by image.
+        truths, detections: those of each image.
+        classes: names; detections of others are an error.
+
+    Returns:
+        ``mAP`` over overlaps of 0.5 to 0.95, ``mAP50``, ``mAP75``, ``mAR`` (100 detections an image),
+        and ``AP.CLASS`` of each class that an image shows.
 
     Raises:
         ComponentError: neither faster-coco-eval nor its equal is installed.
     """
-    evaluation = _coco(truths, detections, classes, max_detections=(1, 10, 100))
+    evaluation = _coco(truths, detections, classes)
     precision = evaluation.eval["precision"]  # (IoU, recall, class, area, detections)
     metrics = {
         "mAP": _mean(precision[:, :, :, 0, -1]),
@@ -66,23 +86,7 @@ def coco_metrics(
     return metrics
 
 
-def proposal_recall(
-    boxes: Sequence[Sequence[FloatArray]],
-    scores: Sequence[Sequence[float]],
-    truths: Sequence[Sequence[Truth]],
-) -> dict[str, float]:
-    """AR100 and AR1k at IoU 0.5 of proposals whatever their class: the thesis' Table 5.2."""
-    found = [
-        [Detection("any", score, box) for score, box in zip(s, b, strict=True)]
-        for s, b in zip(scores, boxes, strict=True)
-    ]
-    wanted = [[Truth("any", truth.box_px) for truth in image] for image in truths]
-    evaluation = _coco(wanted, found, ("any",), max_detections=(1, 100, 1000))
-    recall = evaluation.eval["recall"]  # (IoU, class, area, detections)
-    return {"AR100": _mean(recall[0, :, 0, 1]), "AR1k": _mean(recall[0, :, 0, 2])}
-
-
-def best_overlaps(truths: Sequence[Truth], detections: Sequence[Detection]) -> list[float]:
+def best_overlaps(truths: Sequence[TrueBox], detections: Sequence[Detection]) -> list[float]:
     """Overlap of each craft of an image with the best detection of its class, 0 if there is none.
 
     Args:
@@ -95,7 +99,7 @@ def best_overlaps(truths: Sequence[Truth], detections: Sequence[Detection]) -> l
 
 
 def precision_by_recall(
-    truths: Sequence[Sequence[Truth]],
+    truths: Sequence[Sequence[TrueBox]],
     detections: Sequence[Sequence[Detection]],
     classes: Sequence[str],
 ) -> dict[str, dict[float, FloatArray]]:
@@ -103,7 +107,7 @@ def precision_by_recall(
 
     A class that no image shows has no curve.
     """
-    precision = _coco(truths, detections, classes, max_detections=(1, 10, 100)).eval["precision"]
+    precision = _coco(truths, detections, classes).eval["precision"]
     shown = {truth.label for image in truths for truth in image}
     return {
         name: {iou: precision[row, :, place, 0, -1] for iou, row in ((0.5, 0), (0.75, 5), (0.9, 8))}
@@ -119,10 +123,9 @@ def _mean(values: FloatArray) -> float:
 
 
 def _coco(
-    truths: Sequence[Sequence[Truth]],
+    truths: Sequence[Sequence[TrueBox]],
     detections: Sequence[Sequence[Detection]],
     classes: Sequence[str],
-    max_detections: Sequence[int],
 ) -> Any:
     try:
         from faster_coco_eval import COCO, COCOeval_faster
@@ -165,7 +168,7 @@ def _coco(
         coco.createIndex()
         found_coco = coco.loadRes(results)
         evaluation = COCOeval_faster(coco, found_coco, "bbox")
-        evaluation.params.maxDets = list(max_detections)
+        evaluation.params.maxDets = [1, 10, 100]
         evaluation.evaluate()
         evaluation.accumulate()
     return evaluation

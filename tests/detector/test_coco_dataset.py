@@ -12,10 +12,11 @@ from click.testing import CliRunner
 from posse_core._cli.eval import command
 from posse_core._dataset.coco import open_dataset
 from posse_core._dataset.dataset import Dataset
-from posse_core._detection.card import card_of, dataset_hash
-from posse_core._detection.evaluate import evaluate, frames_of, truths_of
+from posse_core._detection.card import ModelCard
+from posse_core._detection.evaluate import evaluate, frames_of
 from posse_core._detection.groups import groups
 from posse_core._errors import InputError
+from posse_core._evaluation.metrics import true_boxes
 from posse_core._formats.coco import CocoWriter
 from posse_core._interfaces.detector import Detection, Detector
 from posse_core._plugins.options import NoOptions
@@ -59,7 +60,7 @@ def test_it_tells_what_the_dataset_tells(source, folder):
         assert np.array_equal(coco.image(index), source.image(index))
         assert coco.size_px(index) == (120, 160)
         assert "keypoints" not in ours  # nothing says where they are on the craft
-        for a, b in zip(truths_of(ours), truths_of(theirs), strict=True):
+        for a, b in zip(true_boxes(ours), true_boxes(theirs), strict=True):
             assert a.label == b.label
             assert np.array_equal(a.box_px, b.box_px)
 
@@ -69,10 +70,12 @@ def test_keypoints_come_with_the_craft_and_the_camera(source, folder):
     shutil.copy(source.folder / "camera.json", folder)
     coco = open_dataset(folder)
     assert coco.camera == source.camera
-    ours, theirs = (card_of(d, net="", task="", input_px=0, version="") for d in (coco, source))
+    ours, theirs = (
+        ModelCard.of_dataset(d, net="", task="", input_px=0, version="") for d in (coco, source)
+    )
     assert ours.keypoints_body_m == theirs.keypoints_body_m
     for index in range(12):
-        if not truths_of(source.frame(index)):
+        if not true_boxes(source.frame(index)):
             continue
         known = source.frame(index)["keypoints"]
         for name, (u, v, visibility) in coco.frame(index)["keypoints"].items():
@@ -98,7 +101,7 @@ class Boxes(Detector):
 @pytest.mark.parametrize("name", ["coco.json", "."])
 def test_a_file_or_a_folder_is_measured(folder, name):
     coco = open_dataset(folder / name)
-    detector = Boxes([truths_of(line) for line in coco.frames])
+    detector = Boxes([true_boxes(line) for line in coco.frames])
     whole, *others = groups(coco, evaluate(coco, frames_of(coco, "all"), detector), poses=False)
     assert whole.frames == 12
     assert whole.metrics["mAP"] == pytest.approx(1)
@@ -106,14 +109,14 @@ def test_a_file_or_a_folder_is_measured(folder, name):
 
 
 def test_the_hash_follows_labels_and_images(folder):
-    hashes = {dataset_hash(open_dataset(folder))}
+    hashes = {open_dataset(folder).sha256}
     image = cv2.imread(str(folder / "images" / "000003.png"), cv2.IMREAD_UNCHANGED)
     cv2.imwrite(str(folder / "images" / "000003.png"), 255 - image)
-    hashes.add(dataset_hash(open_dataset(folder)))
+    hashes.add(open_dataset(folder).sha256)
     value = json.loads((folder / "valid.json").read_text())
     value["annotations"][0]["bbox"][0] += 1
     (folder / "valid.json").write_text(json.dumps(value))
-    hashes.add(dataset_hash(open_dataset(folder)))
+    hashes.add(open_dataset(folder).sha256)
     assert len(hashes) == 3
 
 
@@ -148,7 +151,7 @@ def test_bad_input_is_told_in_one_line(folder):
     assert open_dataset(folder).part("valid") == []
     (folder / "images" / "000002.png").unlink()
     with pytest.raises(InputError, match=r"000002.png: cannot be read"):
-        dataset_hash(open_dataset(folder))
+        _ = open_dataset(folder).sha256
     for part in ("train", "test"):
         (folder / f"{part}.json").write_text('{"images": [], "annotations": [], "categories": []}')
     with pytest.raises(InputError, match="has no images"):

@@ -13,7 +13,7 @@ import pytest
 
 from posse_core._arrays import AnyArray
 from posse_core._dataset.dataset import Dataset
-from posse_core._detection.card import KEY, ModelCard, card_of, dataset_hash, read_card
+from posse_core._detection.card import KEY, ModelCard
 from posse_core._detection.evaluate import evaluate, frames_of
 from posse_core._detection.groups import groups
 from posse_core._detection.page import make_page
@@ -170,7 +170,9 @@ def test_what_cannot_be_measured_is_refused(dataset):
 
 
 def test_a_card_travels_whole(dataset, tmp_path):
-    card = card_of(dataset, net="x", task="boxes", input_px=64, version="1", epochs=3)
+    card = replace(
+        ModelCard.of_dataset(dataset, net="x", task="boxes", input_px=64, version="1"), epochs=3
+    )
     assert ModelCard.from_metadata(card.metadata(), Path("m")) == card
     assert list(card.keypoints_body_m["brick"]) == list(cuboid.NAMES)
     with pytest.raises(InputError, match="m: has no POSSE metadata"):
@@ -182,15 +184,15 @@ def test_a_card_travels_whole(dataset, tmp_path):
         path = tmp_path / f"{number}.safetensors"
         path.write_bytes(data)
         with pytest.raises(InputError, match=f"{number}.safetensors"):
-            read_card(path)
+            ModelCard.read(path)
 
 
 def test_the_hash_follows_the_data_and_its_division(dataset, tmp_path):
     from posse_core._selection.partition import write_partition
 
     other = Dataset(cuboid.write_dataset(tmp_path / "d", (("brick", cuboid.HALF * 1.01),)))
-    hashes = [dataset_hash(dataset), dataset_hash(other)]
+    hashes = [dataset.sha256, other.sha256]
     for seed in (0, 1):
         write_partition(other, (50, 25, 25), seed, "frame")
-        hashes.append(dataset_hash(other))
+        hashes.append(other.sha256)
     assert len(set(hashes)) == 4

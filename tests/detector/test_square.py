@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posse_core._detection.square import Square, around, grey, whole_image
+from posse_core._detection.square import Square, to_grey
 from posse_core._errors import InputError
 
 squares = st.builds(
@@ -40,7 +40,7 @@ def test_a_rectangle_is_where_its_box_says(scale):
 
 @given(st.integers(1, 300), st.integers(1, 300))
 def test_the_whole_image_is_inside(height, width):
-    square = whole_image(height, width, 64)
+    square = Square.of_image(height, width, 64)
     assert square.side_px == max(height, width)
     assert 0 <= -square.x_px <= square.side_px - width
     assert 0 <= -square.y_px <= square.side_px - height
@@ -48,7 +48,7 @@ def test_the_whole_image_is_inside(height, width):
 
 @given(st.tuples(numbers, numbers, st.floats(0.5, 500), st.floats(0.5, 500)))
 def test_the_box_is_inside_its_square(box):
-    square = around(np.array(box), 64, margin=1.3)
+    square = Square.around(np.array(box), 64, margin=1.3)
     x, y, width, height = square.boxes_in(np.array(box))
     assert min(x, y) > 0
     assert max(x + width, y + height) < 64
@@ -61,7 +61,7 @@ def test_beyond_the_border_is_black():
 
 
 def test_grey_is_a_share_of_full_scale():
-    assert grey(np.full((2, 2), 255, np.uint8)).max() == 1
-    assert grey(np.full((2, 2, 3), 65535, np.uint16)) == pytest.approx(1)
+    assert to_grey(np.full((2, 2), 255, np.uint8)).max() == 1
+    assert to_grey(np.full((2, 2, 3), 65535, np.uint16)) == pytest.approx(1)
     with pytest.raises(InputError, match="float64"):
-        grey(np.zeros((2, 2)))
+        to_grey(np.zeros((2, 2)))

@@ -11,14 +11,11 @@ from click.testing import CliRunner
 from onnx import TensorProto, helper, numpy_helper
 from scipy.spatial.transform import Rotation
 
-from posse_core import Camera, Dataset, Detection, InputError
+from posse_core import Camera, Dataset, Detection, InputError, ModelCard, Square
 from posse_core._cli.detect import command
 from posse_core._cli.eval import command as eval_command
 from posse_core._dataset.dataset import write_camera
-from posse_core._detection.card import ModelCard, dataset_hash
-from posse_core._detection.keypoints import square_for
 from posse_core._detection.models import open_detector, open_keypoint_finder, open_models
-from posse_core._detection.square import whole_image
 from posse_core._plugins.loading import load_plugins
 from posse_core._plugins.registry import Registry
 
@@ -151,12 +148,12 @@ def test_from_image_to_pose_by_the_command(tmp_path):
     pixels = camera.project(attitude.apply(points) + t)
     box = np.concatenate([pixels.min(axis=0), np.ptp(pixels, axis=0)])
     outputs = {
-        "boxes": whole_image(300, 300, 64).boxes_in(box)[None, None].astype(np.float32),
+        "boxes": Square.of_image(300, 300, 64).boxes_in(box)[None, None].astype(np.float32),
         "scores": np.array([[0.9]], np.float32),
         "labels": np.array([[1]], np.int64),
     }
     write_model(tmp_path / "m.onnx", "boxes", outputs)
-    told = np.concatenate([[[0.0, 0]], square_for(box, 64).points_in(pixels)])[None]
+    told = np.concatenate([[[0.0, 0]], Square.around(box, 64).points_in(pixels)])[None]
     outputs = {"points": told.astype(np.float32), "sigma": np.ones((1, 9), np.float32)}
     plate = {f"P{i}": x.tolist() for i, x in enumerate(points)}
     write_model(tmp_path / "k.onnx", "keypoints", outputs, plate)
@@ -183,7 +180,7 @@ def test_a_page_of_an_evaluation_by_the_command(tmp_path):
     dataset = Dataset(cuboid.write_dataset(tmp_path / "d"))
     box = np.array(dataset.frame(0)["box_visible_px"], float)
     outputs = {
-        "boxes": whole_image(120, 160, 64).boxes_in(box)[None, None].astype(np.float32),
+        "boxes": Square.of_image(120, 160, 64).boxes_in(box)[None, None].astype(np.float32),
         "scores": np.array([[0.9]], np.float32),
         "labels": np.array([[0]], np.int64),
     }
@@ -193,7 +190,7 @@ def test_a_page_of_an_evaluation_by_the_command(tmp_path):
     assert done.exit_code == 0, done.output
     page = (tmp_path / "page.html").read_text()
     assert "m.onnx on d, part all" in page
-    assert f"SHA-256: {dataset_hash(dataset)}" in page
+    assert f"SHA-256: {dataset.sha256}" in page
     (found,) = [line.split() for line in done.stdout.splitlines() if line.startswith("all")]
     assert found[1] == "6"
     assert (

@@ -6,8 +6,7 @@ import torch
 import torch.nn.functional as F
 from safetensors.torch import save_file
 
-from posse_core import Dataset, InputError
-from posse_core._detection.card import read_card
+from posse_core import Dataset, InputError, ModelCard
 from posse_core._selection.partition import write_partition
 from posse_detect_torch.imagenet import load_imagenet
 from posse_detect_torch.sdn import Backbone
@@ -136,7 +135,7 @@ def test_training_starts_there_and_the_model_tells_so(posse, make_dataset, tmp_p
     code, _, error = posse(*arguments, *small, *weights)
     assert code == 0, error
     model = tmp_path / "o" / "model.safetensors"
-    told = read_card(model).options["backbone_weights"]
+    told = ModelCard.read(model).options["backbone_weights"]
     assert told.startswith("r18.safetensors, SHA-256 ")
     assert str(tmp_path).encode() not in model.read_bytes()
     from safetensors.torch import load_file

@@ -8,8 +8,7 @@ import torch
 from torch import nn
 from torch.utils.flop_counter import FlopCounterMode
 
-from posse_core import InputError
-from posse_core._detection.card import ModelCard
+from posse_core import InputError, ModelCard
 from posse_detect_torch.checkpoint import read_like, write_model
 from posse_detect_torch.nano import STRIDE, Nano
 from posse_detect_torch.simcc import SPREAD, Decoded, SimCC, losses, steps

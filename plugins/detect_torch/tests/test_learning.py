@@ -14,8 +14,7 @@ import onnx
 import pytest
 import torch
 
-from posse_core import Dataset, NoOptions
-from posse_core._detection.card import ModelCard, card_of, read_card
+from posse_core import Dataset, ModelCard, NoOptions
 from posse_core._formats.coco import CocoWriter
 from posse_core._selection.partition import write_partition
 from posse_detect_torch.checkpoint import write_model
@@ -65,18 +64,19 @@ def test_it_learns(make_dataset, posse, dataset, trained, tmp_path):
 
 
 def test_the_model_tells_what_it_learned_from(dataset, trained):
-    card = read_card(trained)
+    card = ModelCard.read(trained)
     assert card.classes == ("brick", "plate")
     assert card.epochs == 10
     assert list(card.keypoints_body_m["brick"]) == ["B1", "B2", "B3", "B4", "T1", "T2", "T3", "T4"]
     assert (
-        card.dataset_sha256 == card_of(dataset, net="", task="", input_px=0, version="").dataset_sha256
+        card.dataset_sha256
+        == ModelCard.of_dataset(dataset, net="", task="", input_px=0, version="").dataset_sha256
     )
 
 
 def a_lesson(dataset, folder, options, kind=NanoLesson):
     """What makes the lesson, and its card."""
-    card = card_of(
+    card = ModelCard.of_dataset(
         dataset,
         net="nano",
         task="boxes",
@@ -191,7 +191,7 @@ def test_eight_bits_find_the_same_with_standard_operations(posse, dataset, train
         (source,) = [n for n in model.graph.node if node.input[1] in n.output]
         assert source.op_type == "DequantizeLinear"
         assert weights[source.input[0]] == onnx.TensorProto.INT8
-    assert read_onnx_card(small) == read_card(trained)
+    assert read_onnx_card(small) == ModelCard.read(trained)
 
 
 def read_onnx_card(path):
@@ -301,7 +301,7 @@ def test_coco_is_learned_from_and_measured_on(make_dataset, posse, tmp_path):
     arguments = ("train", coco, "-o", "input_px=64", "-o", "epochs=1", "--out")
     code, out, error = posse(*arguments, tmp_path / "o", "--detector", "nano")
     assert code == 0, error
-    assert read_card(Path(out.strip())).classes == ("brick", "plate")
+    assert ModelCard.read(Path(out.strip())).classes == ("brick", "plate")
     whole = coco / "train.json"
     code, out, error = posse("eval", whole, "--model", out.strip(), "--part", "all", "--json")
     assert code == 0, error
@@ -316,7 +316,7 @@ def test_a_checkpoint_of_another_net_and_unknown_classes_are_refused(
 ):
     from posse_detect_torch.checkpoint import write_model
 
-    card = read_card(trained)
+    card = ModelCard.read(trained)
     write_model(tmp_path / "other.safetensors", {"weight": torch.zeros(3)}, card)
     strange = Dataset(make_dataset(tmp_path / "d", 10, names=("brick", "disc")))
     image = strange.folder / strange.frame(0)["image"]

@@ -1,18 +1,24 @@
 """SDN: the thesis' parameters to the digit; anchors, targets and decoding by closed forms."""
 
+import contextlib
+import io
+
 import numpy as np
 import onnxruntime
 import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
+from pycocotools.coco import COCO
+from pycocotools.cocoeval import COCOeval
 from torch import nn
 from torch.utils.flop_counter import FlopCounterMode
 
-from posse_core._detection.card import ModelCard
+from posse_core import ModelCard
 from posse_detect_torch import sdn, sdn_losses
 from posse_detect_torch.export import difference, export
 from posse_detect_torch.regions import iou_matrix, nms_padded, onnx_translations, roi_align
+from posse_detect_torch.sdn_detector import proposal_recall
 
 
 @pytest.mark.parametrize(
@@ -185,3 +191,45 @@ def test_our_operations_export_to_standard_ones(tmp_path):
         ours = Regions()(torch.from_numpy(pictures))
     for mine, theirs in zip(ours, session.run(None, {"picture": pictures}), strict=True):
         np.testing.assert_allclose(mine, theirs, atol=1e-4)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_the_recall_of_proposals_is_that_of_pycocotools(seed):
+    random = np.random.default_rng(seed)
+    true, found = [], []
+    for _ in range(5):
+        box = np.concatenate([random.uniform(0, 90, 2), random.uniform(10, 60, 2)])
+        near = box + random.normal(0, 0.3 * box[2], (random.integers(90, 120), 4))
+        near[:, 2:] = np.abs(near[:, 2:]) + 1
+        true.append(box[None][: random.integers(0, 2)])
+        found.append(np.concatenate([np.tile([500.0, 500, 5, 5], (random.integers(0, 120), 1)), near]))
+    recall = proposal_recall(*([_ends(b) for b in boxes] for boxes in (found, true)))
+    coco = COCO()
+    coco.dataset = {
+        "info": {},
+        "images": [{"id": i} for i in range(5)],
+        "annotations": [
+            {"id": i + 1, "image_id": i, "category_id": 1, "bbox": b.tolist(), "area": 1, "iscrowd": 0}
+            for i, boxes in enumerate(true)
+            for b in boxes
+        ],
+        "categories": [{"id": 1, "name": "any"}],
+    }
+    results = [
+        {"image_id": i, "category_id": 1, "bbox": b.tolist(), "score": 1 - rank / 1000}
+        for i, boxes in enumerate(found)
+        for rank, b in enumerate(boxes)
+    ]
+    with contextlib.redirect_stdout(io.StringIO()):
+        coco.createIndex()
+        evaluation = COCOeval(coco, coco.loadRes(results), "bbox")
+        evaluation.params.maxDets = [1, 100, 1000]
+        evaluation.evaluate()
+        evaluation.accumulate()
+    theirs = np.maximum(evaluation.eval["recall"][0, 0, 0, 1:], 0)  # -1 where nothing is shown
+    assert [recall["AR100"], recall["AR1k"]] == pytest.approx(theirs.tolist())
+
+
+def _ends(boxes):
+    """Left, top, right, bottom of x, y, width, height."""
+    return torch.from_numpy(np.concatenate([boxes[:, :2], boxes[:, :2] + boxes[:, 2:]], axis=1))

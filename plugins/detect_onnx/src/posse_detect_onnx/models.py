@@ -18,11 +18,10 @@ from posse_core import (
     FloatArray,
     InputError,
     KeypointFinder,
+    ModelCard,
+    Square,
+    to_grey,
 )
-from posse_core._detection.card import ModelCard
-from posse_core._detection.keypoints import keypoint_ranges, points_of, square_for
-from posse_core._detection.results import detections_from
-from posse_core._detection.square import Square, grey, whole_image
 from posse_detect_onnx.options import OnnxOptions
 
 _NETS = Path(__file__).parent / "nets"
@@ -66,11 +65,11 @@ class OnnxDetector(Detector[OnnxOptions]):
     def predict(self, images: Sequence[AnyArray]) -> list[list[Detection]]:
         found = []
         for image in images:
-            square = whole_image(image.shape[0], image.shape[1], self._card.input_px)
+            square = Square.of_image(image.shape[0], image.shape[1], self._card.input_px)
             outputs = ["boxes", "scores", "labels"]
             boxes, scores, labels = self._session.run(outputs, {"picture": _picture(image, square)})
             arrays = boxes[0], scores[0], labels[0]
-            found.append(detections_from(*arrays, square, self.classes, *image.shape[:2]))
+            found.append(square.detections_out(*arrays, self.classes, *image.shape[:2]))
         return found
 
 
@@ -82,13 +81,13 @@ class OnnxKeypoints(KeypointFinder[OnnxOptions]):
     def load(self, path: Path) -> None:
         self._session, self._card = _open(path, "keypoints", self.options.threads)
         self.classes = self._card.classes
-        self.keypoints_body_m: Mapping[str, FloatArray] = points_of(self._card)
+        self.keypoints_body_m: Mapping[str, FloatArray] = self._card.keypoint_arrays_m
 
     def find(self, image: AnyArray, detections: Sequence[Detection]) -> list[Detection]:
         found = []
-        ranges = keypoint_ranges(self._card)
+        ranges = self._card.keypoint_outputs
         for detection in detections:
-            square = square_for(detection.box_px, self._card.input_px)
+            square = Square.around(detection.box_px, self._card.input_px)
             pixels, sigma = self._session.run(["points", "sigma"], {"picture": _picture(image, square)})
             mine = ranges[detection.label]
             found.append(
@@ -103,4 +102,4 @@ class OnnxKeypoints(KeypointFinder[OnnxOptions]):
 
 def _picture(image: AnyArray, square: Square) -> Float32Array:
     """(1, 1, S, S) as the nets take it."""
-    return square.cut(grey(image))[None, None]
+    return square.cut(to_grey(image))[None, None]

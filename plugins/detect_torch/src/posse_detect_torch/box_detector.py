@@ -12,12 +12,21 @@ import numpy as np
 import torch
 from torch import nn
 
-from posse_core import AnyArray, Dataset, Detection, Detector, Float32Array, FloatArray, InputError
-from posse_core._detection.card import ModelCard, card_of, read_card
-from posse_core._detection.evaluate import truths_of
-from posse_core._detection.results import detections_from
-from posse_core._detection.square import Square, grey, whole_image
-from posse_core._evaluation.metrics import Truth, coco_metrics
+from posse_core import (
+    AnyArray,
+    Dataset,
+    Detection,
+    Detector,
+    Float32Array,
+    FloatArray,
+    InputError,
+    ModelCard,
+    Square,
+    TrueBox,
+    coco_metrics,
+    to_grey,
+    true_boxes,
+)
 from posse_detect_torch.augment import look, move_boxes, random_view, warp
 from posse_detect_torch.checkpoint import read_weights
 from posse_detect_torch.export import Outputs, compare_detections, export
@@ -48,7 +57,7 @@ class BoxLesson(Lesson):
 
     def _cut(self, dataset: Dataset, folder: Path, part: str) -> Pictures:
         def whole(labels: Mapping[str, Any], height: int, width: int) -> Square:
-            return whole_image(height, width, self.options.input_px)
+            return Square.of_image(height, width, self.options.input_px)
 
         return cut_pictures(dataset, dataset.part(part), self.options.input_px, whole, folder, part)
 
@@ -61,12 +70,12 @@ class BoxLesson(Lesson):
         """``net`` with its decoding."""
 
     def __len__(self) -> int:
-        return len(self.train) if any(truths_of(line) for line in self.train.labels) else 0
+        return len(self.train) if any(true_boxes(line) for line in self.train.labels) else 0
 
     def sample(self, place: int, random: np.random.Generator) -> dict[str, AnyArray]:
         size = self.options.input_px
         picture = self.train.linear(place)
-        box, label = self._target(self.train, place)
+        box, label = self.target(self.train, place)
         if self.options.augment:
             angle = np.pi / 2 * random.integers(4) if self.options.turn else 0.0
             view = random_view(random, size, _ZOOM, _SHIFT, angle)
@@ -77,20 +86,19 @@ class BoxLesson(Lesson):
         draw = np.array(random.integers(2**31), np.int64)  # a seed for what the losses draw
         return {"picture": picture[None], "boxes": box.astype(np.float32), "labels": label, "draw": draw}
 
-    def _target(self, pictures: Pictures, place: int) -> tuple[FloatArray, AnyArray]:
-        """(1, 4) left, top, right, bottom in the picture, and (1,) class, −1 where nothing is seen."""
-        truths = truths_of(pictures.labels[place])
+    def target(self, pictures: Pictures, place: int) -> tuple[FloatArray, AnyArray]:
+        """The box of a picture and its class, as the net learns them.
+
+        Returns:
+            (1, 4) left, top, right, bottom in the picture, and (1,) index of the class, −1 where nothing
+            is seen.
+        """
+        truths = true_boxes(pictures.labels[place])
         if not truths:
             return np.zeros((1, 4)), np.array([-1], np.int64)
         x, y, width, height = pictures.squares[place].boxes_in(truths[0].box_px)
         label = np.array([self.classes.index(truths[0].label)], np.int64)
         return np.array([[x, y, x + width, y + height]]), label
-
-    def valid_truth(self, place: int) -> list[Truth]:
-        """What a picture of the valid part shows, in its own pixels."""
-        box, label = self._target(self.valid, place)
-        seen = np.concatenate([box[0, :2], box[0, 2:] - box[0, :2]])
-        return [Truth(self.classes[label[0]], seen)] if label[0] >= 0 else []
 
     @torch.inference_mode()
     def judge(self, net: nn.Module) -> dict[str, float]:
@@ -102,10 +110,14 @@ class BoxLesson(Lesson):
         whole = Square(0, 0, size, size)
         truths, found = [], []
         for place in range(len(self.valid)):
-            truths.append(self.valid_truth(place))
+            box, label = self.target(self.valid, place)
+            seen = np.concatenate([box[:, :2], box[:, 2:] - box[:, :2]], axis=1)
+            truths.append(
+                [TrueBox(self.classes[i], b) for i, b in zip(label, seen, strict=True) if i >= 0]
+            )
             outputs = decoded(torch.from_numpy(self.valid.linear(place))[None, None].to(device))
             boxes, scores, labels = (value[0].cpu().numpy() for value in outputs[:3])
-            found.append(detections_from(boxes, scores, labels, whole, self.classes, size, size))
+            found.append(whole.detections_out(boxes, scores, labels, self.classes, size, size))
         metrics = coco_metrics(truths, found, self.classes)
         return {f"valid {name}": metrics[name] for name in ("mAP", "mAP50", "mAR")}
 
@@ -137,7 +149,7 @@ class BoxDetector(Detector[BoxOptionsT]):
         Raises:
             InputError: the dataset was not divided, has no boxes, or shows nothing.
         """
-        card = card_of(
+        card = ModelCard.of_dataset(
             dataset,
             net=self.name,
             task="boxes",
@@ -148,7 +160,7 @@ class BoxDetector(Detector[BoxOptionsT]):
         return learn(lambda: self.lesson(dataset, folder, card), card, folder)
 
     def load(self, path: Path) -> None:
-        self._card = read_card(path)
+        self._card = ModelCard.read(path)
         if self._card.net != self.name:
             raise InputError(f"{path}: a model of {self._card.net!r}, not of {self.name!r}")
         self.classes = self._card.classes
@@ -165,7 +177,7 @@ class BoxDetector(Detector[BoxOptionsT]):
         with torch.inference_mode():
             found = self._decoded(torch.from_numpy(picture)[None].to(device))
         boxes, scores, labels = (value[0].cpu().numpy() for value in found[:3])
-        return detections_from(boxes, scores, labels, square, self.classes, *image.shape[:2])
+        return square.detections_out(boxes, scores, labels, self.classes, *image.shape[:2])
 
     def export_onnx(self, path: Path, images: Sequence[AnyArray]) -> Mapping[str, float]:
         pictures = np.stack([_picture(image, self._card.input_px)[0] for image in images])
@@ -180,5 +192,5 @@ class BoxDetector(Detector[BoxOptionsT]):
 
 def _picture(image: AnyArray, size_px: int) -> tuple[Float32Array, Square]:
     """(1, S, S) as the net takes it, and its place in the image."""
-    square = whole_image(image.shape[0], image.shape[1], size_px)
-    return square.cut(grey(image))[None], square
+    square = Square.of_image(image.shape[0], image.shape[1], size_px)
+    return square.cut(to_grey(image))[None], square

@@ -11,8 +11,7 @@ import safetensors
 from safetensors.torch import load_file, save
 from torch import Tensor, nn
 
-from posse_core import InputError, atomic_file
-from posse_core._detection.card import ModelCard, read_card
+from posse_core import InputError, ModelCard, atomic_file
 
 _STATE = "posse_training"
 
@@ -35,7 +34,7 @@ def read_state(path: Path) -> tuple[dict[str, Tensor], ModelCard, Any]:
     Raises:
         InputError: not such a file.
     """
-    card = read_card(path)
+    card = ModelCard.read(path)
     with safetensors.safe_open(str(path), framework="pt") as file:
         metadata = file.metadata()
     if _STATE not in metadata:
@@ -65,7 +64,7 @@ def read_like(path: Path, net: nn.Module) -> None:
     Raises:
         InputError: not a model file, or none agrees.
     """
-    read_card(path)
+    ModelCard.read(path)
     own = net.state_dict()
     tensors = {k: v for k, v in load_file(path).items() if k in own and own[k].shape == v.shape}
     if not tensors:

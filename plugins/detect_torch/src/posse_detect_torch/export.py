@@ -14,8 +14,7 @@ import onnxruntime
 import torch
 from torch import nn
 
-from posse_core import AnyArray, ComponentError, Float32Array, atomic_file
-from posse_core._detection.card import ModelCard
+from posse_core import AnyArray, ComponentError, Float32Array, ModelCard, atomic_file
 
 _SCORE = 1e-4  # by which raw tensors and scores may differ
 OPSET = 18  # above it, some runtimes have no RoiAlign or fall back to the CPU

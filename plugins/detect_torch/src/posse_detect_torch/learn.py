@@ -17,8 +17,7 @@ import torch
 from torch import Tensor, nn
 from tqdm import tqdm
 
-from posse_core import ComponentError, InputError, atomic_file, random_generator
-from posse_core._detection.card import ModelCard
+from posse_core import ComponentError, InputError, ModelCard, atomic_file, random_generator
 from posse_detect_torch.checkpoint import read_like, read_state, write_model, write_state
 from posse_detect_torch.curves import page
 from posse_detect_torch.options import TrainOptions

@@ -9,8 +9,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from posse_core import AnyArray, Dataset
-from posse_core._detection.card import ModelCard
+from posse_core import AnyArray, Dataset, ModelCard
 from posse_detect_torch.box_detector import BoxDetector, BoxLesson
 from posse_detect_torch.export import Outputs, compare_detections
 from posse_detect_torch.learn import Batch

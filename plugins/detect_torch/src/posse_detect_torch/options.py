@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 from typing import Literal
 
 from pydantic import Field, FilePath, field_serializer
 
 from posse_core import Options
-from posse_core._files.atomic import sha256
 
 
 class TrainOptions(Options):
@@ -30,7 +30,10 @@ class TrainOptions(Options):
     @field_serializer("start", "backbone_weights", check_fields=False)
     def _told(self, path: Path | None) -> str | None:
         """What model files tell: the file and its digest, not its place on this machine."""
-        return None if path is None else f"{path.name}, SHA-256 {sha256(path)}"
+        if path is None:
+            return None
+        with open(path, "rb") as file:
+            return f"{path.name}, SHA-256 {hashlib.file_digest(file, 'sha256').hexdigest()}"
 
 
 class BoxOptions(TrainOptions):

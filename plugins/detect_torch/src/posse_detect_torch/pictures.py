@@ -12,9 +12,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from posse_core import AnyArray, Dataset, Float32Array
-from posse_core._detection.card import dataset_hash
-from posse_core._detection.square import Square, grey
+from posse_core import AnyArray, Dataset, Float32Array, Square, to_grey
 
 Choose = Callable[[Mapping[str, Any], int, int], Square]
 """Label line, height, width → the square to be cut."""
@@ -50,7 +48,7 @@ def cut_pictures(
     squares = [
         choose(line, *dataset.size_px(index)) for line, index in zip(labels, indices, strict=True)
     ]
-    made_of = f"{dataset_hash(dataset)} {size_px} {list(indices)} {squares}"
+    made_of = f"{dataset.sha256} {size_px} {list(indices)} {squares}"
     path = folder / f"{name}-{hashlib.sha256(made_of.encode()).hexdigest()[:12]}.npy"
     if not labels:
         return Pictures([], [], np.zeros((0, size_px, size_px), np.uint8))
@@ -59,7 +57,7 @@ def cut_pictures(
         shape = (len(labels), size_px, size_px)
         coded = np.lib.format.open_memmap(unfinished, mode="w+", dtype=np.uint8, shape=shape)
         for i, index in enumerate(tqdm(indices, f"{name}: cut", file=sys.stderr, unit="frame")):
-            light = squares[i].cut(grey(dataset.image(index)))
+            light = squares[i].cut(to_grey(dataset.image(index)))
             coded[i] = np.round(255 * np.sqrt(np.clip(light, 0, 1)))
         coded.flush()
         del coded

@@ -9,13 +9,12 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from posse_core import Dataset
-from posse_core._detection.card import ModelCard
-from posse_core._evaluation.metrics import proposal_recall
+from posse_core import Dataset, ModelCard
 from posse_detect_torch.box_detector import BoxDetector, BoxLesson
 from posse_detect_torch.imagenet import load_imagenet
 from posse_detect_torch.learn import Batch
 from posse_detect_torch.options import SdnOptions
+from posse_detect_torch.regions import iou_matrix
 from posse_detect_torch.sdn import PROPOSALS, Decoded, Sdn, proposals
 from posse_detect_torch.sdn_losses import losses
 
@@ -72,20 +71,35 @@ class SdnLesson(BoxLesson):
         if not metrics:
             return metrics
         assert isinstance(net, Sdn)
-        truths = [self.valid_truth(place) for place in range(len(self.valid))]
         device = next(net.parameters()).device
         for suppress, words in ((True, ""), (False, " without NMS")):
-            boxes = []
+            found, true = [], []
             for place in range(len(self.valid)):
                 picture = torch.from_numpy(self.valid.linear(place))[None, None].to(device)
                 _, logits, deltas = net.features(picture)
-                found = proposals(logits, deltas, self.options.input_px, PROPOSALS, suppress)[0]
-                found = found[found[:, 2] > found[:, 0]]
-                boxes.append(torch.cat([found[:, :2], found[:, 2:] - found[:, :2]], dim=1).cpu().numpy())
-            scores = [np.linspace(1, 0, len(found)).tolist() for found in boxes]
-            recall = proposal_recall([list(found) for found in boxes], scores, truths)
+                boxes = proposals(logits, deltas, self.options.input_px, PROPOSALS, suppress)[0]
+                found.append(boxes[boxes[:, 2] > boxes[:, 0]].cpu())
+                box, label = self.target(self.valid, place)
+                true.append(torch.from_numpy(box[label >= 0]).float())
+            recall = proposal_recall(found, true)
             metrics |= {f"valid {name}{words}": value for name, value in recall.items()}
         return metrics
+
+
+def proposal_recall(proposals: Sequence[Tensor], true: Sequence[Tensor]) -> dict[str, float]:
+    """AR100 and AR1k at an overlap of 0.5, as in the thesis' Table 5.2: the share of true boxes that one
+    of the best 100, or 1000, proposals overlaps by so much; 0 where there are no true boxes.
+
+    Args:
+        proposals: (K, 4) of each image, left, top, right, bottom, best first.
+        true: (1, 4) of each image, or (0, 4) where it shows nothing.
+    """
+    shown = [(found, box) for found, box in zip(proposals, true, strict=True) if len(box)]
+    return {
+        name: sum(bool((iou_matrix(found[:most], box) >= 0.5).any()) for found, box in shown)
+        / max(len(shown), 1)
+        for name, most in (("AR100", 100), ("AR1k", 1000))
+    }
 
 
 class SdnDetector(BoxDetector[SdnOptions]):

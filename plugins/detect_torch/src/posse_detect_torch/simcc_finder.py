@@ -12,11 +12,19 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from posse_core import AnyArray, Dataset, Detection, Float32Array, FloatArray, InputError, KeypointFinder
-from posse_core._detection.card import ModelCard, card_of, read_card
-from posse_core._detection.evaluate import truths_of
-from posse_core._detection.keypoints import keypoint_ranges, points_of, square_for
-from posse_core._detection.square import Square, grey
+from posse_core import (
+    AnyArray,
+    Dataset,
+    Detection,
+    Float32Array,
+    FloatArray,
+    InputError,
+    KeypointFinder,
+    ModelCard,
+    Square,
+    to_grey,
+    true_boxes,
+)
 from posse_detect_torch.augment import look, move_points, random_view, warp
 from posse_detect_torch.checkpoint import read_weights
 from posse_detect_torch.export import Outputs, difference, export, raw_difference
@@ -39,7 +47,7 @@ class SimccLesson(Lesson):
     def __init__(self, dataset: Dataset, folder: Path, card: ModelCard, options: SimccOptions) -> None:
         self.options = options
         shown = {part: _shown(dataset, part) for part in ("train", "valid")}
-        self._ranges = keypoint_ranges(card)
+        self._ranges = card.keypoint_outputs
         self._points = sum(len(points) for points in card.keypoints_body_m.values())
         self.net = first_net(options, lambda: SimCC(self._points))
         self._train, self._valid = (
@@ -48,7 +56,7 @@ class SimccLesson(Lesson):
 
     def _cut(self, dataset: Dataset, shown: Sequence[int], folder: Path, name: str) -> Pictures:
         def of_box(labels: Mapping[str, Any], height: int, width: int) -> Square:
-            return square_for(labels["box_visible_px"], self.options.input_px)
+            return Square.around(labels["box_visible_px"], self.options.input_px)
 
         return cut_pictures(dataset, shown, self.options.input_px, of_box, folder, name)
 
@@ -108,7 +116,7 @@ class SimccFinder(KeypointFinder[SimccOptions]):
         Raises:
             InputError: the dataset was not divided, or lacks boxes or keypoints.
         """
-        card = card_of(
+        card = ModelCard.of_dataset(
             dataset,
             net="simcc",
             task="keypoints",
@@ -119,20 +127,20 @@ class SimccFinder(KeypointFinder[SimccOptions]):
         return learn(lambda: SimccLesson(dataset, folder, card, self.options), card, folder)
 
     def load(self, path: Path) -> None:
-        self._card = read_card(path)
+        self._card = ModelCard.read(path)
         if self._card.net != "simcc":
             raise InputError(f"{path}: a model of {self._card.net!r}, not of 'simcc'")
         self.classes = self._card.classes
-        self.keypoints_body_m = points_of(self._card)
+        self.keypoints_body_m = self._card.keypoint_arrays_m
         net = SimCC(sum(map(len, self.keypoints_body_m.values())))
         read_weights(path, net)
         self._decoded = Decoded(net).eval().to(device_of(self.options))
 
     def find(self, image: AnyArray, detections: Sequence[Detection]) -> list[Detection]:
-        ranges, found = keypoint_ranges(self._card), []
+        ranges, found = self._card.keypoint_outputs, []
         device = next(self._decoded.parameters()).device
         for detection in detections:
-            square = square_for(detection.box_px, self._card.input_px)
+            square = Square.around(detection.box_px, self._card.input_px)
             with torch.inference_mode():
                 outputs = self._decoded(torch.from_numpy(_picture(image, square))[None].to(device))
             points, sigma = (value[0].double().cpu().numpy() for value in outputs[:2])
@@ -144,19 +152,19 @@ class SimccFinder(KeypointFinder[SimccOptions]):
 
     def export_onnx(self, path: Path, images: Sequence[AnyArray]) -> Mapping[str, float]:
         size = self._card.input_px
-        squares = [square_for(np.array([0, 0, *image.shape[1::-1]]), size) for image in images]
+        squares = [Square.around(np.array([0, 0, *image.shape[1::-1]]), size) for image in images]
         pictures = [_picture(image, square) for image, square in zip(images, squares, strict=True)]
         return export(self._decoded, OUTPUTS, np.stack(pictures), self._card, path, _compare)
 
     def write_int8(self, path: Path, out: Path, seen: Sequence[tuple[AnyArray, FloatArray]]) -> None:
         size = self._card.input_px
-        pictures = (_picture(image, square_for(box, size)) for image, box in seen)
+        pictures = (_picture(image, Square.around(box, size)) for image, box in seen)
         write_int8(path, out, pictures)
 
 
 def _shown(dataset: Dataset, part: str) -> Sequence[int]:
     """Frames of a part that show a spacecraft, with keypoints."""
-    shown = [index for index in dataset.part(part) if truths_of(dataset.frame(index))]
+    shown = [index for index in dataset.part(part) if true_boxes(dataset.frame(index))]
     if shown and "keypoints" not in dataset.frame(shown[0]):
         raise InputError(
             f"{dataset.folder}: the labels have no keypoints; make the dataset with the annotator"
@@ -167,7 +175,7 @@ def _shown(dataset: Dataset, part: str) -> Sequence[int]:
 
 def _picture(image: AnyArray, square: Square) -> Float32Array:
     """(1, S, S) as the net takes it."""
-    return square.cut(grey(image))[None]
+    return square.cut(to_grey(image))[None]
 
 
 def _compare(ours: Outputs, theirs: Outputs) -> dict[str, tuple[float, float]]:

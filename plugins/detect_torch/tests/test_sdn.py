@@ -17,7 +17,8 @@ from torch.utils.flop_counter import FlopCounterMode
 from posse_core import ModelCard
 from posse_detect_torch import sdn, sdn_losses
 from posse_detect_torch.export import difference, export
-from posse_detect_torch.regions import iou_matrix, nms_padded, onnx_translations, roi_align
+from posse_detect_torch.regions import iou_matrix, nms_padded, roi_align
+from posse_detect_torch.regions_onnx import ONNX_TRANSLATIONS
 from posse_detect_torch.sdn_detector import proposal_recall
 
 
@@ -185,7 +186,7 @@ def test_our_operations_export_to_standard_ones(tmp_path):
         return {name: (difference(ours[name], theirs[name]), 1e-4) for name in ours}
 
     path = tmp_path / "regions.onnx"
-    export(Regions(), ("kept", "features"), pictures, card, path, compare, onnx_translations())
+    export(Regions(), ("kept", "features"), pictures, card, path, compare, ONNX_TRANSLATIONS)
     session = onnxruntime.InferenceSession(str(path))
     with torch.no_grad():
         ours = Regions()(torch.from_numpy(pictures))

@@ -34,7 +34,6 @@ from posse_detect_torch.int8 import write_int8
 from posse_detect_torch.learn import Lesson, device_of, first_net, learn
 from posse_detect_torch.options import BoxOptions
 from posse_detect_torch.pictures import Pictures, cut_pictures
-from posse_detect_torch.regions import onnx_translations
 
 OUTPUTS = ("boxes", "scores", "labels", "raw")
 _ZOOM, _SHIFT = (0.7, 1.4), 0.2
@@ -181,8 +180,11 @@ class BoxDetector(Detector[BoxOptionsT]):
 
     def export_onnx(self, path: Path, images: Sequence[AnyArray]) -> Mapping[str, float]:
         pictures = np.stack([_picture(image, self._card.input_px)[0] for image in images])
+        # onnxscript, which this imports, is slow to import, and training needs none of it
+        from posse_detect_torch.regions_onnx import ONNX_TRANSLATIONS
+
         return export(
-            self._decoded, OUTPUTS, pictures, self._card, path, self.compare, onnx_translations()
+            self._decoded, OUTPUTS, pictures, self._card, path, self.compare, ONNX_TRANSLATIONS
         )
 
     def write_int8(self, path: Path, out: Path, seen: Sequence[tuple[AnyArray, FloatArray]]) -> None:

@@ -5,8 +5,7 @@ What depends on the data stays inside them, so the graph around them has fixed s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import torch
 import torch.nn.functional as F
@@ -139,13 +138,3 @@ def _(
     p2: Tensor, p3: Tensor, p4: Tensor, p5: Tensor, rois: Tensor, level: Tensor, sampling: int
 ) -> Tensor:
     return p2.new_empty((rois.shape[0], rois.shape[1], p2.shape[1], BINS, BINS))
-
-
-def onnx_translations() -> dict[Any, Callable[..., Any]]:
-    """Our operations in ONNX's own, opset 18."""
-    from posse_detect_torch.regions_onnx import nms_padded_onnx, roi_align_onnx
-
-    return {
-        torch.ops.posse.nms_padded.default: nms_padded_onnx,
-        torch.ops.posse.roi_align.default: roi_align_onnx,
-    }

@@ -1,16 +1,19 @@
 """The operations of :mod:`posse_detect_torch.regions` in ONNX's own NonMaxSuppression and RoiAlign.
 
-onnxscript reads these functions' source: they are ONNX, not Python.
+torch's exporter calls these functions: what they take and return are ONNX's values, not tensors.
 """
 
-# mypy: ignore-errors
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
-from onnxscript import opset18 as op
+import torch
+from onnxscript import opset18
 
 from posse_detect_torch.regions import BINS, STRIDES
+
+op: Any = opset18  # its types are too narrow: they tell a tensor of constants from one of shapes
 
 
 def nms_padded_onnx(boxes: Any, scores: Any, overlap: float, most: int) -> Any:
@@ -66,3 +69,10 @@ def roi_align_onnx(p2: Any, p3: Any, p4: Any, p5: Any, rois: Any, level: Any, sa
         )
         out = op.ScatterND(out, mine, aligned)
     return op.Reshape(out, op.Concat(op.Shape(rois, start=0, end=2), channels, bins, axis=0))
+
+
+ONNX_TRANSLATIONS: dict[Any, Callable[..., Any]] = {
+    torch.ops.posse.nms_padded.default: nms_padded_onnx,
+    torch.ops.posse.roi_align.default: roi_align_onnx,
+}
+"""Our torch operations in ONNX's own, as :func:`posse_detect_torch.export.export` takes them."""

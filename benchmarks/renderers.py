@@ -133,7 +133,7 @@ class Bench:
     def noise(self) -> list[float]:
         """Of each frame, over the images of its box so far; see the module's text."""
         return [
-            _noise(images, frame.sun_irradiance_rgb_w_m2 / np.pi)
+            _noise(images, frame.craft.sun_irradiance_rgb_w_m2 / np.pi)
             for images, frame in zip(self._images, self._setting.frames, strict=True)
         ]
 
@@ -154,7 +154,7 @@ class Bench:
         caster = RayCaster(scene)
         with measured() as cost:
             for frame in self._setting.frames:
-                view = caster.view(frame)
+                view = caster.view(frame.craft)
                 for annotator in annotators:
                     annotator.annotate(scene, frame, view)
         return Cost(*(value / len(self._boxes) for value in (cost().cpu_s, cost().wall_s)))
@@ -172,7 +172,9 @@ class Bench:
 
     def _render(self, i: int, box: PixelBox, seed: int) -> Radiance:
         assert self._renderer is not None
-        return self._renderer.render(RenderRequest(self._setting.frames[i], box, self._skies[i], seed))
+        return self._renderer.render(
+            RenderRequest(self._setting.frames[i].craft, box, self._skies[i], seed)
+        )
 
 
 def _noise(images: Sequence[Radiance], white_rgb: AnyArray) -> float:

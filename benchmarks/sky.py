@@ -35,7 +35,7 @@ def looking(up_share: float) -> FrameState:
     x = np.cross(z, np.cross(up, east))
     x /= np.linalg.norm(x)
     place = 7.08e6 * up
-    return FrameState(
+    return FrameState.of(
         index=0,
         t_s=0.0,
         epoch_jd_tt=2459610.58,

@@ -43,6 +43,7 @@ from ._model.camera import PixelBox as PixelBox
 from ._model.distortion import BrownConrady as BrownConrady
 from ._model.labels import Labels as Labels
 from ._model.labels import View as View
+from ._model.scene import CraftState as CraftState
 from ._model.scene import EnvironmentMap as EnvironmentMap
 from ._model.scene import FrameState as FrameState
 from ._model.scene import Radiance as Radiance

@@ -63,8 +63,8 @@ def test_poses_of_our_own_export_come_back(tmp_path):
     assert result.stdout.endswith("scenario.yaml: 6 poses\n")
     assert result.stderr == ""
     for state, line in zip(states, lines, strict=True):
-        assert state.R_cam_from_body == pytest.approx(matrix(line["q_cam_from_body"]), abs=1e-14)
-        assert state.t_body_cam_m == pytest.approx(line["t_body_cam_m"], abs=1e-12)
+        assert state.craft.R_cam_from_body == pytest.approx(matrix(line["q_cam_from_body"]), abs=1e-14)
+        assert state.craft.t_body_cam_m == pytest.approx(line["t_body_cam_m"], abs=1e-12)
     assert scenario.camera.camera().matrix == pytest.approx(cuboid.CAMERA.matrix, abs=1e-12)
     names = (folder / "anew/images.csv").read_text().splitlines()
     assert names == ["frame,filename", *(f"{i},{line['image']}" for i, line in enumerate(lines))]
@@ -99,8 +99,8 @@ def test_any_pose_is_seen_under_the_sun_that_was_asked_for(tmp_path_factory, ent
     labels = write_speed(tmp_path_factory.mktemp("any") / "train.json", entries, "q_vbs2tango_true")
     states, _, _ = imported(labels, "--sun", *sun)
     for state, (q, r) in zip(states, entries, strict=True):
-        assert state.R_cam_from_body == pytest.approx(matrix(q), abs=1e-12)
-        assert state.t_body_cam_m == pytest.approx(r, abs=1e-12 * np.linalg.norm(r))
+        assert state.craft.R_cam_from_body == pytest.approx(matrix(q), abs=1e-12)
+        assert state.craft.t_body_cam_m == pytest.approx(r, abs=1e-12 * np.linalg.norm(r))
         to_sun = state.R_cam_from_eci @ (state.r_sun_eci_m - state.r_target_eci_m)
         assert to_sun / np.linalg.norm(to_sun) == pytest.approx(sun / np.linalg.norm(sun), abs=1e-9)
         assert state.sun_fraction_target == state.sun_fraction_camera == 1
@@ -112,7 +112,7 @@ def test_the_sun_above_and_below_the_camera(tmp_path, sun):
     ((state,), _, _) = imported(labels, "--sun", *sun)
     to_sun = state.R_cam_from_eci @ state.r_sun_eci_m
     assert to_sun / np.linalg.norm(to_sun) == pytest.approx(sun, abs=1e-9)
-    assert state.t_body_cam_m == pytest.approx([0, 0, 9], abs=1e-12)
+    assert state.craft.t_body_cam_m == pytest.approx([0, 0, 9], abs=1e-12)
 
 
 def test_camera_of_speed_plus_lies_in_the_folder_above(tmp_path):

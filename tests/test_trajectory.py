@@ -149,19 +149,19 @@ def test_frame_state_is_seen_from_the_camera(trajectory: Trajectory) -> None:
     for index in (0, 13, 199):
         frame = frame_state(exact, index, Constants())
         range_m = np.linalg.norm(exact.r_chaser_rtn_m[index])
-        np.testing.assert_allclose(frame.t_body_cam_m, [0, 0, range_m], atol=1e-10)
+        np.testing.assert_allclose(frame.craft.t_body_cam_m, [0, 0, range_m], atol=1e-10)
         # A body point, by way of ECI and by way of the camera.
         point_body = np.array([1.0, -2.0, 3.0])
         R_eci_from_body = matrix_from_quaternion(exact.q_eci_from_body[index])
         point_eci = exact.r_target_eci_m[index] + R_eci_from_body @ point_body
         by_eci = frame.R_cam_from_eci @ (point_eci - frame.r_camera_eci_m)
         np.testing.assert_allclose(
-            frame.R_cam_from_body @ point_body + frame.t_body_cam_m, by_eci, atol=1e-7
+            frame.craft.R_cam_from_body @ point_body + frame.craft.t_body_cam_m, by_eci, atol=1e-7
         )
         # Nadir law: the Earth's centre is on body +z.
         earth_body = R_eci_from_body.T @ -exact.r_target_eci_m[index]
         np.testing.assert_allclose(unit(earth_body), [0, 0, 1], atol=1e-14)
-        assert frame.sun_angular_radius_rad == pytest.approx(np.radians(0.2677), rel=1e-3)
+        assert frame.craft.sun_angular_radius_rad == pytest.approx(np.radians(0.2677), rel=1e-3)
     assert frame.epoch_jd_tt == pytest.approx(2459659.14792 + (PERIOD_S + 69.184) / 86400, abs=1e-5)
 
 

@@ -90,18 +90,18 @@ class PoseAnnotator(Annotator):
     ``omega_camera_rad_s``."""
 
     def annotate(self, scene: Scene, frame: FrameState, view: View) -> Labels:
-        sun, camera = frame.sun_direction_cam, -frame.t_body_cam_m
+        sun, camera = frame.craft.sun_direction_cam, -frame.craft.t_body_cam_m
         # The arc tangent keeps its digits near 0 and π, where the arc cosine loses half of them.
         phase_rad = np.arctan2(np.linalg.norm(np.cross(sun, camera)), np.sum(sun * camera))
         return Labels(
             {
-                "q_cam_from_body": quaternion_from_matrix(frame.R_cam_from_body).tolist(),
-                "t_body_cam_m": frame.t_body_cam_m.tolist(),
-                "range_m": frame.range_m,
+                "q_cam_from_body": quaternion_from_matrix(frame.craft.R_cam_from_body).tolist(),
+                "t_body_cam_m": frame.craft.t_body_cam_m.tolist(),
+                "range_m": frame.craft.range_m,
                 "phase_angle_rad": float(phase_rad),
-                "sun_direction_body": frame.sun_direction_body.tolist(),
-                "v_body_cam_m_s": frame.rates.v_body_cam_m_s.tolist(),
-                "omega_body_rad_s": frame.rates.omega_body_rad_s.tolist(),
-                "omega_camera_rad_s": frame.rates.omega_camera_rad_s.tolist(),
+                "sun_direction_body": frame.craft.sun_direction_body.tolist(),
+                "v_body_cam_m_s": frame.craft.rates.v_body_cam_m_s.tolist(),
+                "omega_body_rad_s": frame.craft.rates.omega_body_rad_s.tolist(),
+                "omega_camera_rad_s": frame.craft.rates.omega_camera_rad_s.tolist(),
             }
         )

@@ -17,7 +17,7 @@ from posse_core._geometry.tracer import Tracer
 from posse_core._geometry.triangles import Triangles, dot, rotated
 from posse_core._model.camera import Camera, PixelBox
 from posse_core._model.labels import NOT_IN_FRAME, OCCLUDED, VISIBLE, View
-from posse_core._model.scene import FrameState, Scene
+from posse_core._model.scene import CraftState, Scene
 from posse_core._model.shutter import LABEL_STEP_PX, Moment, fastest_px_s, moments
 
 KEYPOINT_TOLERANCE = 0.055 / 16.7
@@ -41,24 +41,26 @@ class RayCaster:
     """Looks at one scene's spacecraft, frame after frame; no frame depends on another."""
 
     def __init__(self, scene: Scene) -> None:
-        craft = scene.spacecraft
+        spacecraft = scene.spacecraft
         self._camera = scene.camera
-        self._tracer = Tracer(Triangles.of(craft))
-        vertices_body_m = np.concatenate([part.vertices_body_m for part in craft.parts])
+        self._tracer = Tracer(Triangles.of(spacecraft))
+        vertices_body_m = np.concatenate([part.vertices_body_m for part in spacecraft.parts])
         self._vertices_body_m = np.ascontiguousarray(vertices_body_m.T)
-        counts = np.cumsum([0] + [len(part.vertices_body_m) for part in craft.parts])
+        counts = np.cumsum([0] + [len(part.vertices_body_m) for part in spacecraft.parts])
         self._edges = edges_of(
-            np.concatenate([n + part.faces for n, part in zip(counts, craft.parts, strict=False)])
+            np.concatenate([n + part.faces for n, part in zip(counts, spacecraft.parts, strict=False)])
         )
-        self._keypoints_body_m = np.array([*craft.keypoints_body_m.values()], float).reshape(-1, 3).T
+        self._keypoints_body_m = (
+            np.array([*spacecraft.keypoints_body_m.values()], float).reshape(-1, 3).T
+        )
 
-    def view(self, frame: FrameState) -> View:
+    def view(self, craft: CraftState) -> View:
         """The spacecraft as the camera's rays meet it in one frame, each row at its own time."""
         camera = self._camera
-        low_px, high_px = self._bounds(self._seen(frame, self._vertices_body_m))
-        bands = [self._band(frame, moment) for moment in self.moments(frame, LABEL_STEP_PX)]
+        low_px, high_px = self._bounds(self._seen(craft, self._vertices_body_m))
+        bands = [self._band(craft, moment) for moment in self.moments(craft, LABEL_STEP_PX)]
         box = PixelBox.around(band.box for band in bands)
-        keypoints_px = camera.project(self._seen(frame, self._keypoints_body_m).T)
+        keypoints_px = camera.project(self._seen(craft, self._keypoints_body_m).T)
         visibility = np.full(len(keypoints_px), NOT_IN_FRAME, dtype=np.int8)
         size_px = np.array([camera.width_px, camera.height_px])
         inside = ((keypoints_px >= -0.5) & (keypoints_px < size_px - 0.5)).all(axis=1)
@@ -66,12 +68,12 @@ class RayCaster:
         beyond_px = 0
         for band in bands:
             first, rows = band.moment.first_row, band.moment.rows
-            look = _Look.at(self._tracer, camera, band.pose, band.nearest_m)
-            pixels.append(look.pixels(box.within_rows(first, rows)))
-            beyond_px += look.count_beyond(band.box, band.field)
+            vantage = _Vantage.at(self._tracer, camera, band.craft, band.nearest_m)
+            pixels.append(vantage.pixels(box.within_rows(first, rows)))
+            beyond_px += vantage.count_beyond(band.box, band.field)
             row = np.floor(keypoints_px[:, 1] + 0.5)
             here = np.flatnonzero(inside & (row >= first) & (row < first + rows))
-            visibility[here] = self._visibility(look, band.pose, here)
+            visibility[here] = self._visibility(vantage, band.craft, here)
         part_id, depth_m, normal_cam, lit = (
             np.concatenate(parts) for parts in zip(*pixels, strict=True)
         )
@@ -88,32 +90,32 @@ class RayCaster:
         )
 
     def moments(
-        self, frame: FrameState, step_px: float, exposure_s: float = 0.0, instants: int = 1
+        self, craft: CraftState, step_px: float, exposure_s: float = 0.0, instants: int = 1
     ) -> list[Moment]:
         """Moments in which the spacecraft moves by ``step_px`` at most: see :func:`moments`."""
-        box = self.box(frame)
+        box = self.box(craft)
         if box.is_empty:
             box = PixelBox(0, 0, self._camera.width_px, self._camera.height_px)
-        vertices_z_m = _in_camera(frame, self._vertices_body_m)[2]
+        vertices_z_m = _in_camera(craft, self._vertices_body_m)[2]
         far_m = max(float(vertices_z_m.max()), _NEAREST * self._tracer.triangles.size_m)
         near_m = max(float(vertices_z_m.min()), _NEAREST * self._tracer.triangles.size_m)
-        omega, v = frame.rates.relative(frame.R_cam_from_body, frame.t_body_cam_m)
+        omega, v = craft.rates.relative(craft.R_cam_from_body, craft.t_body_cam_m)
         speed_px_s = fastest_px_s(self._camera, box, v, omega, near_m, far_m)
         return moments(self._camera, speed_px_s, step_px, exposure_s, instants)
 
-    def box(self, frame: FrameState) -> PixelBox:
+    def box(self, craft: CraftState) -> PixelBox:
         """Pixels of the image that the spacecraft may touch, were all rows exposed at once."""
-        return self._boxes(_in_camera(frame, self._vertices_body_m))[0]
+        return self._boxes(_in_camera(craft, self._vertices_body_m))[0]
 
-    def _seen(self, frame: FrameState, points_body_m: FloatArray) -> FloatArray:
+    def _seen(self, craft: CraftState, points_body_m: FloatArray) -> FloatArray:
         """(3, N) body axes → (3, N) camera axes, each at the time of the row that sees it."""
-        points_cam_m = _in_camera(frame, points_body_m)
+        points_cam_m = _in_camera(craft, points_body_m)
         if self._camera.line_time_s == 0:
             return points_cam_m
         for _ in range(_ROW_TRIALS):
             row_px = np.nan_to_num(self._camera.project(points_cam_m.T)[:, 1])
             after_s = self._camera.row_after_s(row_px)
-            points_cam_m = frame.body_in_camera(points_body_m.T, after_s).T
+            points_cam_m = craft.body_in_camera(points_body_m.T, after_s).T
         return points_cam_m
 
     def _bounds(self, points_cam_m: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -127,9 +129,9 @@ class RayCaster:
             return _NO_BOX, _NO_BOX
         return _boxes(self._camera, *self._bounds(vertices_cam_m))
 
-    def _band(self, frame: FrameState, moment: Moment) -> _Band:
-        pose = frame.after(moment.after_s)
-        vertices_cam_m = _in_camera(pose, self._vertices_body_m)
+    def _band(self, craft: CraftState, moment: Moment) -> _Band:
+        then = craft.after(moment.after_s)
+        vertices_cam_m = _in_camera(then, self._vertices_body_m)
         box, field = self._boxes(vertices_cam_m)
         # Beyond the image, the first and the last row's time go on.
         last_row = moment.first_row + moment.rows
@@ -139,17 +141,17 @@ class RayCaster:
             moment=moment,
             box=box.within_rows(moment.first_row, moment.rows),
             field=field.within_rows(top, max(0, bottom - top)),
-            pose=pose,
+            craft=then,
             nearest_m=float(vertices_cam_m[2].min()),
         )
 
-    def _visibility(self, look: _Look, pose: FrameState, keypoints: IntArray) -> IntArray:
-        """(k,) int8 of the keypoints, by number, that a look sees; see :class:`View`."""
+    def _visibility(self, vantage: _Vantage, craft: CraftState, keypoints: IntArray) -> IntArray:
+        """(k,) int8 of the keypoints, by number, that a vantage sees; see :class:`View`."""
         body_m = self._keypoints_body_m[:, keypoints]
-        depth_m = _in_camera(pose, body_m)[2]
+        depth_m = _in_camera(craft, body_m)[2]
         centre_body_m = self._tracer.triangles.centre_body_m
-        directions = (body_m - (centre_body_m + look.camera_m)[:, None]) / depth_m
-        _, z_m = look.first(directions)
+        directions = (body_m - (centre_body_m + vantage.camera_m)[:, None]) / depth_m
+        _, z_m = vantage.first(directions)
         behind_m = (depth_m - z_m) * np.sqrt(dot(directions, directions))
         hidden = behind_m > KEYPOINT_TOLERANCE * self._tracer.triangles.size_m
         return np.where(hidden, OCCLUDED, VISIBLE)
@@ -162,19 +164,19 @@ class _Band:
     Attributes:
         box, field: the pixels that the spacecraft may touch in these rows: in the image, and in the
             field of the silhouette.
-        pose: the frame at their moment.
+        craft: the spacecraft and its sunlight at their moment.
         nearest_m: least planar depth of the craft then.
     """
 
     moment: Moment
     box: PixelBox
     field: PixelBox
-    pose: FrameState
+    craft: CraftState
     nearest_m: float
 
 
 @dataclass(frozen=True)
-class _Look:
+class _Vantage:
     """One frame's camera and Sun, in body axes about the craft's middle.
 
     Attributes:
@@ -196,14 +198,14 @@ class _Look:
     sun_direction: FloatArray
 
     @classmethod
-    def at(cls, tracer: Tracer, camera: Camera, frame: FrameState, nearest_m: float) -> _Look:
+    def at(cls, tracer: Tracer, camera: Camera, craft: CraftState, nearest_m: float) -> _Vantage:
         """Take what the frame has; ``nearest_m`` is the least planar depth of the craft."""
         triangles = tracer.triangles
-        R = frame.R_cam_from_body
-        camera_m = -dot(R, frame.t_body_cam_m) - triangles.centre_body_m
+        R = craft.R_cam_from_body
+        camera_m = -dot(R, craft.t_body_cam_m) - triangles.centre_body_m
         behind = dot(triangles.normal, camera_m) < triangles.plane_m
         normal = np.where(behind, -triangles.normal, triangles.normal)
-        sun_direction = frame.sun_direction_body
+        sun_direction = craft.sun_direction_body
         return cls(
             tracer=tracer,
             camera=camera,
@@ -275,9 +277,9 @@ class _Look:
         return hits * stride**2
 
 
-def _in_camera(frame: FrameState, body_m: FloatArray) -> FloatArray:
+def _in_camera(craft: CraftState, body_m: FloatArray) -> FloatArray:
     """(3, N) body axes → (3, N) camera axes."""
-    return rotated(frame.R_cam_from_body, body_m) + frame.t_body_cam_m[:, None]
+    return rotated(craft.R_cam_from_body, body_m) + craft.t_body_cam_m[:, None]
 
 
 def _row_blocks(height: int, width: int) -> Iterator[slice]:

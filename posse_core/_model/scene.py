@@ -1,8 +1,4 @@
-"""What a renderer is given: a scene that stays, and a frame state that changes.
-
-Everything in a frame state is seen from the camera, so no number is of planetary size where
-single precision could be lost.
-"""
+"""What a renderer is given and what it returns, and the state of a frame, which the sky needs too."""
 
 from __future__ import annotations
 
@@ -28,20 +24,18 @@ class Scene:
 
 @dataclass(frozen=True)
 class Rates:
-    """How a frame changes while the shutter is open; all of it is constant then.
+    """How the spacecraft moves in the camera's view while the shutter is open; constant meanwhile.
 
     Attributes:
         v_body_cam_m_s: (3,) velocity of the spacecraft's origin relative to the camera, against GCRF
             axes; in camera axes at the frame's instant.
-        omega_body_rad_s: (3,) the spacecraft's rate of turn against GCRF axes, body axes.
+        omega_body_rad_s: (3,) the spacecraft's angular velocity against GCRF axes, body axes.
         omega_camera_rad_s: (3,) the camera's, camera axes.
-        v_camera_eci_m_s: (3,) geocentric velocity of the camera, GCRF axes.
     """
 
     v_body_cam_m_s: FloatArray
     omega_body_rad_s: FloatArray
     omega_camera_rad_s: FloatArray
-    v_camera_eci_m_s: FloatArray
 
     def relative(
         self, R_cam_from_body: FloatArray, t_body_cam_m: FloatArray
@@ -52,70 +46,50 @@ class Rates:
         return omega_body_cam_rad_s - self.omega_camera_rad_s, v_m_s
 
 
-AT_REST = Rates(*np.zeros((4, 3)))
+_ZERO = np.zeros(3)
+AT_REST = Rates(*np.zeros((3, 3)))
 """Nothing moves."""
 
 
 @dataclass(frozen=True)
-class FrameState:
-    """What changes from frame to frame. Camera axes: x right, y down, z forward.
+class CraftState:
+    """The spacecraft and its sunlight as the camera has them at one instant, all in camera axes.
+
+    No number is of planetary size, so single precision loses nothing of it.
 
     Attributes:
-        index: number of the frame in its run, from 0.
-        t_s: seconds since the scenario's epoch.
-        epoch_jd_tt: Julian date of this frame in terrestrial time.
         R_cam_from_body: (3, 3): x_cam = R_cam_from_body x_body + t_body_cam_m.
         t_body_cam_m: (3,) the spacecraft's origin in camera axes.
-        R_cam_from_eci: (3, 3) from GCRF axes.
-        R_ecef_from_eci: (3, 3) the Earth's rotation, GCRF → ITRF.
-        r_camera_eci_m, r_target_eci_m, r_sun_eci_m, r_moon_eci_m: (3,) geocentric, GCRF axes.
-        solar_flux_w_m2: total irradiance at the target by the whole Sun, at its true distance.
-        sun_fraction_target: share of the Sun's disc that the Earth leaves free, seen by the target.
-        sun_fraction_camera: the same, seen by the camera.
-        sun_angular_radius_rad: of the disc, seen by the target.
-        rates: how all this changes around the frame's instant.
+        sun_direction_cam: (3,) unit vector from the spacecraft to the Sun, camera axes.
+        sun_irradiance_rgb_w_m2: (3,) irradiance at the spacecraft on a plate that faces the Sun, in the
+            red, green and blue band; what an eclipse takes is already missing.
+        sun_angular_radius_rad: of the Sun's disc, seen from the spacecraft.
+        rates: how all this changes around the instant.
     """
 
-    index: int
-    t_s: float
-    epoch_jd_tt: float
     R_cam_from_body: FloatArray
     t_body_cam_m: FloatArray
-    R_cam_from_eci: FloatArray
-    R_ecef_from_eci: FloatArray
-    r_camera_eci_m: FloatArray
-    r_target_eci_m: FloatArray
-    r_sun_eci_m: FloatArray
-    r_moon_eci_m: FloatArray
-    solar_flux_w_m2: float
-    sun_fraction_target: float
-    sun_fraction_camera: float
+    sun_direction_cam: FloatArray
+    sun_irradiance_rgb_w_m2: FloatArray
     sun_angular_radius_rad: float
     rates: Rates = AT_REST
 
-    def after(self, after_s: float) -> FrameState:
-        """The frame a moment later, or earlier, by its rates."""
+    def after(self, after_s: float) -> CraftState:
+        """The state a moment later, or earlier, by its rates."""
         if after_s == 0:
             return self
         rates = self.rates
         R_then_from_now = matrix_from_rotation_vector(-after_s * rates.omega_camera_rad_s)
         R_body_turn = matrix_from_rotation_vector(after_s * rates.omega_body_rad_s)
-        earth_turn = matrix_from_rotation_vector(np.array([0, 0, -after_s * EARTH_ROTATION_RATE_RAD_S]))
-        moved_m = after_s * rates.v_camera_eci_m_s
         return replace(
             self,
-            t_s=self.t_s + after_s,
-            epoch_jd_tt=self.epoch_jd_tt + after_s / 86400,
             R_cam_from_body=R_then_from_now @ self.R_cam_from_body @ R_body_turn,
             t_body_cam_m=R_then_from_now @ (self.t_body_cam_m + after_s * rates.v_body_cam_m_s),
-            R_cam_from_eci=R_then_from_now @ self.R_cam_from_eci,
-            R_ecef_from_eci=earth_turn @ self.R_ecef_from_eci,
-            r_camera_eci_m=self.r_camera_eci_m + moved_m,
-            r_target_eci_m=self.r_target_eci_m + moved_m,  # but for metres
+            sun_direction_cam=R_then_from_now @ self.sun_direction_cam,
         )
 
     def body_in_camera(self, x_body_m: FloatArray, after_s: FloatArray) -> FloatArray:
-        """Points of the spacecraft at times of their own: (..., 3), (...) → (..., 3) camera axes."""
+        """Points of the spacecraft, each at its own time: (..., 3), (...) → (..., 3) camera axes."""
         rates = self.rates
         turned_body_m = turned(x_body_m, rates.omega_body_rad_s, after_s)
         R, t = self.R_cam_from_body, self.t_body_cam_m
@@ -124,25 +98,123 @@ class FrameState:
         return turned(x_m, -rates.omega_camera_rad_s, after_s)
 
     @property
-    def sun_direction_cam(self) -> FloatArray:
-        """(3,) unit vector from the target to the Sun, camera axes."""
-        away = self.R_cam_from_eci @ (self.r_sun_eci_m - self.r_target_eci_m)
-        return np.asarray(away / np.linalg.norm(away))
-
-    @property
     def sun_direction_body(self) -> FloatArray:
-        """(3,) unit vector from the target to the Sun, body axes."""
+        """(3,) unit vector from the spacecraft to the Sun, body axes."""
         return np.asarray(self.R_cam_from_body.T @ self.sun_direction_cam)
-
-    @property
-    def sun_irradiance_rgb_w_m2(self) -> FloatArray:
-        """(3,) irradiance at the target, facing the Sun, in the red, green and blue band."""
-        return self.solar_flux_w_m2 * self.sun_fraction_target * SOLAR_BAND_FRACTIONS
 
     @property
     def range_m(self) -> float:
         """Distance between the camera and the spacecraft's origin."""
         return float(np.linalg.norm(self.t_body_cam_m))
+
+
+@dataclass(frozen=True)
+class FrameState:
+    """What changes from frame to frame: the spacecraft in the camera's view, and both over the Earth.
+
+    Attributes:
+        index: number of the frame, from 0; with the run's seed it fixes every random draw.
+        sequence: number of the continuous relative orbit that the frame belongs to.
+        t_s: seconds since the scenario's epoch.
+        epoch_jd_tt: Julian date of this frame in terrestrial time.
+        craft: the spacecraft and its sunlight, in camera axes.
+        R_cam_from_eci: (3, 3) from GCRF axes.
+        R_ecef_from_eci: (3, 3) the Earth's rotation, GCRF → ITRF.
+        r_camera_eci_m, r_target_eci_m, r_sun_eci_m, r_moon_eci_m: (3,) geocentric, GCRF axes.
+        v_camera_eci_m_s: (3,) geocentric velocity of the camera, GCRF axes.
+        solar_flux_w_m2: total irradiance at the target by the whole Sun, at its true distance.
+        sun_fraction_target: share of the Sun's disc that the Earth leaves free, seen by the target.
+        sun_fraction_camera: the same, seen by the camera.
+    """
+
+    index: int
+    sequence: int
+    t_s: float
+    epoch_jd_tt: float
+    craft: CraftState
+    R_cam_from_eci: FloatArray
+    R_ecef_from_eci: FloatArray
+    r_camera_eci_m: FloatArray
+    v_camera_eci_m_s: FloatArray
+    r_target_eci_m: FloatArray
+    r_sun_eci_m: FloatArray
+    r_moon_eci_m: FloatArray
+    solar_flux_w_m2: float
+    sun_fraction_target: float
+    sun_fraction_camera: float
+
+    @classmethod
+    def of(
+        cls,
+        *,
+        index: int,
+        sequence: int = 0,
+        t_s: float,
+        epoch_jd_tt: float,
+        R_cam_from_body: FloatArray,
+        t_body_cam_m: FloatArray,
+        R_cam_from_eci: FloatArray,
+        R_ecef_from_eci: FloatArray,
+        r_camera_eci_m: FloatArray,
+        v_camera_eci_m_s: FloatArray = _ZERO,
+        r_target_eci_m: FloatArray,
+        r_sun_eci_m: FloatArray,
+        r_moon_eci_m: FloatArray,
+        solar_flux_w_m2: float,
+        sun_fraction_target: float,
+        sun_fraction_camera: float,
+        sun_angular_radius_rad: float,
+        rates: Rates = AT_REST,
+    ) -> FrameState:
+        """The state with the sunlight in camera axes that follows from the geocentric positions.
+
+        Arguments are as in :class:`FrameState` and :class:`CraftState`.
+        """
+        to_sun_cam_m = R_cam_from_eci @ (r_sun_eci_m - r_target_eci_m)
+        craft = CraftState(
+            R_cam_from_body=R_cam_from_body,
+            t_body_cam_m=t_body_cam_m,
+            sun_direction_cam=np.asarray(to_sun_cam_m / np.linalg.norm(to_sun_cam_m)),
+            sun_irradiance_rgb_w_m2=solar_flux_w_m2 * sun_fraction_target * SOLAR_BAND_FRACTIONS,
+            sun_angular_radius_rad=sun_angular_radius_rad,
+            rates=rates,
+        )
+        return cls(
+            index=index,
+            sequence=sequence,
+            t_s=t_s,
+            epoch_jd_tt=epoch_jd_tt,
+            craft=craft,
+            R_cam_from_eci=R_cam_from_eci,
+            R_ecef_from_eci=R_ecef_from_eci,
+            r_camera_eci_m=r_camera_eci_m,
+            v_camera_eci_m_s=v_camera_eci_m_s,
+            r_target_eci_m=r_target_eci_m,
+            r_sun_eci_m=r_sun_eci_m,
+            r_moon_eci_m=r_moon_eci_m,
+            solar_flux_w_m2=solar_flux_w_m2,
+            sun_fraction_target=sun_fraction_target,
+            sun_fraction_camera=sun_fraction_camera,
+        )
+
+    def after(self, after_s: float) -> FrameState:
+        """The frame a moment later, or earlier, by its rates."""
+        if after_s == 0:
+            return self
+        omega_camera_rad_s = self.craft.rates.omega_camera_rad_s
+        R_then_from_now = matrix_from_rotation_vector(-after_s * omega_camera_rad_s)
+        earth_turn = matrix_from_rotation_vector(np.array([0, 0, -after_s * EARTH_ROTATION_RATE_RAD_S]))
+        moved_m = after_s * self.v_camera_eci_m_s
+        return replace(
+            self,
+            t_s=self.t_s + after_s,
+            epoch_jd_tt=self.epoch_jd_tt + after_s / 86400,
+            craft=self.craft.after(after_s),
+            R_cam_from_eci=R_then_from_now @ self.R_cam_from_eci,
+            R_ecef_from_eci=earth_turn @ self.R_ecef_from_eci,
+            r_camera_eci_m=self.r_camera_eci_m + moved_m,
+            r_target_eci_m=self.r_target_eci_m + moved_m,  # the relative motion is metres
+        )
 
 
 @dataclass(frozen=True)
@@ -160,18 +232,21 @@ class EnvironmentMap:
 
 @dataclass(frozen=True)
 class RenderRequest:
-    """One frame to render.
+    """One image of the spacecraft to render.
 
     Attributes:
+        craft: the spacecraft and its sunlight, in camera axes.
         box: the part of the image to render; never empty, never outside the image.
         environment: None where the sky is black.
         seed: for whatever the renderer draws at random in this frame.
+        index: number of the frame, for messages.
     """
 
-    frame: FrameState
+    craft: CraftState
     box: PixelBox
     environment: EnvironmentMap | None
     seed: int
+    index: int = 0
 
 
 @dataclass(frozen=True)

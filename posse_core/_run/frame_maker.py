@@ -68,7 +68,7 @@ class FrameMaker:
     def make(self, index: int) -> Mapping[str, Any]:
         """Make one frame and write its files; its ``labels``, and ``sha256``: a digest a file."""
         frame = frame_state(self._trajectory, index, self._constants)
-        view = self._geometry.view(frame)
+        view = self._geometry.view(frame.craft)
         labels, arrays = self.annotate(frame, view)
         image, labels["exposure_s"] = self.expose(frame)
         labels["image"] = f"images/{index:06d}.png"

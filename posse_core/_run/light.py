@@ -10,7 +10,7 @@ import numpy as np
 from posse_core._geometry.raycast import RayCaster
 from posse_core._interfaces.renderer import Renderer
 from posse_core._model.camera import Camera, PixelBox
-from posse_core._model.scene import FrameState, Radiance, RenderRequest
+from posse_core._model.scene import CraftState, FrameState, Radiance, RenderRequest
 from posse_core._model.shutter import STEP_PX
 from posse_core._randomness import derived_seed
 from posse_core._sky.sky import Sky
@@ -47,25 +47,27 @@ class CraftLight:
         for number, shot in enumerate(shots):
             purpose = f"renderer {number}" if number else "renderer"
             seed = derived_seed(self._seed, frame.index, purpose)
-            made = self._renderer.render(RenderRequest(shot.pose, shot.box, environment, seed))
+            made = self._renderer.render(
+                RenderRequest(shot.craft, shot.box, environment, seed, frame.index)
+            )
             inside = shot.box.within(whole)
             radiance_rgb[inside] += shot.share * made.radiance_rgb
             coverage[inside] += shot.share * made.coverage
         return Radiance(whole, radiance_rgb, np.minimum(coverage, 1))
 
     def _shots(self, frame: FrameState, exposure_s: float, instants: int) -> Iterator[_Shot]:
-        for moment in self._geometry.moments(frame, STEP_PX, exposure_s, instants):
-            pose = frame.after(moment.after_s)
-            box = self._geometry.box(pose).grown(BOX_MARGIN_PX, self._camera)
+        for moment in self._geometry.moments(frame.craft, STEP_PX, exposure_s, instants):
+            craft = frame.craft.after(moment.after_s)
+            box = self._geometry.box(craft).grown(BOX_MARGIN_PX, self._camera)
             box = box.within_rows(moment.first_row, moment.rows)
             if not box.is_empty:
-                yield _Shot(pose, box, np.float32(moment.share))
+                yield _Shot(craft, box, np.float32(moment.share))
 
 
 @dataclass(frozen=True)
 class _Shot:
     """A moment of an exposure: what is rendered, where, and its share."""
 
-    pose: FrameState
+    craft: CraftState
     box: PixelBox
     share: np.float32

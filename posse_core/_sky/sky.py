@@ -69,8 +69,8 @@ class Sky:
         return fastest_px_s(
             camera,
             PixelBox(0, 0, camera.width_px, camera.height_px),
-            -frame.R_cam_from_eci @ frame.rates.v_camera_eci_m_s,
-            -frame.rates.omega_camera_rad_s,
+            -frame.R_cam_from_eci @ frame.v_camera_eci_m_s,
+            -frame.craft.rates.omega_camera_rad_s,
             height_m if self._earth is not None else np.inf,
             np.inf,
         )
@@ -94,10 +94,12 @@ class Sky:
             rays = subpixel_rays(camera, box)
             light = moon.radiance(rays, to_moon_m, moon_to_sun, sun_rgb_w_m2)
             image.add(box, (light * self._passed(frame, earth, rays)).mean(axis=2))
-        box = box_of_disc(camera, to_sun, frame.sun_angular_radius_rad).within_rows(first_row, rows)
+        box = box_of_disc(camera, to_sun, frame.craft.sun_angular_radius_rad).within_rows(
+            first_row, rows
+        )
         if self._config.sun_disc and frame.sun_fraction_camera > 0 and not box.is_empty:
             rays = subpixel_rays(camera, box)
-            light = limb_darkened(rays, to_sun, frame.sun_angular_radius_rad, sun_rgb_w_m2)
+            light = limb_darkened(rays, to_sun, frame.craft.sun_angular_radius_rad, sun_rgb_w_m2)
             image.add(box, (light * self._passed(frame, earth, rays)).mean(axis=2))
         return image.radiance_rgb
 
@@ -147,7 +149,7 @@ class Sky:
         self, frame: FrameState, speed_px_s: float, offsets_s: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """(S, 2) pixels and (S, 3) irradiances of the stars in view: a point each at every offset."""
-        config, camera, turn = self._config.stars, self._camera, -frame.rates.omega_camera_rad_s
+        config, camera, turn = self._config.stars, self._camera, -frame.craft.rates.omega_camera_rad_s
         if config is None:
             return np.empty((0, 2)), np.empty((0, 3))
         if config.catalogue == "hipparcos":

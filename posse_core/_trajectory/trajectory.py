@@ -158,8 +158,9 @@ def frame_state(trajectory: Trajectory, index: int, constants: Constants) -> Fra
     R_cam_from_rtn = R_eci_from_cam.T @ R_eci_from_rtn(r_target, v_target)
     omega_rtn = np.array([0.0, 0.0, float(rtn_rate_rad_s(r_target, v_target))])
     v_rtn = trajectory.v_chaser_rtn_m_s[index] + np.cross(omega_rtn, r_rtn)
-    return FrameState(
+    return FrameState.of(
         index=index,
+        sequence=int(trajectory.sequence[index]),
         t_s=float(t_s),
         epoch_jd_tt=float(tt[0] + tt[1]),
         R_cam_from_body=R_eci_from_cam.T @ matrix_from_quaternion(trajectory.q_eci_from_body[index]),
@@ -168,6 +169,7 @@ def frame_state(trajectory: Trajectory, index: int, constants: Constants) -> Fra
         R_cam_from_eci=R_eci_from_cam.T,
         R_ecef_from_eci=R_itrf_from_gcrf(*tt, *epoch.ut1(t_s)),
         r_camera_eci_m=trajectory.r_chaser_eci_m[index],
+        v_camera_eci_m_s=trajectory.v_chaser_eci_m_s[index],
         r_target_eci_m=r_target,
         r_sun_eci_m=r_sun,
         r_moon_eci_m=trajectory.r_moon_eci_m[index],
@@ -179,7 +181,6 @@ def frame_state(trajectory: Trajectory, index: int, constants: Constants) -> Fra
             v_body_cam_m_s=-R_cam_from_rtn @ v_rtn,
             omega_body_rad_s=trajectory.omega_body_rad_s[index],
             omega_camera_rad_s=trajectory.omega_camera_rad_s[index],
-            v_camera_eci_m_s=trajectory.v_chaser_eci_m_s[index],
         ),
     )
 

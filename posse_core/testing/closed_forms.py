@@ -30,13 +30,13 @@ def lambertian_sphere(camera: Camera, frame: FrameState, radius_m: float, fine: 
     v = (np.arange(fine * camera.height_px) + 0.5) / fine - 0.5
     rays = camera.rays(np.stack(np.meshgrid(u, v), axis=-1))
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
-    along = rays @ frame.t_body_cam_m
-    inside = along**2 - frame.range_m**2 + radius_m**2
+    along = rays @ frame.craft.t_body_cam_m
+    inside = along**2 - frame.craft.range_m**2 + radius_m**2
     hits = rays * (along - np.sqrt(np.maximum(inside, 0.0)))[..., None]
-    normals = (hits - frame.t_body_cam_m) / radius_m
-    cosine = np.where(inside > 0, np.maximum(normals @ frame.sun_direction_cam, 0.0), 0.0)
+    normals = (hits - frame.craft.t_body_cam_m) / radius_m
+    cosine = np.where(inside > 0, np.maximum(normals @ frame.craft.sun_direction_cam, 0.0), 0.0)
     mean = cosine.reshape(camera.height_px, fine, camera.width_px, fine).mean(axis=(1, 3))
-    return np.asarray(mean[..., None] * frame.sun_irradiance_rgb_w_m2 / np.pi)
+    return np.asarray(mean[..., None] * frame.craft.sun_irradiance_rgb_w_m2 / np.pi)
 
 
 def polygon_area_and_centroid(corners: FloatArray) -> tuple[float, FloatArray]:

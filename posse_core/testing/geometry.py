@@ -39,7 +39,7 @@ class GeometryConformance(RendererStage):
                 frame = scenes.frame(
                     t_body_cam_m=(0.1, -0.1, 5.0), sun_direction_body=(0, 0, 1), R_cam_from_body=R
                 )
-                view = caster.view(frame)
+                view = caster.view(frame.craft)
                 exact = np.zeros((scene.camera.height_px, scene.camera.width_px), dtype=bool)
                 exact[view.box.slices] = view.mask
                 assert iou(stage.shot(frame).coverage > 0.5, exact) >= self.iou_min
@@ -125,8 +125,8 @@ class GeometryConformance(RendererStage):
         if image.depth_m is None:
             return
         rays = scenes.camera().rays(pixels(image.coverage))
-        normal = frame.R_cam_from_body @ np.cross([0.7, 0, 0.3], [0, 0.7, 0.1])
-        z_m = (normal @ frame.t_body_cam_m) / (rays @ normal)
+        normal = frame.craft.R_cam_from_body @ np.cross([0.7, 0, 0.3], [0, 0.7, 0.1])
+        z_m = (normal @ frame.craft.t_body_cam_m) / (rays @ normal)
         full = image.coverage > 0.999
         np.testing.assert_allclose(image.depth_m[full], z_m[full], atol=1e-3)
         assert np.isnan(image.depth_m[image.coverage == 0]).all()

@@ -67,6 +67,6 @@ def _in_child(kind: type[Renderer], options: BaseModel, scene: Scene, frame: Fra
     renderer.open(scene)
     try:
         box = PixelBox(0, 0, scene.camera.width_px, scene.camera.height_px)
-        return renderer.render(RenderRequest(frame, box, None, 1))
+        return renderer.render(RenderRequest(frame.craft, box, None, 1))
     finally:
         renderer.close()

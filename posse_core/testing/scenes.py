@@ -38,7 +38,7 @@ def frame(
     r_target_eci_m = np.array([7.0e6, 0.0, 0.0])
     sun = np.asarray(sun_direction_body, dtype=np.float64)
     t = np.asarray(t_body_cam_m, dtype=np.float64)
-    return FrameState(
+    return FrameState.of(
         index=0,
         t_s=0.0,
         epoch_jd_tt=2459610.5,

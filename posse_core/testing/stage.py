@@ -47,7 +47,7 @@ class Stage:
     ) -> Radiance:
         """Render the box (the whole image, if None), and check what holds of every image."""
         asked = box or PixelBox(0, 0, self.camera.width_px, self.camera.height_px)
-        image = self.renderer.render(RenderRequest(frame, asked, environment, seed))
+        image = self.renderer.render(RenderRequest(frame.craft, asked, environment, seed))
         shape = (asked.height, asked.width)
         assert image.box == asked
         assert image.radiance_rgb.shape == (*shape, 3)
@@ -148,12 +148,12 @@ def attitudes() -> list[FloatArray]:
 
 def lambert(frame: FrameState, reflectance: tuple[float, float, float], cosine: float) -> FloatArray:
     """(3,) E ρ/π cos θ."""
-    return np.asarray(frame.sun_irradiance_rgb_w_m2 * reflectance / np.pi * cosine)
+    return np.asarray(frame.craft.sun_irradiance_rgb_w_m2 * reflectance / np.pi * cosine)
 
 
 def project(camera: Camera, frame: FrameState, points_body_m: FloatArray) -> FloatArray:
     """(n, 3) body axes → (n, 2) pixels."""
-    return camera.project(points_body_m @ frame.R_cam_from_body.T + frame.t_body_cam_m)
+    return camera.project(points_body_m @ frame.craft.R_cam_from_body.T + frame.craft.t_body_cam_m)
 
 
 def pixels(image: AnyArray) -> FloatArray:

@@ -53,7 +53,7 @@ def make_frame() -> Callable[..., FrameState]:
     """Pose, and the Sun's direction in camera axes → a frame."""
 
     def make(t_body_cam_m: np.ndarray, R_cam_from_body: np.ndarray, sun_cam: np.ndarray) -> FrameState:
-        return FrameState(
+        return FrameState.of(
             index=3,
             t_s=0.0,
             epoch_jd_tt=2451545.0,

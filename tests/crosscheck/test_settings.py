@@ -26,16 +26,16 @@ def test_random_poses_are_in_view_lit_and_everywhere() -> None:
     radius_m = setting.scene.spacecraft.radius_m
     suns, boresights = [], []
     for frame in setting.frames:
-        assert not geometry.box(frame).is_empty
-        assert frame.range_m >= CLEARANCE * radius_m * (1 - 1e-12)
+        assert not geometry.box(frame.craft).is_empty
+        assert frame.craft.range_m >= CLEARANCE * radius_m * (1 - 1e-12)
         assert frame.sun_fraction_target > 0.98
-        for R in (frame.R_cam_from_body, frame.R_cam_from_eci):
+        for R in (frame.craft.R_cam_from_body, frame.R_cam_from_eci):
             np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
             assert np.linalg.det(R) > 0
         to_target = frame.R_cam_from_eci @ (frame.r_target_eci_m - frame.r_camera_eci_m)
-        np.testing.assert_allclose(to_target, frame.t_body_cam_m, atol=1e-6)
-        suns.append(frame.sun_direction_body)
-        boresights.append(frame.R_cam_from_body[2])
+        np.testing.assert_allclose(to_target, frame.craft.t_body_cam_m, atol=1e-6)
+        suns.append(frame.craft.sun_direction_body)
+        boresights.append(frame.craft.R_cam_from_body[2])
     for directions in (np.array(suns), np.array(boresights)):
         # An even spread over the sphere: mean 0, covariance I/3; both within four standard errors.
         assert np.abs(directions.mean(axis=0)).max() < 4 * np.sqrt(1 / 3 / 100)
@@ -101,8 +101,8 @@ def test_a_white_metal_reflects_no_more_than_falls_on_it() -> None:
     # E π R² / 4π towards each. A metal's intensity does not depend much on the phase angle.
     pixel_sr = 1 / setting.scene.camera.fx_px**2
     sums = [np.sum(setting.expected_rgb(f), axis=(0, 1)) for f in setting.frames]
-    intensity = np.mean(sums, axis=0) * pixel_sr * frame.range_m**2
-    even = frame.sun_irradiance_rgb_w_m2 / 4
+    intensity = np.mean(sums, axis=0) * pixel_sr * frame.craft.range_m**2
+    even = frame.craft.sun_irradiance_rgb_w_m2 / 4
     assert (intensity / even > 0.7).all()
     assert (intensity / even < 1.3).all()
 
@@ -112,6 +112,6 @@ def test_the_checkers_cells_alternate_and_hold_their_codes() -> None:
     frame = setting.frames[0]
     expected = setting.expected_rgb(frame)
     assert expected is not None
-    white = frame.sun_irradiance_rgb_w_m2 / np.pi * frame.sun_direction_body[2]
+    white = frame.craft.sun_irradiance_rgb_w_m2 / np.pi * frame.craft.sun_direction_body[2]
     levels = np.unique((expected / white)[np.isfinite(expected)].round(9))
     assert levels == pytest.approx([0.0512695, 1.0], abs=1e-6)  # IEC 61966-2-1 of code 64, and 255

@@ -55,7 +55,7 @@ def make_frame() -> Callable[..., FrameState]:
         sun_body: tuple[float, float, float] = (0.0, 0.0, -1.0),
     ) -> FrameState:
         R = np.eye(3) if R_cam_from_body is None else R_cam_from_body
-        return FrameState(
+        return FrameState.of(
             index=0,
             t_s=0.0,
             epoch_jd_tt=2451545.0,

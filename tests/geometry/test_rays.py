@@ -173,9 +173,9 @@ def test_the_silhouette_is_that_of_a_larger_image(make_scene, make_frame, where_
 def test_an_enormous_silhouette_is_sampled(make_scene, make_frame, make_plate, monkeypatch):
     scene = make_scene({"plate": make_plate(3, 3)})
     frame = make_frame((0.2, 0.1, 0.5))
-    exact = RayCaster(scene).view(frame).silhouette_px
+    exact = RayCaster(scene).view(frame.craft).silhouette_px
     monkeypatch.setattr(raycast, "SILHOUETTE_RAYS", 20_000)
-    assert RayCaster(scene).view(frame).silhouette_px == pytest.approx(exact, rel=0.02)
+    assert RayCaster(scene).view(frame.craft).silhouette_px == pytest.approx(exact, rel=0.02)
     assert exact == pytest.approx((2 * 3 * 48 / 0.5) ** 2, rel=0.01)
 
 
@@ -192,7 +192,7 @@ def test_triangles_without_an_area_harm_nothing(make_scene, make_frame, make_pla
     faces = np.concatenate([plate.faces, [[0, 0, 1], [2, 2, 2]]])
     broken = trimesh.Trimesh(plate.vertices, faces, process=False)
     frame = make_frame((0.1, 0.2, 3))
-    good, bad = (RayCaster(make_scene({"p": mesh})).view(frame) for mesh in (plate, broken))
+    good, bad = (RayCaster(make_scene({"p": mesh})).view(frame.craft) for mesh in (plate, broken))
     assert fields(good).keys() == fields(bad).keys()
     for name, array in fields(good).items():
         np.testing.assert_array_equal(array, fields(bad)[name])
@@ -204,10 +204,10 @@ def test_views_are_the_same_bits_in_any_order_and_any_crop(make_scene, make_fram
     turns = Rotation.random(3, np.random.default_rng(1)).as_matrix()
     frames = [make_frame((0.1, 0.2, 4.0), R, (0.6, 0.0, -0.8)) for R in turns]
     caster = RayCaster(scene)
-    forward = [fields(caster.view(frame)) for frame in frames]
-    backward = [fields(caster.view(frame)) for frame in frames[::-1]][::-1]
+    forward = [fields(caster.view(frame.craft)) for frame in frames]
+    backward = [fields(caster.view(frame.craft)) for frame in frames[::-1]][::-1]
     monkeypatch.setattr(raycast, "_CHUNK", 1000)
-    fresh = [fields(RayCaster(scene).view(frame)) for frame in frames]
+    fresh = [fields(RayCaster(scene).view(frame.craft)) for frame in frames]
     for views in zip(forward, backward, fresh, strict=True):
         for name in views[0]:
             assert len({view[name].tobytes() for view in views}) == 1, name

@@ -62,7 +62,7 @@ def test_the_renderer_and_the_scene_render(load) -> None:
     renderer = load("posse_renderers").registry.create("renderer", "plain")
     renderer.open(Scene(craft, scenes.camera()))
     frame = scenes.frame(t_body_cam_m=(0, 0, 5), sun_direction_body=(0, 0, 1))
-    image = renderer.render(RenderRequest(frame, PixelBox(1, 2, 3, 4), None, 0))
+    image = renderer.render(RenderRequest(frame.craft, PixelBox(1, 2, 3, 4), None, 0))
     np.testing.assert_array_equal(image.radiance_rgb, np.ones((4, 3, 3)))
 
 

@@ -119,7 +119,7 @@ registry = load_plugins().registry
 options = registry.options("renderer", "plain", {"level": 2.5})
 renderer = registry.create("renderer", "plain", options)
 frame = scenes.frame(t_body_cam_m=(0, 0, 5), sun_direction_body=(0, 0, 1))
-image = renderer.render(RenderRequest(frame, PixelBox(1, 2, 3, 4), None, 0))
+image = renderer.render(RenderRequest(frame.craft, PixelBox(1, 2, 3, 4), None, 0))
 assert image.radiance_rgb.shape == (4, 3, 3) and (image.radiance_rgb == 2.5).all()
 motion = registry.create("propagator", "still").propagate(
     __import__("types").SimpleNamespace(t_s=np.arange(3.0)))

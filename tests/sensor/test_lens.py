@@ -41,10 +41,10 @@ class PlateRenderer(Renderer):
         self.boxes.append(box)
         steps = (np.arange(FINE) + 0.5) / FINE - 0.5
         offsets = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
-        place, _ = on_plate(self.camera, request.frame, box.pixel_centres_px()[:, :, None] + offsets)
+        place, _ = on_plate(self.camera, request.craft, box.pixel_centres_px()[:, :, None] + offsets)
         hit = (np.abs(place) <= HALF_M).all(axis=-1)
         light = (hit * (2 + place[..., 0])).mean(axis=2)
-        _, depth = on_plate(self.camera, request.frame, box.pixel_centres_px())
+        _, depth = on_plate(self.camera, request.craft, box.pixel_centres_px())
         return Radiance(
             box,
             np.repeat(light[..., None], 3, -1).astype(np.float32),
@@ -59,9 +59,9 @@ class PlateRenderer(Renderer):
         return {"plate": "1"}
 
 
-def on_plate(camera: Camera, frame, uv_px):
+def on_plate(camera: Camera, craft, uv_px):
     """(..., 2) place on the plate's plane in its own axes, and depth, where pixels look."""
-    R, t = frame.R_cam_from_body, frame.t_body_cam_m
+    R, t = craft.R_cam_from_body, craft.t_body_cam_m
     rays = camera.rays(uv_px)
     z = (R[:, 2] @ t) / (rays @ R[:, 2])
     return ((z[..., None] * rays - t) @ R)[..., :2], z
@@ -96,7 +96,7 @@ def shoot(distortion, at) -> tuple[Radiance, PlateRenderer]:
     renderer = LensRenderer(inner)
     renderer.open(scene(distortion))
     box = PixelBox(0, 0, 80, 60)
-    return renderer.render(RenderRequest(at, box, None, 0)), inner
+    return renderer.render(RenderRequest(at.craft, box, None, 0)), inner
 
 
 def outline_px(cam: Camera, at) -> np.ndarray:
@@ -107,7 +107,7 @@ def outline_px(cam: Camera, at) -> np.ndarray:
         [a + share * (b - a) for a, b in zip(corners, np.roll(corners, -1, 0), strict=True)]
     )
     body = np.column_stack([edge, np.zeros(len(edge))])
-    points = body @ at.R_cam_from_body.T + at.t_body_cam_m
+    points = body @ at.craft.R_cam_from_body.T + at.craft.t_body_cam_m
     uv, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), cam.matrix, cam.distortion_coefficients)
     return uv[:, 0]
 
@@ -141,7 +141,7 @@ def test_edges_are_where_opencv_projects_them(distortion):
 def test_labels_and_image_agree(distortion):
     at = frame()
     image, _ = shoot(distortion, at)
-    view = RayCaster(scene(distortion)).view(at)
+    view = RayCaster(scene(distortion)).view(at.craft)
     mask = np.zeros((60, 80), dtype=bool)
     mask[view.box.slices] = view.mask
     inside = image.coverage > 0.5
@@ -196,7 +196,7 @@ def test_a_part_of_the_image_is_that_of_the_whole():
     renderer = LensRenderer(PlateRenderer(NoOptions()))
     renderer.open(scene(BARREL))
     box = PixelBox(40, 10, 25, 23)
-    part = renderer.render(RenderRequest(at, box, None, 0))
+    part = renderer.render(RenderRequest(at.craft, box, None, 0))
     assert part.box == box
     np.testing.assert_allclose(part.coverage, whole.coverage[box.slices], atol=1e-3)
     np.testing.assert_allclose(part.radiance_rgb, whole.radiance_rgb[box.slices], atol=3e-3)

@@ -94,7 +94,7 @@ def test_image_and_mask_have_one_edge():
     image_edge_px = left_px - before - 0.5
     expected_px = sheared_edge_px(v_m_s)[rows]
     assert np.abs(image_edge_px - expected_px).max() < 0.105
-    mask_edge_px = left_edges(geometry.view(frame))[rows]
+    mask_edge_px = left_edges(geometry.view(frame.craft))[rows]
     assert np.all((mask_edge_px - image_edge_px > -0.105) & (mask_edge_px - image_edge_px < 1.105))
     # The bands together are one picture: nothing is rendered twice.
     assert renderer.rendered_px < 1.3 * craft.box.width * craft.box.height

@@ -49,7 +49,7 @@ def _state(
     **changes,
 ) -> FrameState:
     sun_unit = np.asarray(sun, dtype=float) / np.linalg.norm(sun)
-    base = FrameState(
+    base = FrameState.of(
         index=0,
         t_s=0.0,
         epoch_jd_tt=jd_tt,

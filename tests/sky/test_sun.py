@@ -26,7 +26,7 @@ def test_the_disc_holds_the_suns_irradiance(make_camera, make_state, forward) ->
     assert irradiance == pytest.approx(1361.0 * SOLAR_BAND_FRACTIONS, rel=0.005)
     lit = np.argwhere(sky.radiance_rgb[..., 1] > 0)
     away = frame.R_cam_from_eci @ np.array([1.0, 0.0, 0.0])
-    width_px = 2 * camera.fx_px * frame.sun_angular_radius_rad / away[2] ** 2
+    width_px = 2 * camera.fx_px * frame.craft.sun_angular_radius_rad / away[2] ** 2
     assert np.ptp(lit[:, 1]) + 1 == pytest.approx(width_px, abs=2)
 
 

@@ -20,7 +20,7 @@ def moving(
     omega_camera: tuple[float, float, float] = (0, 0, 0),
 ) -> FrameState:
     """The plate's middle straight ahead; body, camera and inertial axes are parallel at the instant."""
-    return FrameState(
+    return FrameState.of(
         index=0,
         t_s=0.0,
         epoch_jd_tt=2459610.5,
@@ -36,7 +36,7 @@ def moving(
         sun_fraction_target=1.0,
         sun_fraction_camera=1.0,
         sun_angular_radius_rad=0.00465,
-        rates=Rates(*(np.array(x, float) for x in (v_m_s, omega_body, omega_camera, (0, 0, 0)))),
+        rates=Rates(*(np.array(x, float) for x in (v_m_s, omega_body, omega_camera))),
     )
 
 

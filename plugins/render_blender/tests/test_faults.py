@@ -36,7 +36,7 @@ def plate() -> Scene:
 
 def request() -> RenderRequest:
     frame = scenes.frame(t_body_cam_m=(0, 0, 4), sun_direction_body=(0, 0, 1))
-    return RenderRequest(frame, BOX, None, seed=1)
+    return RenderRequest(frame.craft, BOX, None, seed=1)
 
 
 def failure(options: BlenderOptions) -> str:

@@ -34,7 +34,7 @@ def shot(
     environment: EnvironmentMap | None = None,
 ) -> Radiance:
     box = PixelBox(0, 0, camera.width_px, camera.height_px)
-    return renderer.render(RenderRequest(frame, box, environment, seed=7))
+    return renderer.render(RenderRequest(frame.craft, box, environment, seed=7))
 
 
 def sky(function: Callable[[FloatArray], FloatArray], height: int = 64) -> EnvironmentMap:
@@ -51,7 +51,7 @@ def test_a_pixel_not_square_and_a_principal_point_off_the_middle(opened: Open) -
     R = Rotation.from_rotvec([0.2, -0.3, 0.4]).as_matrix() @ scenes.FACING
     frame = scenes.frame(t_body_cam_m=(0.1, -0.05, 2.5), sun_direction_body=(0, 0, 1), R_cam_from_body=R)
     image = shot(opened(scenes.scene(craft, materials=(WHITE,), camera=camera), spp=256), camera, frame)
-    corners = camera.project(craft.vertices_body_m @ R.T + frame.t_body_cam_m)
+    corners = camera.project(craft.vertices_body_m @ R.T + frame.craft.t_body_cam_m)
     a, b = corners, np.roll(corners, -1, axis=0)
     cross = a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1]
     area = cross.sum() / 2
@@ -63,7 +63,7 @@ def test_a_pixel_not_square_and_a_principal_point_off_the_middle(opened: Open) -
     assert (image.coverage * v).sum() / covered == pytest.approx(centroid[1], abs=0.01)
     normal = R @ [0, 0, 1]
     rays = camera.rays(np.stack([u, v], axis=-1).astype(np.float64))
-    z = normal @ (R @ [0.2, 0.1, 0.3] + frame.t_body_cam_m) / (rays @ normal)
+    z = normal @ (R @ [0.2, 0.1, 0.3] + frame.craft.t_body_cam_m) / (rays @ normal)
     inside = image.coverage == 1.0
     assert image.depth_m is not None
     np.testing.assert_allclose(image.depth_m[inside], z[inside], atol=1e-4)
@@ -77,7 +77,7 @@ def test_a_box_is_the_slice_of_the_whole_image(opened: Open) -> None:
     frame = scenes.frame(t_body_cam_m=(0.2, 0.1, 4), sun_direction_body=(1, 0.3, 0.5))
     whole = shot(renderer, camera, frame)
     for box in (PixelBox(0, 0, 20, 48), PixelBox(21, 13, 17, 23), PixelBox(63, 47, 1, 1)):
-        part = renderer.render(RenderRequest(frame, box, None, seed=7))
+        part = renderer.render(RenderRequest(frame.craft, box, None, seed=7))
         np.testing.assert_array_equal(part.radiance_rgb, whole.radiance_rgb[box.slices])
         np.testing.assert_array_equal(part.coverage, whole.coverage[box.slices])
 
@@ -90,7 +90,7 @@ def test_the_seed_is_used_and_nothing_else_is_random(opened: Open) -> None:
     frame = scenes.frame(t_body_cam_m=(0, 0, 4), sun_direction_body=(1, 0, 0.2))
     box = PixelBox(0, 0, 32, 24)
     first, other, again = (
-        renderer.render(RenderRequest(frame, box, None, seed)).radiance_rgb for seed in (1, 2, 1)
+        renderer.render(RenderRequest(frame.craft, box, None, seed)).radiance_rgb for seed in (1, 2, 1)
     )
     np.testing.assert_array_equal(first, again)
     assert not np.array_equal(first, other)
@@ -106,7 +106,7 @@ def test_the_sun_is_mirrored_but_not_seen(opened: Open) -> None:
         t_body_cam_m=(0, 0, 4), sun_direction_body=(0, 0, 1), sun_angular_radius_rad=alpha
     )
     image = shot(renderer, camera, frame)
-    expected = frame.sun_irradiance_rgb_w_m2 / (np.pi * np.sin(alpha) ** 2)
+    expected = frame.craft.sun_irradiance_rgb_w_m2 / (np.pi * np.sin(alpha) ** 2)
     np.testing.assert_allclose(image.radiance_rgb[16, 16], expected, rtol=5e-3)
     assert image.radiance_rgb[0].max() == 0
     away = scenes.frame(
@@ -149,7 +149,7 @@ def test_metallic_and_roughness_are_read_from_their_own_channels(opened: Open) -
     image = shot(opened(scenes.scene(craft, materials=(paint,), camera=camera)), camera, frame)
     assert image.radiance_rgb[:, 1:5].max() == 0  # the Sun is mirrored elsewhere
     np.testing.assert_allclose(
-        image.radiance_rgb[6, 12], frame.sun_irradiance_rgb_w_m2 * 0.8 / np.pi, rtol=1e-2
+        image.radiance_rgb[6, 12], frame.craft.sun_irradiance_rgb_w_m2 * 0.8 / np.pi, rtol=1e-2
     )
 
 

@@ -47,7 +47,7 @@ def rendered(
         renderer.close()
         # Without a libLLVM there is nothing to compare: auto is then Mitsuba's own path tracer itself.
         pytest.skip("no LLVM that works")
-    requests = [RenderRequest(frame, BOX, environment, seed) for seed in range(8)]
+    requests = [RenderRequest(frame.craft, BOX, environment, seed) for seed in range(8)]
     images = np.stack([renderer.render(request).radiance_rgb for request in requests])
     renderer.close()
     return images

@@ -61,9 +61,11 @@ def test_a_box_of_several_parts_has_no_seam(
     renderer.open(scenes.scene(plate, materials=(CLAY,), camera=camera))
     frame = scenes.frame(t_body_cam_m=(0, 0, 9), sun_direction_body=(0.2, 0.1, 1))
     box = PixelBox(5, 3, 590, 12)
-    image = renderer.render(RenderRequest(frame, box, None, 0))
+    image = renderer.render(RenderRequest(frame.craft, box, None, 0))
     renderer.close()
-    expected = frame.sun_irradiance_rgb_w_m2 * CLAY.base_color / np.pi * frame.sun_direction_body[2]
+    expected = (
+        frame.craft.sun_irradiance_rgb_w_m2 * CLAY.base_color / np.pi * frame.craft.sun_direction_body[2]
+    )
     assert image.coverage.min() == 1.0
     np.testing.assert_allclose(image.radiance_rgb, np.broadcast_to(expected, (12, 590, 3)), rtol=5e-3)
 
@@ -92,10 +94,10 @@ def test_any_number_of_passes_fills_the_sun_evenly(count: int, u: float, v: floa
     """
     frame = scenes.frame(t_body_cam_m=(0, 0, 9), sun_direction_body=(0.3, -0.5, 1))
     shift = np.array([u, v])
-    places = np.array([sun_direction_body(frame, number, shift) for number in range(count)])
-    along = places @ frame.sun_direction_body
-    off = places / along[:, None] - frame.sun_direction_body
-    radius = np.tan(frame.sun_angular_radius_rad)
+    places = np.array([sun_direction_body(frame.craft, number, shift) for number in range(count)])
+    along = places @ frame.craft.sun_direction_body
+    off = places / along[:, None] - frame.craft.sun_direction_body
+    radius = np.tan(frame.craft.sun_angular_radius_rad)
     assert np.linalg.norm(off, axis=1).max() <= radius * (1 + 1e-9)
     assert np.linalg.norm(off.mean(axis=0)) < 5 * radius / count
     assert (off**2).sum(axis=1).mean() / radius**2 == pytest.approx(0.5, abs=4 / count)
@@ -122,7 +124,7 @@ def test_the_number_of_threads_changes_no_bit(variant: Literal["auto", "scalar"]
         options = MitsubaOptions(variant=variant, threads=threads, spp=40)
         renderer = MitsubaRenderer(options)
         renderer.open(scenes.scene(ball, materials=(CLAY,), camera=scenes.camera()))
-        images.append(renderer.render(RenderRequest(frame, PixelBox(0, 0, 96, 72), None, 0)))
+        images.append(renderer.render(RenderRequest(frame.craft, PixelBox(0, 0, 96, 72), None, 0)))
         renderer.close()
     for image in images[1:]:
         np.testing.assert_array_equal(image.radiance_rgb, images[0].radiance_rgb)
@@ -148,7 +150,7 @@ def test_what_was_drawn_before_changes_no_bit(
     ]
     requests = [
         RenderRequest(
-            scenes.frame(t_body_cam_m=(0, 0, 4 + 0.3 * i), sun_direction_body=(1, i - 3, 1)),
+            scenes.frame(t_body_cam_m=(0, 0, 4 + 0.3 * i), sun_direction_body=(1, i - 3, 1)).craft,
             PixelBox(*box),
             (None, sky)[i // 2 % 2],
             seed=i,
@@ -177,7 +179,7 @@ def test_an_all_but_dark_sky_is_no_fault(variant: Literal["auto", "scalar"], lev
     frame = scenes.frame(t_body_cam_m=(0, 0, 4), sun_direction_body=(0, 0, 1), sun_fraction=0)
     renderer = MitsubaRenderer(MitsubaOptions(variant=variant, spp=16))
     renderer.open(scenes.scene(scenes.sphere("ball", "clay"), materials=(CLAY,), camera=scenes.camera()))
-    image = renderer.render(RenderRequest(frame, PixelBox(0, 0, 96, 72), sky, 0))
+    image = renderer.render(RenderRequest(frame.craft, PixelBox(0, 0, 96, 72), sky, 0))
     renderer.close()
     assert image.radiance_rgb.max() <= 1.5 * level
     assert image.coverage.max() == 1.0

@@ -17,7 +17,7 @@ from posse_render_raster.renderer import RasterRenderer
 
 BOX = PixelBox(0, 0, 32, 24)
 REQUEST = RenderRequest(
-    scenes.frame(t_body_cam_m=(0, 0, 4), sun_direction_body=(0, 0, 1)), BOX, None, seed=1
+    scenes.frame(t_body_cam_m=(0, 0, 4), sun_direction_body=(0, 0, 1)).craft, BOX, None, seed=1
 )
 DOCTOR = """
 from posse_core import ComponentError

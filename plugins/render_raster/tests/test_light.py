@@ -34,7 +34,7 @@ def shot(
     environment: EnvironmentMap | None = None,
 ) -> Radiance:
     box = PixelBox(0, 0, camera.width_px, camera.height_px)
-    return renderer.render(RenderRequest(frame, box, environment, seed=0))
+    return renderer.render(RenderRequest(frame.craft, box, environment, seed=0))
 
 
 def sky(function: Callable[[FloatArray], FloatArray], height: int = 64) -> EnvironmentMap:
@@ -66,7 +66,7 @@ def test_a_pixel_not_square_and_a_principal_point_off_the_middle(opened: Open) -
     frame = scenes.frame(t_body_cam_m=(0.1, -0.05, 2.5), sun_direction_body=(0, 0, 1), R_cam_from_body=R)
     scene = scenes.scene(craft, materials=(WHITE,), camera=camera)
     image = shot(opened(scene, samples_per_axis=7), camera, frame)
-    corners = camera.project(craft.vertices_body_m @ R.T + frame.t_body_cam_m)
+    corners = camera.project(craft.vertices_body_m @ R.T + frame.craft.t_body_cam_m)
     a, b = corners, np.roll(corners, -1, axis=0)
     cross = a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1]
     area = cross.sum() / 2
@@ -78,7 +78,7 @@ def test_a_pixel_not_square_and_a_principal_point_off_the_middle(opened: Open) -
     assert (image.coverage * v).sum() / covered == pytest.approx(centroid[1], abs=0.01)
     normal = R @ [0, 0, 1]
     rays = camera.rays(np.stack([u, v], axis=-1))
-    z = normal @ (R @ [0.2, 0.1, 0.3] + frame.t_body_cam_m) / (rays @ normal)
+    z = normal @ (R @ [0.2, 0.1, 0.3] + frame.craft.t_body_cam_m) / (rays @ normal)
     inside = image.coverage == 1.0
     assert image.depth_m is not None
     np.testing.assert_allclose(image.depth_m[inside], z[inside], atol=1e-5)
@@ -96,7 +96,7 @@ def test_a_box_is_the_slice_of_the_whole_image(opened: Open, samples_per_axis: i
     whole = shot(renderer, camera, frame)
     assert whole.coverage[300:, 300:].max() == 1.0
     for box in (PixelBox(0, 0, 20, 48), PixelBox(251, 243, 77, 71), PixelBox(329, 319, 1, 1)):
-        part = renderer.render(RenderRequest(frame, box, None, seed=7))
+        part = renderer.render(RenderRequest(frame.craft, box, None, seed=7))
         np.testing.assert_array_equal(part.radiance_rgb, whole.radiance_rgb[box.slices])
         np.testing.assert_array_equal(part.coverage, whole.coverage[box.slices])
         np.testing.assert_array_equal(part.depth_m, whole.depth_m[box.slices])  # type: ignore[index]
@@ -112,7 +112,7 @@ def test_a_shadow_falls_where_it_must(opened: Open, tilt: float) -> None:
     frame = scenes.frame(t_body_cam_m=(0, 0, 1.9), sun_direction_body=(np.sin(tilt), 0, np.cos(tilt)))
     row = shot(renderer, camera, frame).radiance_rgb[4, :, 1]
     x_m = (np.arange(128) - camera.cx_px) / camera.fx_px * 1.9
-    lit = frame.sun_irradiance_rgb_w_m2[1] * WHITE.base_color[1] / np.pi * np.cos(tilt)
+    lit = frame.craft.sun_irradiance_rgb_w_m2[1] * WHITE.base_color[1] / np.pi * np.cos(tilt)
     edge_m = -2 * np.tan(tilt)
     texel_m = 10 / 2048
     np.testing.assert_allclose(row[x_m > edge_m + 0.02 + 4 * texel_m], lit, rtol=1e-3)
@@ -131,9 +131,9 @@ def test_a_lit_sphere_does_not_shade_itself(opened: Open) -> None:
     along = rays[..., 2] * 4
     inside = along**2 - 15
     normals = rays * (along - np.sqrt(np.maximum(inside, 0)))[..., None] - [0, 0, 4]
-    cosine = normals @ frame.sun_direction_cam
+    cosine = normals @ frame.craft.sun_direction_cam
     day = (image.coverage == 1) & (cosine > 0.05)
-    lit = frame.sun_irradiance_rgb_w_m2[1] * WHITE.base_color[1] / np.pi
+    lit = frame.craft.sun_irradiance_rgb_w_m2[1] * WHITE.base_color[1] / np.pi
     np.testing.assert_allclose(image.radiance_rgb[day][:, 1], lit * cosine[day], rtol=0.03)
 
 
@@ -147,7 +147,7 @@ def test_the_sun_is_mirrored_but_not_seen(opened: Open) -> None:
         t_body_cam_m=(0, 0, 4), sun_direction_body=(0, 0, 1), sun_angular_radius_rad=alpha
     )
     image = shot(renderer, camera, frame)
-    expected = frame.sun_irradiance_rgb_w_m2 / (np.pi * np.sin(alpha) ** 2)
+    expected = frame.craft.sun_irradiance_rgb_w_m2 / (np.pi * np.sin(alpha) ** 2)
     np.testing.assert_allclose(image.radiance_rgb[16, 16], expected, rtol=2e-2)
     away = scenes.frame(t_body_cam_m=(0, 0, -4), sun_direction_body=(0, 0, -1))
     image = shot(renderer, camera, away)
@@ -164,12 +164,12 @@ def test_a_rough_metal_under_the_sun(opened: Open, roughness: float) -> None:
     renderer = opened(scenes.scene(craft, materials=(gold,), camera=camera))
     frame = scenes.frame(t_body_cam_m=(0, 0, 4), sun_direction_body=(0.6, 0.2, 0.5))
     image = shot(renderer, camera, frame)
-    v, l, n = -unit_rays(camera), frame.sun_direction_cam, scenes.FACING @ [0, 0, 1]
+    v, l, n = -unit_rays(camera), frame.craft.sun_direction_cam, scenes.FACING @ [0, 0, 1]
     h = (v + l) / np.linalg.norm(v + l, axis=-1, keepdims=True)
     fresnel = np.array(gold.base_color)
     fresnel = fresnel + (1 - fresnel) * (1 - (v * h).sum(axis=-1, keepdims=True)) ** 5
     lobe = ggx(np.full((12, 16), n @ l), v @ n, h @ n, roughness)[..., None]
-    expected = frame.sun_irradiance_rgb_w_m2 * fresnel * lobe * (n @ l)
+    expected = frame.craft.sun_irradiance_rgb_w_m2 * fresnel * lobe * (n @ l)
     np.testing.assert_allclose(image.radiance_rgb, expected, rtol=5e-3)
 
 
@@ -257,7 +257,7 @@ def test_a_distant_texture_keeps_its_light(opened: Open) -> None:
     craft = scenes.rectangle("plate", "paint", u_m=(3, 0, 0), v_m=(0, 3, 0))
     frame = scenes.frame(t_body_cam_m=(0, 0, 4), sun_direction_body=(0, 0, 1))
     image = shot(opened(scenes.scene(craft, materials=(paint,), camera=camera)), camera, frame)
-    reflectance = image.radiance_rgb * np.pi / frame.sun_irradiance_rgb_w_m2
+    reflectance = image.radiance_rgb * np.pi / frame.craft.sun_irradiance_rgb_w_m2
     assert reflectance.mean() == pytest.approx(0.5, rel=1e-2)
 
 
@@ -274,7 +274,9 @@ def test_a_normal_map_turns_the_normal(opened: Open) -> None:
     for sun in ((0.5, 0.0, 0.8), (0.0, 0.5, 0.8)):
         frame = scenes.frame(t_body_cam_m=(0, 0, 4), sun_direction_body=sun)
         image = shot(renderer, camera, frame)
-        expected = frame.sun_irradiance_rgb_w_m2 / np.pi * (turned @ frame.sun_direction_body)
+        expected = (
+            frame.craft.sun_irradiance_rgb_w_m2 / np.pi * (turned @ frame.craft.sun_direction_body)
+        )
         np.testing.assert_allclose(image.radiance_rgb.mean(axis=(0, 1)), expected, rtol=1e-2)
 
 
@@ -288,6 +290,6 @@ def test_metallic_and_roughness_are_read_from_their_own_channels(opened: Open) -
     craft = scenes.rectangle("plate", "paint", u_m=(3, 0, 0), v_m=(0, 3, 0))
     frame = scenes.frame(t_body_cam_m=(0, 0, 4), sun_direction_body=(0.6, 0, 0.8))
     image = shot(opened(scenes.scene(craft, materials=(paint,), camera=camera)), camera, frame)
-    lit = frame.sun_irradiance_rgb_w_m2 * 0.8 / np.pi
+    lit = frame.craft.sun_irradiance_rgb_w_m2 * 0.8 / np.pi
     assert image.radiance_rgb[:, 1:5].max() < 1e-2 * lit.min()  # the Sun is mirrored elsewhere
     np.testing.assert_allclose(image.radiance_rgb[6, 12], lit, rtol=1e-2)

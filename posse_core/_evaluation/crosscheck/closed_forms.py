@@ -72,7 +72,7 @@ def lambert_plate() -> Setting:
     scene = scenes.scene(plate, materials=(CLAY,), camera=scenes.camera(64, 48))
 
     def expected(frame: FrameState) -> FloatArray:
-        white = frame.sun_irradiance_rgb_w_m2 / np.pi * frame.sun_direction_body[2]
+        white = frame.craft.sun_irradiance_rgb_w_m2 / np.pi * frame.craft.sun_direction_body[2]
         return np.tile(white * CLAY.base_color, (48, 64, 1))
 
     return Setting("", scene, _phases(0.0, np.pi / 6, np.pi / 3), 0, _black, expected, lambertian=True)
@@ -94,7 +94,7 @@ def mirror() -> Setting:
 
     def expected(frame: FrameState) -> FloatArray:
         rays = _unit(scene.camera.rays(PixelBox(0, 0, 64, 48).pixel_centres_px()))
-        normal = frame.R_cam_from_body[:, 2]
+        normal = frame.craft.R_cam_from_body[:, 2]
         return level(rays - 2 * (rays @ normal)[..., None] * normal)
 
     frames = tuple(
@@ -158,7 +158,9 @@ def fiducials() -> Setting:
     def landmarks(frame: FrameState) -> FloatArray:
         centroids = []
         for plate in plates:
-            corners_cam_m = plate.vertices_body_m @ frame.R_cam_from_body.T + frame.t_body_cam_m
+            corners_cam_m = (
+                plate.vertices_body_m @ frame.craft.R_cam_from_body.T + frame.craft.t_body_cam_m
+            )
             centroids.append(polygon_area_and_centroid(scene.camera.project(corners_cam_m))[1])
         return np.array(centroids)
 
@@ -188,15 +190,15 @@ def checker() -> Setting:
 
     def expected(frame: FrameState) -> FloatArray:
         rays = scene.camera.rays(PixelBox(0, 0, 160, 120).pixel_centres_px())
-        normal = frame.R_cam_from_body[:, 2]
-        depth_m = (normal @ frame.t_body_cam_m) / (rays @ normal)
-        hit_body_m = (rays * depth_m[..., None] - frame.t_body_cam_m) @ frame.R_cam_from_body
+        normal = frame.craft.R_cam_from_body[:, 2]
+        depth_m = (normal @ frame.craft.t_body_cam_m) / (rays @ normal)
+        hit_body_m = (rays * depth_m[..., None] - frame.craft.t_body_cam_m) @ frame.craft.R_cam_from_body
         cells = (hit_body_m[..., :2] * [1, -1] + 1) / 2 * CHECKER_CELLS
         place, rest = np.floor(cells).astype(int), cells % 1.0
         sure = (np.abs(cells - CHECKER_CELLS / 2) < CHECKER_CELLS / 2).all(axis=-1)
         sure &= (np.abs(rest - 0.5) < 0.5 - CELL_MARGIN).all(axis=-1)
         share = np.where(sure, reflectance[place.sum(axis=-1) % 2], np.nan)
-        white = frame.sun_irradiance_rgb_w_m2 / np.pi * frame.sun_direction_body[2]
+        white = frame.craft.sun_irradiance_rgb_w_m2 / np.pi * frame.craft.sun_direction_body[2]
         return np.asarray(share[..., None] * white)
 
     return Setting("", scene, frames, 0, _black, expected, lambertian=True)
@@ -236,12 +238,12 @@ def _gltf(camera: Camera, frame: FrameState, material: Material) -> FloatArray:
     u = (np.arange(FINE * camera.width_px) + 0.5) / FINE - 0.5
     v = (np.arange(FINE * camera.height_px) + 0.5) / FINE - 0.5
     rays = _unit(camera.rays(np.stack(np.meshgrid(u, v), axis=-1)))
-    along = rays @ frame.t_body_cam_m
-    inside = along**2 - frame.range_m**2 + 1
-    normals = rays * (along - np.sqrt(np.maximum(inside, 0.0)))[..., None] - frame.t_body_cam_m
-    halfway = _unit(frame.sun_direction_cam - rays)
+    along = rays @ frame.craft.t_body_cam_m
+    inside = along**2 - frame.craft.range_m**2 + 1
+    normals = rays * (along - np.sqrt(np.maximum(inside, 0.0)))[..., None] - frame.craft.t_body_cam_m
+    halfway = _unit(frame.craft.sun_direction_cam - rays)
     n_v = np.clip(-(normals * rays).sum(axis=-1), 1e-9, None)
-    n_l = np.clip(normals @ frame.sun_direction_cam, 0.0, None)
+    n_l = np.clip(normals @ frame.craft.sun_direction_cam, 0.0, None)
     n_h = (normals * halfway).sum(axis=-1)
     fresnel = (1 - np.clip(-(halfway * rays).sum(axis=-1), 0, 1)) ** 5
     a2 = material.roughness**4
@@ -255,7 +257,7 @@ def _gltf(camera: Camera, frame: FrameState, material: Material) -> FloatArray:
     lit = ((inside > 0) & (n_l > 0))[..., None]
     value = np.where(lit, (diffuse + F * facets) * n_l[..., None], 0.0)
     mean = value.reshape(camera.height_px, FINE, camera.width_px, FINE, 3).mean(axis=(1, 3))
-    return np.asarray(mean * frame.sun_irradiance_rgb_w_m2)
+    return np.asarray(mean * frame.craft.sun_irradiance_rgb_w_m2)
 
 
 def _unit(vectors: AnyArray) -> FloatArray:

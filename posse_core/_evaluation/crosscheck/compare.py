@@ -201,9 +201,13 @@ def _measure(
     part_light = {n: light.part_light(s.radiance_rgb, exact.part_id, parts) for n, s in shots.items()}
     pictures = FramePictures.of(exact, shots, white)
     phase = float(
-        np.arccos(np.clip(-frame.sun_direction_cam @ frame.t_body_cam_m / frame.range_m, -1, 1))
+        np.arccos(
+            np.clip(
+                -frame.craft.sun_direction_cam @ frame.craft.t_body_cam_m / frame.craft.range_m, -1, 1
+            )
+        )
     )
-    return FrameMeasures(frame.index, frame.range_m, phase, renderers, pairs, part_light, pictures)
+    return FrameMeasures(frame.index, frame.craft.range_m, phase, renderers, pairs, part_light, pictures)
 
 
 def _pair(a: Shot, b: Shot, exact: Exact, white: float) -> Values:

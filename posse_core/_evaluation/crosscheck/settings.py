@@ -131,14 +131,22 @@ def _random_frames(case: ScenarioCase, scene: Scene, trajectory: Trajectory) -> 
         ray = scene.camera.rays(place_px)
         t_body_cam_m = ray / np.linalg.norm(ray) * draw.uniform(low_m, high_m)
         frames.append(
-            replace(
-                base,
+            FrameState.of(
                 index=i,
+                t_s=base.t_s,
+                epoch_jd_tt=base.epoch_jd_tt,
                 R_cam_from_body=Rotation.random(random_state=draw).as_matrix(),
                 t_body_cam_m=t_body_cam_m,
                 R_cam_from_eci=R_cam_from_eci,
+                R_ecef_from_eci=base.R_ecef_from_eci,
                 r_camera_eci_m=base.r_target_eci_m - R_cam_from_eci.T @ t_body_cam_m,
+                r_target_eci_m=base.r_target_eci_m,
+                r_sun_eci_m=base.r_sun_eci_m,
+                r_moon_eci_m=base.r_moon_eci_m,
+                solar_flux_w_m2=base.solar_flux_w_m2,
+                sun_fraction_target=base.sun_fraction_target,
                 sun_fraction_camera=base.sun_fraction_target,
+                sun_angular_radius_rad=base.craft.sun_angular_radius_rad,
             )
         )
     return tuple(frames)

@@ -63,7 +63,7 @@ class Shooter:
         draw = index // len(setting.frames)
         seed = derived_seed(setting.seed, frame.index, f"crosscheck {draw}")
         environment = setting.environment(frame)
-        request = RenderRequest(frame, self._geometry.box(frame), environment, seed)
+        request = RenderRequest(frame.craft, self._geometry.box(frame), environment, seed, frame.index)
         start = time.perf_counter()
         image = self._renderer.render(request)
         seconds = time.perf_counter() - start

@@ -45,13 +45,13 @@ class Geometry:
 
     def box(self, frame: FrameState) -> PixelBox:
         """What a renderer is asked for; empty where the craft is out of the image."""
-        return self._caster.view(frame).box.grown(BOX_MARGIN_PX, self._camera)
+        return self._caster.view(frame.craft).box.grown(BOX_MARGIN_PX, self._camera)
 
     def exact(self, frame: FrameState) -> Exact:
         """The frame in its box, which must not be empty."""
-        view = self._caster.view(frame)
+        view = self._caster.view(frame.craft)
         box = view.box.grown(BOX_MARGIN_PX, self._camera)
-        fine = self._fine.view(frame)
+        fine = self._fine.view(frame.craft)
         fine_box = PixelBox(box.x0 * FINE, box.y0 * FINE, box.width * FINE, box.height * FINE)
         covered = _pasted(fine.mask, fine.box, fine_box, False)
         coverage = covered.reshape(box.height, FINE, box.width, FINE).mean(axis=(1, 3))

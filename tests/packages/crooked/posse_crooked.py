@@ -54,12 +54,12 @@ class Crooked(Renderer):
         self.caster, self.fine = RayCaster(scene), RayCaster(replace(scene, camera=fine))
 
     def render(self, request):
-        frame, box = request.frame, request.box
-        if self.options.dies_in_frame == frame.index:
+        craft, box = request.craft, request.box
+        if self.options.dies_in_frame == request.index:
             os.kill(os.getpid(), signal.SIGKILL)
-        view = self.fine.view(frame)
-        cosine = np.maximum(np.nan_to_num(view.normal_cam) @ frame.sun_direction_cam, 0) * view.lit
-        light = cosine[..., None] * self.colours[view.part_id] * frame.sun_irradiance_rgb_w_m2 / np.pi
+        view = self.fine.view(craft)
+        cosine = np.maximum(np.nan_to_num(view.normal_cam) @ craft.sun_direction_cam, 0) * view.lit
+        light = cosine[..., None] * self.colours[view.part_id] * craft.sun_irradiance_rgb_w_m2 / np.pi
         shape = (self.camera.height_px, self.camera.width_px)
         radiance = np.zeros((shape[0] * FINE, shape[1] * FINE, 3))
         covered = np.zeros(radiance.shape[:2])
@@ -67,7 +67,7 @@ class Crooked(Renderer):
         radiance = radiance.reshape(shape[0], FINE, shape[1], FINE, 3).mean(axis=(1, 3))
         coverage = covered.reshape(shape[0], FINE, shape[1], FINE).mean(axis=(1, 3))
         depth = np.full(shape, np.nan, np.float32)
-        exact = self.caster.view(frame)
+        exact = self.caster.view(craft)
         depth[exact.box.slices] = exact.depth_m + self.options.depth_offset_m
         return Radiance(
             box,

@@ -34,7 +34,7 @@ class Flat(Renderer):
         self.scene = scene
 
     def render(self, request):
-        index = str(request.frame.index)
+        index = str(request.index)
         time.sleep(self.options.seconds)
         if os.environ.get("FLAT_KILL") == index:
             os.kill(os.getpid(), signal.SIGKILL)

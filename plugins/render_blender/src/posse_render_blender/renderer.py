@@ -63,7 +63,7 @@ class BlenderRenderer(Renderer[BlenderOptions]):
             raise ComponentError("blender: the renderer is not open")
         answer = self._child.ask(
             frame_message(request, self._radius_m, self.options.adaptive_threshold),
-            f"rendering frame {request.frame.index}",
+            f"rendering frame {request.index}",
         )
         return Radiance(
             box=request.box,
@@ -153,13 +153,13 @@ def frame_message(request: RenderRequest, radius_m: float, adaptive_threshold: f
     That has a unit, so the option's value, which is for a white plate of radiance 1, goes with the
     root of such a plate's in the light of this frame.
     """
-    frame, box = request.frame, request.box
-    nearest_m = frame.range_m - CLIP_MARGIN * radius_m
+    craft, box = request.craft, request.box
+    nearest_m = craft.range_m - CLIP_MARGIN * radius_m
     arrays: dict[str, AnyArray] = {
-        "R_cam_from_body": frame.R_cam_from_body,
-        "t_body_cam_m": frame.t_body_cam_m,
-        "sun_direction_body": frame.sun_direction_body,
-        "sun_irradiance_rgb_w_m2": frame.sun_irradiance_rgb_w_m2,
+        "R_cam_from_body": craft.R_cam_from_body,
+        "t_body_cam_m": craft.t_body_cam_m,
+        "sun_direction_body": craft.sun_direction_body,
+        "sun_irradiance_rgb_w_m2": craft.sun_irradiance_rgb_w_m2,
     }
     if request.environment is not None:
         arrays["environment"] = request.environment.radiance_rgb
@@ -167,15 +167,15 @@ def frame_message(request: RenderRequest, radius_m: float, adaptive_threshold: f
         "box": [box.x0, box.y0, box.width, box.height],
         "seed": request.seed % 2**31,
         "adaptive_threshold": adaptive_threshold * math.sqrt(_white(request)),
-        "sun_angular_radius_rad": frame.sun_angular_radius_rad,
+        "sun_angular_radius_rad": craft.sun_angular_radius_rad,
         # The near plane must be before the craft at any angle of view: half the nearest distance is.
-        "clip_m": [max(1e-3, nearest_m / 2), frame.range_m + CLIP_MARGIN * radius_m],
+        "clip_m": [max(1e-3, nearest_m / 2), craft.range_m + CLIP_MARGIN * radius_m],
     }
     return Message("render", values, arrays)
 
 
 def _white(request: RenderRequest) -> float:
     """W m⁻² sr⁻¹ in the strongest band, of a white plate that faces the Sun and an even sky."""
-    sun = float(request.frame.sun_irradiance_rgb_w_m2.max()) / math.pi
+    sun = float(request.craft.sun_irradiance_rgb_w_m2.max()) / math.pi
     sky = 0.0 if request.environment is None else float(request.environment.radiance_rgb.mean())
     return sun + sky

@@ -22,7 +22,7 @@ from posse_core import (
     Camera,
     Float32Array,
     FloatArray,
-    FrameState,
+    CraftState,
     PixelBox,
     RenderRequest,
     random_generator,
@@ -75,11 +75,11 @@ class Passes:
 
     def draw(self, world: World, request: RenderRequest) -> FloatArray:
         """(h, w, 4) radiance and coverage of the request's box."""
-        frame, box = request.frame, request.box
-        sun_w_m2 = float(frame.sun_irradiance_rgb_w_m2.sum())
+        craft, box = request.craft, request.box
+        sun_w_m2 = float(craft.sun_irradiance_rgb_w_m2.sum())
         if request.environment is not None:
             world.set({"sky.sampling_weight": 0.0 if sun_w_m2 > 0 else SKY_WEIGHT})
-        random = random_generator(request.seed, frame.index, "mitsuba")
+        random = random_generator(request.seed, request.index, "mitsuba")
         shift = random.uniform(size=2)
         total = first = self._pass(world, request, 0, [box], shift, random)
         tiles = _tiles(first[..., 3] > 0, box)
@@ -108,12 +108,12 @@ class Passes:
         """(h, w, 5) of the request's box: radiance, coverage and 1 in the places, where finite."""
         import mitsuba as mi
 
-        frame, box = request.frame, request.box
-        turn = homogeneous(rotation_with_z(-sun_direction_body(frame, number, shift)), np.zeros(3))
+        craft, box = request.craft, request.box
+        turn = homogeneous(rotation_with_z(-sun_direction_body(craft, number, shift)), np.zeros(3))
         world.set(
             {
                 "sun.to_world": mi.Transform4f(turn),
-                "sun.irradiance.value": mi.Color3f(*map(float, frame.sun_irradiance_rgb_w_m2)),
+                "sun.irradiance.value": mi.Color3f(*map(float, craft.sun_irradiance_rgb_w_m2)),
             }
         )
         result = np.zeros((box.height, box.width, 5))
@@ -121,7 +121,7 @@ class Passes:
             image = mi.render(
                 world.scene,
                 integrator=self._integrator,
-                sensor=self._sensor(frame, place),
+                sensor=self._sensor(craft, place),
                 seed=mi.UInt32(int(random.integers(2**31))),
                 spp=SAMPLES_PER_PASS,
             )
@@ -130,14 +130,14 @@ class Passes:
             result[place.within(box)] = np.where(good, values, 0)
         return result
 
-    def _sensor(self, frame: FrameState, box: PixelBox) -> Any:
+    def _sensor(self, craft: CraftState, box: PixelBox) -> Any:
         """A camera whose film is the box."""
         import mitsuba as mi
 
         camera = self._camera
-        rotation = frame.R_cam_from_body.T
-        near_m, far_m = _clip_distances_m(float(frame.t_body_cam_m[2]), self._radius_m)
-        to_world: Float32Array = homogeneous(rotation @ MITSUBA_FROM_CAM, -rotation @ frame.t_body_cam_m)
+        rotation = craft.R_cam_from_body.T
+        near_m, far_m = _clip_distances_m(float(craft.t_body_cam_m[2]), self._radius_m)
+        to_world: Float32Array = homogeneous(rotation @ MITSUBA_FROM_CAM, -rotation @ craft.t_body_cam_m)
         return mi.load_dict(
             {
                 "type": "perspective",
@@ -188,15 +188,15 @@ def _deviation(
     return np.sqrt([squares[window].mean() for window in windows])
 
 
-def sun_direction_body(frame: FrameState, number: int, shift: FloatArray) -> FloatArray:
+def sun_direction_body(craft: CraftState, number: int, shift: FloatArray) -> FloatArray:
     """(3,) direction of a pass to the Sun's disc, which the first ones, however many, fill evenly.
 
     Roberts' sequence R2 (2018) in the unit square, moved about by ``shift`` (2,) in 0 … 1.
     """
     across, around = (shift + number * R2) % 1
-    radius, angle = np.sqrt(across) * np.tan(frame.sun_angular_radius_rad), 2 * np.pi * around
+    radius, angle = np.sqrt(across) * np.tan(craft.sun_angular_radius_rad), 2 * np.pi * around
     local = np.array([radius * np.cos(angle), radius * np.sin(angle), 1.0])
-    return np.asarray(rotation_with_z(frame.sun_direction_body) @ (local / np.linalg.norm(local)))
+    return np.asarray(rotation_with_z(craft.sun_direction_body) @ (local / np.linalg.norm(local)))
 
 
 def _offset(principal_px: float, size_px: int) -> float:

@@ -15,7 +15,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from posse_core import Camera, FrameState
+from posse_core import Camera, CraftState
 from posse_render_mitsuba.world import near_plane_m, rotation_with_z
 
 FAR_M = 1e4
@@ -39,12 +39,12 @@ class Sun:
     tangent: mi.Float
 
     @classmethod
-    def of(cls, frame: FrameState) -> Sun:
+    def of(cls, craft: CraftState) -> Sun:
         """A frame's Sun as data: constants would be compiled into the kernel."""
         sun = cls(
-            mi.Color3f(*map(float, frame.sun_irradiance_rgb_w_m2)),
-            mi.Matrix3f(rotation_with_z(frame.sun_direction_body)),
-            mi.Float(float(np.tan(frame.sun_angular_radius_rad))),
+            mi.Color3f(*map(float, craft.sun_irradiance_rgb_w_m2)),
+            mi.Matrix3f(rotation_with_z(craft.sun_direction_body)),
+            mi.Float(float(np.tan(craft.sun_angular_radius_rad))),
         )
         dr.make_opaque(sun)
         return sun
@@ -72,13 +72,13 @@ class Eye:
     pixel: mi.Float
 
     @classmethod
-    def of(cls, frame: FrameState, camera: Camera, radius_m: float) -> Eye:
+    def of(cls, craft: CraftState, camera: Camera, radius_m: float) -> Eye:
         """A frame's, as data. The plane is shortly before the craft, so that no digits are lost at
         large ranges."""
-        R_body_from_cam = frame.R_cam_from_body.T
-        near_m = near_plane_m(float(frame.t_body_cam_m[2]), radius_m)
+        R_body_from_cam = craft.R_cam_from_body.T
+        near_m = near_plane_m(float(craft.t_body_cam_m[2]), radius_m)
         eye = cls(
-            mi.Point3f(*map(float, R_body_from_cam @ ([0.0, 0.0, near_m] - frame.t_body_cam_m))),
+            mi.Point3f(*map(float, R_body_from_cam @ ([0.0, 0.0, near_m] - craft.t_body_cam_m))),
             mi.Matrix3f(R_body_from_cam),
             mi.Float(near_m),
             mi.Float(1 / camera.fx_px),

@@ -57,11 +57,11 @@ class MitsubaRenderer(Renderer[MitsubaOptions]):
             self._worlds[kind] = World(self._scene.spacecraft, self._painter.LAMPS, environment)
         world = self._worlds[kind]
         if environment is not None:
-            world.set_environment(environment, request.frame)
+            world.set_environment(environment, request.craft)
         image = self._painter.draw(world, request)
         if not np.isfinite(image).all():
             raise ComponentError(
-                f"mitsuba: frame {request.frame.index} has radiance that is not finite; another seed"
+                f"mitsuba: frame {request.index} has radiance that is not finite; another seed"
                 " may do, and a material with roughness near 0 is the likely cause"
             )
         return Radiance(

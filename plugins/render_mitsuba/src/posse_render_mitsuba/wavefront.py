@@ -58,15 +58,15 @@ class Wavefront:
 
         from posse_render_mitsuba.paths import Eye, Sun
 
-        frame, box = request.frame, request.box
-        random = random_generator(request.seed, frame.index, "mitsuba")
-        white = float(frame.sun_irradiance_rgb_w_m2.sum()) / np.pi
+        craft, box = request.craft, request.box
+        random = random_generator(request.seed, request.index, "mitsuba")
+        white = float(craft.sun_irradiance_rgb_w_m2.sum()) / np.pi
         places = box.pixel_centres_px().reshape(-1, 2)
         look = partial(
             self._look,
             world.scene,
-            Eye.of(frame, self._camera, self._radius_m),
-            Sun.of(frame),
+            Eye.of(craft, self._camera, self._radius_m),
+            Sun.of(craft),
             dr.opaque(mi.Float, white),
             self._max_depth,
         )

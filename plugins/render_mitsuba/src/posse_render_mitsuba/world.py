@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from posse_core import EnvironmentMap, Float32Array, FloatArray, FrameState, Spacecraft
+from posse_core import EnvironmentMap, Float32Array, FloatArray, CraftState, Spacecraft
 
 MITSUBA_FROM_CAM: FloatArray = np.diag([-1.0, -1.0, 1.0])
 """OpenCV camera axes → Mitsuba's (x left, y up, z forward), and its own inverse."""
@@ -46,14 +46,14 @@ class World:
             self._parameters[name] = value
         self._parameters.update()
 
-    def set_environment(self, environment: EnvironmentMap, frame: FrameState) -> None:
+    def set_environment(self, environment: EnvironmentMap, craft: CraftState) -> None:
         """The sky of this frame; Mitsuba keeps each row with its last column before the first and
         its first after the last."""
         import mitsuba as mi
 
         rows = environment.radiance_rgb
         padded = np.concatenate([rows[:, -1:], rows, rows[:, :1]], axis=1)
-        rotation = frame.R_cam_from_body.T @ MITSUBA_FROM_CAM
+        rotation = craft.R_cam_from_body.T @ MITSUBA_FROM_CAM
         self.set(
             {
                 "sky.data": mi.TensorXf(np.ascontiguousarray(padded, dtype=np.float32)),

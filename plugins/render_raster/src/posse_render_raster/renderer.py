@@ -15,7 +15,7 @@ from posse_core import (
     EnvironmentMap,
     Float32Array,
     FloatArray,
-    FrameState,
+    CraftState,
     PixelBox,
     Radiance,
     Renderer,
@@ -96,7 +96,7 @@ class RasterRenderer(Renderer[RasterOptions]):
         image = np.empty((box.height, box.width, 4), dtype=np.float32)
         z_m = np.empty((box.height, box.width), dtype=np.float32)
         with stage.context:
-            self._draw_shadow(stage, request.frame)
+            self._draw_shadow(stage, request.craft)
             maps = self._set_frame(stage, request)
             for x0, y0, part in _tiles(box, TILE_SAMPLES // n):
                 rows, columns = PixelBox(
@@ -133,10 +133,10 @@ class RasterRenderer(Renderer[RasterOptions]):
         context.release()
         return [("opengl", True, detail)]
 
-    def _draw_shadow(self, stage: _Stage, frame: FrameState) -> None:
-        shadow_from_body = _shadow_from_body(stage.spacecraft, frame.sun_direction_body)
+    def _draw_shadow(self, stage: _Stage, state: CraftState) -> None:
+        shadow_from_body = _shadow_from_body(stage.spacecraft, state.sun_direction_body)
         cam_from_body = np.eye(4)
-        cam_from_body[:3, :3], cam_from_body[:3, 3] = frame.R_cam_from_body, frame.t_body_cam_m
+        cam_from_body[:3, :3], cam_from_body[:3, 3] = state.R_cam_from_body, state.t_body_cam_m
         craft = stage.craft
         _set_matrix(craft.shadow, "shadow_from_body", shadow_from_body)
         _set_matrix(craft.light, "shadow_from_cam", shadow_from_body @ np.linalg.inv(cam_from_body))
@@ -149,16 +149,16 @@ class RasterRenderer(Renderer[RasterOptions]):
 
     def _set_frame(self, stage: _Stage, request: RenderRequest) -> list[Map]:
         """Hand over what all tiles share; the textures that live for this frame."""
-        frame, light = request.frame, stage.craft.light
+        craft, light = request.craft, stage.craft.light
         radius_m = MARGIN * stage.spacecraft.radius_m
-        nearest_m = max(float(frame.t_body_cam_m[2]) - radius_m, NEAREST * radius_m)
+        nearest_m = max(float(craft.t_body_cam_m[2]) - radius_m, NEAREST * radius_m)
         for target in (stage.craft.depth, light):
-            _set_matrix(target, "R_cam_from_body", frame.R_cam_from_body)
-            target["t_body_cam_m"] = tuple(frame.t_body_cam_m)
-            target["clip_m"] = (nearest_m, frame.range_m + radius_m)
-        light["sun_direction"] = tuple(frame.sun_direction_cam)
-        light["sun_irradiance_rgb_w_m2"] = tuple(frame.sun_irradiance_rgb_w_m2)
-        light["sun_angular_radius_rad"] = frame.sun_angular_radius_rad
+            _set_matrix(target, "R_cam_from_body", craft.R_cam_from_body)
+            target["t_body_cam_m"] = tuple(craft.t_body_cam_m)
+            target["clip_m"] = (nearest_m, craft.range_m + radius_m)
+        light["sun_direction"] = tuple(craft.sun_direction_cam)
+        light["sun_irradiance_rgb_w_m2"] = tuple(craft.sun_irradiance_rgb_w_m2)
+        light["sun_angular_radius_rad"] = craft.sun_angular_radius_rad
         units = ("shadow_map", "lobe_albedo", "environment", "prefiltered")
         for unit, name in enumerate(units, FREE_UNIT):
             light[name] = unit

@@ -190,9 +190,9 @@ def test_urso_as_a_scenario(tmp_path):
     half = math.sqrt(0.5)
     labels = write_urso(tmp_path, [(1, 2, 20, 0, 0, 0, 1), (0, 0, 30, 0, half, 0, half)], names=False)
     states, _, _ = imported(labels)
-    assert states[0].R_cam_from_body == pytest.approx(np.eye(3), abs=1e-12)
-    assert states[0].t_body_cam_m == pytest.approx([1, -2, 20])  # up is not down
-    assert states[1].R_cam_from_body == pytest.approx(matrix([half, 0, -half, 0]), abs=1e-12)
+    assert states[0].craft.R_cam_from_body == pytest.approx(np.eye(3), abs=1e-12)
+    assert states[0].craft.t_body_cam_m == pytest.approx([1, -2, 20])  # up is not down
+    assert states[1].craft.R_cam_from_body == pytest.approx(matrix([half, 0, -half, 0]), abs=1e-12)
 
 
 # What cannot be read

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from posse_core._model.spacecraft import Material
@@ -64,18 +62,17 @@ class LightConformance(RendererStage):
 
     def test_light_is_proportional_to_irradiance(self) -> None:
         with self.opened(wall(CLAY)) as stage:
-            frame = facing(sun=(0.3, 0.2, 1.0))
-            once = stage.shot(frame).radiance_rgb
-            thrice = stage.shot(replace(frame, solar_flux_w_m2=3 * frame.solar_flux_w_m2))
-            half = stage.shot(replace(frame, sun_fraction_target=0.5)).radiance_rgb
+            sun, flux_w_m2 = (0.3, 0.2, 1.0), scenes.SOLAR_FLUX_W_M2
+            once = stage.shot(facing(sun)).radiance_rgb
+            thrice = stage.shot(facing(sun, solar_flux_w_m2=3 * flux_w_m2))
+            half = stage.shot(facing(sun, sun_fraction=0.5)).radiance_rgb
             np.testing.assert_allclose(thrice.radiance_rgb.mean(), 3 * once.mean(), rtol=2e-3)
             np.testing.assert_allclose(half.mean(), 0.5 * once.mean(), rtol=2e-3)
 
     def test_eclipse_is_black_and_still_covers(self) -> None:
         with self.opened(ball()) as stage:
-            frame = facing(sun=(1.0, 0.0, 1.0))
-            lit = stage.shot(frame)
-            dark = stage.shot(replace(frame, sun_fraction_target=0.0))
+            lit = stage.shot(facing(sun=(1.0, 0.0, 1.0)))
+            dark = stage.shot(facing(sun=(1.0, 0.0, 1.0), sun_fraction=0.0))
             assert dark.radiance_rgb.max() == 0.0
             np.testing.assert_allclose(dark.coverage, lit.coverage, atol=0.1)
 

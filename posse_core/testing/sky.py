@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from posse_core._model.scene import EnvironmentMap
@@ -22,7 +20,7 @@ class SkyConformance(RendererStage):
         level = np.array([2.0, 1.0, 0.5])
         sky = EnvironmentMap(np.full((16, 32, 3), level, dtype=np.float32))
         with self.opened(ball()) as stage:
-            frame = replace(facing(sun=(0.0, 0.0, 1.0)), sun_fraction_target=0.0)
+            frame = facing(sun=(0.0, 0.0, 1.0), sun_fraction=0.0)
             image = stage.shot(frame, environment=sky)
         full = image.coverage > 0.999
         mean = image.radiance_rgb[full].mean(axis=0)
@@ -60,7 +58,7 @@ class SkyConformance(RendererStage):
         """A frame with a sky leaves nothing behind in one without, or in one whose sky is dark."""
         if "environment" not in self.capabilities:
             return
-        dark = replace(facing(sun=(0.0, 0.0, 1.0)), sun_fraction_target=0.0)
+        dark = facing(sun=(0.0, 0.0, 1.0), sun_fraction=0.0)
         with self.opened(ball()) as stage:
             for level in (1.0, None, 3.0, 0.0, 2.0):
                 sky = None

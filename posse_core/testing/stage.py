@@ -129,9 +129,19 @@ def craft() -> Scene:
     )
 
 
-def facing(sun: tuple[float, float, float]) -> FrameState:
+def facing(
+    sun: tuple[float, float, float],
+    *,
+    solar_flux_w_m2: float = scenes.SOLAR_FLUX_W_M2,
+    sun_fraction: float = 1.0,
+) -> FrameState:
     """A camera 4 m along the body's +z that sees +x to the right and +y up; the Sun in body axes."""
-    return scenes.frame(t_body_cam_m=(0.0, 0.0, 4.0), sun_direction_body=sun)
+    return scenes.frame(
+        t_body_cam_m=(0.0, 0.0, 4.0),
+        sun_direction_body=sun,
+        solar_flux_w_m2=solar_flux_w_m2,
+        sun_fraction=sun_fraction,
+    )
 
 
 def body(direction_cam: tuple[float, float, float]) -> tuple[float, float, float]:

@@ -9,7 +9,7 @@ import pytest
 import trimesh
 
 from posse_core._model.camera import Camera
-from posse_core._model.scene import FrameState, Scene
+from posse_core._model.scene import CraftState, Scene
 from posse_core._model.spacecraft import Material, Part, Spacecraft
 
 
@@ -46,30 +46,21 @@ def make_scene() -> Callable[..., Scene]:
 
 
 @pytest.fixture(scope="session")
-def make_frame() -> Callable[..., FrameState]:
-    """Pose and Sun direction (body axes) → a frame; inertial axes are taken to be the body's."""
+def make_state() -> Callable[..., CraftState]:
+    """Pose and Sun direction (body axes) → the craft and its sunlight."""
 
     def make(
         t_body_cam_m: tuple[float, float, float],
         R_cam_from_body: np.ndarray | None = None,
         sun_body: tuple[float, float, float] = (0.0, 0.0, -1.0),
-    ) -> FrameState:
+    ) -> CraftState:
         R = np.eye(3) if R_cam_from_body is None else R_cam_from_body
-        return FrameState.of(
-            index=0,
-            t_s=0.0,
-            epoch_jd_tt=2451545.0,
+        to_sun = R @ np.array(sun_body)
+        return CraftState(
             R_cam_from_body=R,
             t_body_cam_m=np.array(t_body_cam_m, dtype=np.float64),
-            R_cam_from_eci=R,
-            R_ecef_from_eci=np.eye(3),
-            r_camera_eci_m=np.zeros(3),
-            r_target_eci_m=np.zeros(3),
-            r_sun_eci_m=1.5e11 * np.array(sun_body),
-            r_moon_eci_m=np.array([3.8e8, 0.0, 0.0]),
-            solar_flux_w_m2=1361.0,
-            sun_fraction_target=1.0,
-            sun_fraction_camera=1.0,
+            sun_direction_cam=to_sun / np.linalg.norm(to_sun),
+            sun_irradiance_rgb_w_m2=np.full(3, 180.0),
             sun_angular_radius_rad=0.00465,
         )
 

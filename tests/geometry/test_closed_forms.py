@@ -32,9 +32,9 @@ def random_rotation(seed):
 
 
 @pytest.mark.parametrize("distance_m", [5.0, 333.3, 100e3])
-def test_a_plate_covers_the_pixels_whose_rays_meet_it(make_scene, make_frame, make_plate, distance_m):
+def test_a_plate_covers_the_pixels_whose_rays_meet_it(make_scene, make_state, make_plate, distance_m):
     scene = make_scene({"plate": make_plate(1.7, 0.9)}, focal_px=10 * distance_m)
-    view = RayCaster(scene).view(make_frame((0.1, 0.2, distance_m)))
+    view = RayCaster(scene).view(make_state((0.1, 0.2, distance_m)))
     x, y, _ = np.moveaxis(directions(scene.camera) * distance_m, -1, 0)
     expected = (np.abs(x - 0.1) < 1.7) & (np.abs(y - 0.2) < 0.9)
     mask = full(view, scene.camera, view.mask, False)
@@ -49,12 +49,12 @@ def test_a_plate_covers_the_pixels_whose_rays_meet_it(make_scene, make_frame, ma
 
 @given(seeds, st.sampled_from([4.0, 50.0, 100e3]))
 def test_depth_and_normal_of_a_tilted_plate_are_its_planes(
-    make_scene, make_frame, make_plate, seed, distance_m
+    make_scene, make_state, make_plate, seed, distance_m
 ):
     scene = make_scene({"plate": make_plate(2, 1, cells=3)}, focal_px=9 * distance_m)
     R = random_rotation(seed)
     t = np.array([0.3, -0.2, 1]) * [1, 1, distance_m]
-    view = RayCaster(scene).view(make_frame(t, R))
+    view = RayCaster(scene).view(make_state(t, R))
     normal = R[:, 2] * -np.sign(R[:, 2] @ t)
     expected = (normal @ t) / (directions(scene.camera) @ normal)
     np.testing.assert_allclose(view.depth_m[view.mask], expected[view.box.slices][view.mask], rtol=1e-7)
@@ -64,11 +64,11 @@ def test_depth_and_normal_of_a_tilted_plate_are_its_planes(
 
 
 @given(seeds)
-def test_a_box_covers_the_hull_of_its_corners(make_scene, make_frame, seed):
+def test_a_box_covers_the_hull_of_its_corners(make_scene, make_state, seed):
     box = trimesh.creation.box((3, 1, 0.5))
     scene = make_scene({"box": box})
     R, t = random_rotation(seed), np.array([0.2, 0.1, 5.0])
-    view = RayCaster(scene).view(make_frame(t, R))
+    view = RayCaster(scene).view(make_state(t, R))
     corners_px = scene.camera.project(box.vertices @ R.T + t)
     hull = ConvexHull(corners_px)
     u, v = np.meshgrid(np.arange(scene.camera.width_px), np.arange(scene.camera.height_px))
@@ -85,13 +85,13 @@ def test_a_box_covers_the_hull_of_its_corners(make_scene, make_frame, seed):
 
 
 @pytest.mark.parametrize("distance_m", [2.5, 40.0, 20e3])
-def test_a_sphere_is_between_its_inscribed_and_circumscribed(make_scene, make_frame, distance_m):
+def test_a_sphere_is_between_its_inscribed_and_circumscribed(make_scene, make_state, distance_m):
     mesh = trimesh.creation.icosphere(subdivisions=4, radius=1.0)
     inner = np.min(np.sum(mesh.face_normals * mesh.triangles[:, 0], axis=1))
     scene = make_scene({"ball": mesh}, focal_px=15 * distance_m)
     centre = np.array([0.5, -0.3, distance_m])
     sun = np.array([0.6, -0.64, -0.48])
-    view = RayCaster(scene).view(make_frame(centre, sun_body=sun))
+    view = RayCaster(scene).view(make_state(centre, sun_body=sun))
     d = directions(scene.camera)[view.box.slices]
     unit = d / np.linalg.norm(d, axis=-1, keepdims=True)
     along = unit @ centre
@@ -110,10 +110,10 @@ def test_a_sphere_is_between_its_inscribed_and_circumscribed(make_scene, make_fr
     assert 0.2 < view.lit[view.mask].mean() < 0.9
 
 
-def test_the_shadow_of_one_plate_on_another(make_scene, make_frame, make_plate):
+def test_the_shadow_of_one_plate_on_another(make_scene, make_state, make_plate):
     scene = make_scene({"wall": make_plate(4, 3), "shade": make_plate(0.5, 0.4, (-1.01, 0.3, -2.0))})
     sun = np.array([-0.5, 0.25, -1.0])
-    view = RayCaster(scene).view(make_frame((0, 0, 8), sun_body=sun))
+    view = RayCaster(scene).view(make_state((0, 0, 8), sun_body=sun))
     x, y, _ = np.moveaxis(directions(scene.camera)[view.box.slices] * 8.0, -1, 0)
     # A point on the wall is shaded when the way to the Sun meets the shade's plane, 2 m nearer, in it.
     in_shadow = (np.abs(x + 2 * sun[0] + 1.01) < 0.5) & (np.abs(y + 2 * sun[1] - 0.3) < 0.4)
@@ -124,11 +124,11 @@ def test_the_shadow_of_one_plate_on_another(make_scene, make_frame, make_plate):
     assert view.lit[shade].all()
 
 
-def test_a_plate_lit_from_behind_is_dark_from_either_side(make_scene, make_frame, make_plate):
+def test_a_plate_lit_from_behind_is_dark_from_either_side(make_scene, make_state, make_plate):
     caster = RayCaster(make_scene({"plate": make_plate(1, 1)}))
     turned = np.diag([1.0, -1.0, -1.0])
-    front = caster.view(make_frame((0, 0, 4), sun_body=(0, 0, 1)))
-    back = caster.view(make_frame((0, 0, 4), turned, sun_body=(0, 0, 1)))
+    front = caster.view(make_state((0, 0, 4), sun_body=(0, 0, 1)))
+    back = caster.view(make_state((0, 0, 4), turned, sun_body=(0, 0, 1)))
     assert (front.mask == back.mask).all()
     assert not front.lit.any()
     assert (back.lit == back.mask).all()
@@ -136,7 +136,7 @@ def test_a_plate_lit_from_behind_is_dark_from_either_side(make_scene, make_frame
 
 
 @given(seeds)
-def test_keypoints_of_a_cube(make_scene, make_frame, seed):
+def test_keypoints_of_a_cube(make_scene, make_state, seed):
     half = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)], float)
     centres = np.concatenate([np.eye(3), -np.eye(3)])
     points = np.concatenate([half, centres])
@@ -144,7 +144,7 @@ def test_keypoints_of_a_cube(make_scene, make_frame, seed):
         {"cube": trimesh.creation.box((2, 2, 2))}, {f"T{i}": p for i, p in enumerate(points)}
     )
     R, t = random_rotation(seed), np.array([0.4, 0.3, 6.0])
-    view = RayCaster(scene).view(make_frame(t, R))
+    view = RayCaster(scene).view(make_state(t, R))
     to_camera = -R.T @ t - points
     # Each ±1 coordinate is a face that holds the point; one that is turned to the camera shows it.
     faces_camera = (np.sign(points) * to_camera > 0) & (np.abs(points) == 1)
@@ -155,25 +155,25 @@ def test_keypoints_of_a_cube(make_scene, make_frame, seed):
     np.testing.assert_allclose(view.keypoints_px[:, 1], 48 * y / z + 23.5, rtol=1e-12)
 
 
-def test_the_thesis_tolerance_is_scaled_to_the_craft(make_scene, make_frame, make_plate):
+def test_the_thesis_tolerance_is_scaled_to_the_craft(make_scene, make_state, make_plate):
     for size_m in (16.7, 1.67):
         depths = {f"T{i}": (0.1, 0.1, size_m / 16.7 * d) for i, d in enumerate((-0.5, 0, 0.054, 0.056))}
         scene = make_scene({"plate": make_plate(size_m / 2, size_m / 4)}, depths)
-        view = RayCaster(scene).view(make_frame((0, 0, 2 * size_m)))
+        view = RayCaster(scene).view(make_state((0, 0, 2 * size_m)))
         assert view.keypoints_visibility.tolist() == [VISIBLE, VISIBLE, VISIBLE, OCCLUDED]
 
 
-def test_out_of_frame_is_told_from_occluded(make_scene, make_frame, make_plate):
+def test_out_of_frame_is_told_from_occluded(make_scene, make_state, make_plate):
     keypoints = {"T1": (0, 0, 1.0), "T2": (-4.5, 0, 1.0), "T3": (0, 0, -6.0), "T4": (-2.0, 0, -0.01)}
     scene = make_scene({"plate": make_plate(5, 1)}, keypoints)
-    view = RayCaster(scene).view(make_frame((0, 0, 5)))
+    view = RayCaster(scene).view(make_state((0, 0, 5)))
     assert view.keypoints_visibility.tolist() == [OCCLUDED, NOT_IN_FRAME, NOT_IN_FRAME, VISIBLE]
     assert np.isnan(view.keypoints_px[2]).all()
     assert view.keypoints_px[1, 0] == pytest.approx(31.5 - 48 * 4.5 / 6)
 
 
-def test_the_rim_of_the_image_is_half_a_pixel_out(make_scene, make_frame, make_plate):
+def test_the_rim_of_the_image_is_half_a_pixel_out(make_scene, make_state, make_plate):
     x = [(-0.5 - 31.5) / 48 + s for s in (-1e-6, 1e-6)] + [(63.5 - 31.5) / 48 + s for s in (-1e-6, 1e-6)]
     scene = make_scene({"plate": make_plate(0.1, 0.1)}, {f"T{i}": (s, 0, 0) for i, s in enumerate(x)})
-    view = RayCaster(scene).view(make_frame((0, 0, 1)))
+    view = RayCaster(scene).view(make_state((0, 0, 1)))
     assert view.keypoints_visibility.tolist() == [NOT_IN_FRAME, VISIBLE, VISIBLE, NOT_IN_FRAME]

@@ -42,13 +42,13 @@ def opencv_px(camera: Camera, points_cam_m: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("distortion", [BARREL, PINCUSHION])
 @pytest.mark.parametrize("x_m", [0.0, 1.4, -2.2])
-def test_a_plate_covers_the_pixels_whose_rays_meet_it(lensed, make_frame, make_plate, distortion, x_m):
+def test_a_plate_covers_the_pixels_whose_rays_meet_it(lensed, make_state, make_plate, distortion, x_m):
     scene = lensed(
         distortion, {"plate": make_plate(1.7, 0.9)}, width_px=160, height_px=120, focal_px=110
     )
     R = Rotation.from_euler("xyz", [0.4, -0.5, 0.3]).as_matrix()
     t = np.array([x_m, 0.4, 4.0])
-    view = RayCaster(scene).view(make_frame(tuple(t), R))
+    view = RayCaster(scene).view(make_state(tuple(t), R))
     uv = np.stack(np.meshgrid(np.arange(160.0), np.arange(120.0)), -1).reshape(-1, 2)
     criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 500, 1e-14)
     K, k = scene.camera.matrix, scene.camera.distortion_coefficients
@@ -91,9 +91,9 @@ def test_extents_are_those_of_densely_projected_edges(distortion, t, seed):
         np.testing.assert_allclose(ours, theirs, atol=2e-3)
 
 
-def test_a_bulging_edge_is_in_the_box_though_its_corners_are_not(lensed, make_frame, make_plate):
+def test_a_bulging_edge_is_in_the_box_though_its_corners_are_not(lensed, make_state, make_plate):
     scene = lensed(BARREL, {"plate": make_plate(1.5, 1.0)}, width_px=160, height_px=120, focal_px=110)
-    view = RayCaster(scene).view(make_frame((0, 0, 3.0)))
+    view = RayCaster(scene).view(make_state((0, 0, 3.0)))
     corners = opencv_px(scene.camera, np.array([[x, y, 3.0] for x in (-1.5, 1.5) for y in (-1.0, 1.0)]))
     middle = opencv_px(scene.camera, np.array([[0.0, 1.0, 3.0]]))
     assert middle[0, 1] > corners[:, 1].max() + 2
@@ -104,10 +104,10 @@ def test_a_bulging_edge_is_in_the_box_though_its_corners_are_not(lensed, make_fr
 
 
 @pytest.mark.parametrize("distortion", [BARREL, PINCUSHION])
-def test_the_referee_sees_the_same(lensed, make_frame, distortion):
+def test_the_referee_sees_the_same(lensed, make_state, distortion):
     ball = trimesh.creation.icosphere(3, radius=1.2)
     scene = lensed(distortion, {"ball": ball}, width_px=120, height_px=90, focal_px=75)
-    view = RayCaster(scene).view(make_frame((0.9, -0.5, 2.6)))
+    view = RayCaster(scene).view(make_state((0.9, -0.5, 2.6)))
     depth = depth_of_mesh(scene.camera, np.add(ball.vertices, [0.9, -0.5, 2.6]), np.asarray(ball.faces))
     expected = np.full((90, 120), np.inf)
     expected[view.box.slices] = np.where(view.mask, view.depth_m, np.inf)
@@ -116,11 +116,11 @@ def test_the_referee_sees_the_same(lensed, make_frame, distortion):
     np.testing.assert_allclose(depth[seen], expected[seen], rtol=1e-6)
 
 
-def test_keypoints_are_opencvs_and_gone_beyond_the_lens(lensed, make_frame, make_plate):
+def test_keypoints_are_opencvs_and_gone_beyond_the_lens(lensed, make_state, make_plate):
     points = {"near": (0.5, 0.3, 0.0), "edge": (1.9, 0.0, 0.0), "far": (9.0, 0.0, 0.0)}
     lens = BrownConrady(k1=-0.3)
     scene = lensed(lens, {"plate": make_plate(2, 1)}, points, width_px=160, height_px=120, focal_px=180)
-    view = RayCaster(scene).view(make_frame((0, 0, 5.0)))
+    view = RayCaster(scene).view(make_state((0, 0, 5.0)))
     expected = opencv_px(scene.camera, np.add([*points.values()], [0, 0, 5.0]))
     np.testing.assert_allclose(view.keypoints_px[:2], expected[:2], atol=1e-9)
     # OpenCV's polynomial has turned back here, and puts the point into the image.
@@ -129,12 +129,12 @@ def test_keypoints_are_opencvs_and_gone_beyond_the_lens(lensed, make_frame, make
     assert view.keypoints_visibility[2] == NOT_IN_FRAME
 
 
-def test_a_craft_beyond_the_lens_has_no_whole_box_and_its_mask_is_right(lensed, make_frame, make_plate):
+def test_a_craft_beyond_the_lens_has_no_whole_box_and_its_mask_is_right(lensed, make_state, make_plate):
     """A plate that leaves what the lens maps: the mask is that of the plate cut to what it maps."""
     size = {"width_px": 80, "height_px": 60, "focal_px": 60}
     wide = lensed(BARREL, {"plate": make_plate(40, 0.5)}, **size)
     cut = lensed(BARREL, {"plate": make_plate(3.2, 0.5)}, **size)
-    views = [RayCaster(scene).view(make_frame((0, 0.3, 3.0))) for scene in (wide, cut)]
+    views = [RayCaster(scene).view(make_state((0, 0.3, 3.0))) for scene in (wide, cut)]
     assert np.isnan(views[0].whole_box_px).any()
     assert np.isfinite(views[1].whole_box_px).all()
     masks = []

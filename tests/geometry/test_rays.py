@@ -46,7 +46,7 @@ def fields(view: View) -> dict[str, np.ndarray]:
 
 
 @given(seeds, st.sampled_from([0.5, 4.0, 30.0, 100e3]))
-def test_every_ray_meets_what_brute_force_meets(make_scene, make_frame, seed, distance_m):
+def test_every_ray_meets_what_brute_force_meets(make_scene, make_state, seed, distance_m):
     """At 0.5 m the camera is inside the craft, which reaches behind it."""
     rng = np.random.default_rng(seed)
     meshes = {"a": soup(rng, 20), "b": soup(rng, 20)}
@@ -55,7 +55,7 @@ def test_every_ray_meets_what_brute_force_meets(make_scene, make_frame, seed, di
     t = np.append(rng.uniform(-0.4, 0.4, 2), distance_m)
     sun = rng.normal(size=3)
     sun /= np.linalg.norm(sun)
-    view = RayCaster(scene).view(make_frame(t, R, sun))
+    view = RayCaster(scene).view(make_state(t, R, sun))
 
     corners = np.concatenate([m.triangles for m in meshes.values()]) @ R.T + t
     d = scene.camera.rays(view.box.pixel_centres_px()).reshape(-1, 3)
@@ -84,10 +84,10 @@ def test_every_ray_meets_what_brute_force_meets(make_scene, make_frame, seed, di
     assert (view.lit.ravel()[rays] == lit)[clear].all()
 
 
-def test_a_ray_along_an_edge_meets_it(make_scene, make_frame, make_plate):
+def test_a_ray_along_an_edge_meets_it(make_scene, make_state, make_plate):
     """A plate cut into squares whose edges and corners lie on pixel centres has no holes."""
     scene = make_scene({"plate": make_plate(2, 2, cells=16)}, width_px=33, height_px=33, focal_px=16)
-    view = RayCaster(scene).view(make_frame((0, 0, 4), sun_body=(0.1, 0.2, -1)))
+    view = RayCaster(scene).view(make_state((0, 0, 4), sun_body=(0.1, 0.2, -1)))
     assert view.mask.shape == (17, 17)
     assert view.mask[1:-1, 1:-1].all()  # the plate's own rim may fall on either side
     assert (view.depth_m[view.mask] == 4).all()
@@ -95,18 +95,18 @@ def test_a_ray_along_an_edge_meets_it(make_scene, make_frame, make_plate):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_closed_body_has_no_holes(make_scene, make_frame, seed):
+def test_a_closed_body_has_no_holes(make_scene, make_state, seed):
     R = Rotation.random(None, np.random.default_rng(seed)).as_matrix()
     scene = make_scene({"ball": trimesh.creation.icosphere(4)}, width_px=50, height_px=50, focal_px=25)
-    inside = RayCaster(scene).view(make_frame((0.1, 0.2, -0.3), R))
+    inside = RayCaster(scene).view(make_state((0.1, 0.2, -0.3), R))
     assert inside.mask.all()
     assert inside.mask.size == 2500
     assert not inside.lit.any()
 
 
-def test_the_camera_inside_a_cube_sees_its_walls(make_scene, make_frame):
+def test_the_camera_inside_a_cube_sees_its_walls(make_scene, make_state):
     scene = make_scene({"cube": trimesh.creation.box((4, 4, 4))})
-    view = RayCaster(scene).view(make_frame((0.5, 0.1, 0.3)))
+    view = RayCaster(scene).view(make_state((0.5, 0.1, 0.3)))
     d = scene.camera.rays(view.box.pixel_centres_px())
     high, low = np.array([2.5, 2.1, 2.3]), np.array([-1.5, -1.9, -1.7])
     wall = np.where(d > 0, high / d, np.where(d < 0, low / d, np.inf)).min(axis=-1)
@@ -114,11 +114,11 @@ def test_the_camera_inside_a_cube_sees_its_walls(make_scene, make_frame):
     assert np.isnan(view.whole_box_px).all()
 
 
-def test_a_face_seen_edge_on_is_not_there(make_scene, make_frame, make_plate):
+def test_a_face_seen_edge_on_is_not_there(make_scene, make_state, make_plate):
     edge_on = Rotation.from_euler("x", 90, degrees=True).as_matrix()
     edge_on = np.round(edge_on)
     scene = make_scene({"plate": make_plate(1, 1)}, width_px=33, height_px=33, focal_px=32)
-    view = RayCaster(scene).view(make_frame((0, 0, 4), edge_on))
+    view = RayCaster(scene).view(make_state((0, 0, 4), edge_on))
     assert view.box.height == 1
     assert not view.mask.any()
 
@@ -146,9 +146,9 @@ def test_rays_along_a_long_face_are_settled_in_double_precision(make_scene, seed
     assert not np.isfinite(entry(camera, d, half - 1e-5)[~found]).any()
 
 
-def test_behind_the_camera_there_is_nothing(make_scene, make_frame):
+def test_behind_the_camera_there_is_nothing(make_scene, make_state):
     scene = make_scene({"cube": trimesh.creation.box((2, 2, 2))}, {"T1": (0, 0, -1)})
-    view = RayCaster(scene).view(make_frame((0, 0, -5)))
+    view = RayCaster(scene).view(make_state((0, 0, -5)))
     assert view.box.is_empty
     assert view.silhouette_px == 0
     assert view.keypoints_visibility.tolist() == [0]
@@ -157,12 +157,12 @@ def test_behind_the_camera_there_is_nothing(make_scene, make_frame):
 
 
 @pytest.mark.parametrize("where_m", [(4.0, 1.0, 8.0), (-6.0, 0.3, 8.0), (20.0, 3.0, 8.0), (0, 0, 2.0)])
-def test_the_silhouette_is_that_of_a_larger_image(make_scene, make_frame, where_m):
+def test_the_silhouette_is_that_of_a_larger_image(make_scene, make_state, where_m):
     meshes = {"knot": trimesh.creation.torus(1.3, 0.4, 24, 12)}
     R = Rotation.from_euler("xyz", (0.4, 0.9, 0.2)).as_matrix()
-    view = RayCaster(make_scene(meshes)).view(make_frame(where_m, R))
+    view = RayCaster(make_scene(meshes)).view(make_state(where_m, R))
     larger = make_scene(meshes, width_px=464, height_px=448, middle_px=(231.5, 223.5))
-    whole = RayCaster(larger).view(make_frame(where_m, R))
+    whole = RayCaster(larger).view(make_state(where_m, R))
     assert whole.silhouette_px == whole.mask.sum() == view.silhouette_px > 100
     assert view.mask.sum() < view.silhouette_px
     cut = np.zeros((448, 464), bool)
@@ -170,44 +170,44 @@ def test_the_silhouette_is_that_of_a_larger_image(make_scene, make_frame, where_
     assert view.mask.sum() == cut[200:248, 200:264].sum()
 
 
-def test_an_enormous_silhouette_is_sampled(make_scene, make_frame, make_plate, monkeypatch):
+def test_an_enormous_silhouette_is_sampled(make_scene, make_state, make_plate, monkeypatch):
     scene = make_scene({"plate": make_plate(3, 3)})
-    frame = make_frame((0.2, 0.1, 0.5))
-    exact = RayCaster(scene).view(frame.craft).silhouette_px
+    state = make_state((0.2, 0.1, 0.5))
+    exact = RayCaster(scene).view(state).silhouette_px
     monkeypatch.setattr(raycast, "SILHOUETTE_RAYS", 20_000)
-    assert RayCaster(scene).view(frame.craft).silhouette_px == pytest.approx(exact, rel=0.02)
+    assert RayCaster(scene).view(state).silhouette_px == pytest.approx(exact, rel=0.02)
     assert exact == pytest.approx((2 * 3 * 48 / 0.5) ** 2, rel=0.01)
 
 
-def test_a_craft_smaller_than_a_pixel_has_a_box_but_no_mask(make_scene, make_frame):
+def test_a_craft_smaller_than_a_pixel_has_a_box_but_no_mask(make_scene, make_state):
     scene = make_scene({"cube": trimesh.creation.box((2, 2, 2))}, {"T1": (0, 0, -1)})
-    view = RayCaster(scene).view(make_frame((300.0, 100.0, 100e3)))
+    view = RayCaster(scene).view(make_state((300.0, 100.0, 100e3)))
     assert (view.box.width, view.box.height, view.silhouette_px) == (1, 1, 0)
     assert not view.mask.any()
     assert view.keypoints_visibility.tolist() == [2]
 
 
-def test_triangles_without_an_area_harm_nothing(make_scene, make_frame, make_plate):
+def test_triangles_without_an_area_harm_nothing(make_scene, make_state, make_plate):
     plate = make_plate(1, 1)
     faces = np.concatenate([plate.faces, [[0, 0, 1], [2, 2, 2]]])
     broken = trimesh.Trimesh(plate.vertices, faces, process=False)
-    frame = make_frame((0.1, 0.2, 3))
-    good, bad = (RayCaster(make_scene({"p": mesh})).view(frame.craft) for mesh in (plate, broken))
+    state = make_state((0.1, 0.2, 3))
+    good, bad = (RayCaster(make_scene({"p": mesh})).view(state) for mesh in (plate, broken))
     assert fields(good).keys() == fields(bad).keys()
     for name, array in fields(good).items():
         np.testing.assert_array_equal(array, fields(bad)[name])
 
 
-def test_views_are_the_same_bits_in_any_order_and_any_crop(make_scene, make_frame, monkeypatch):
+def test_views_are_the_same_bits_in_any_order_and_any_crop(make_scene, make_state, monkeypatch):
     meshes = {"knot": trimesh.creation.torus(1.3, 0.4, 48, 24), "box": trimesh.creation.box((3, 1, 1))}
     scene = make_scene(meshes, {"T1": (0.1, 0.2, 0.3)}, width_px=160, height_px=120, focal_px=110)
     turns = Rotation.random(3, np.random.default_rng(1)).as_matrix()
-    frames = [make_frame((0.1, 0.2, 4.0), R, (0.6, 0.0, -0.8)) for R in turns]
+    frames = [make_state((0.1, 0.2, 4.0), R, (0.6, 0.0, -0.8)) for R in turns]
     caster = RayCaster(scene)
-    forward = [fields(caster.view(frame.craft)) for frame in frames]
-    backward = [fields(caster.view(frame.craft)) for frame in frames[::-1]][::-1]
+    forward = [fields(caster.view(state)) for state in frames]
+    backward = [fields(caster.view(state)) for state in frames[::-1]][::-1]
     monkeypatch.setattr(raycast, "_CHUNK", 1000)
-    fresh = [fields(RayCaster(scene).view(frame.craft)) for frame in frames]
+    fresh = [fields(RayCaster(scene).view(state)) for state in frames]
     for views in zip(forward, backward, fresh, strict=True):
         for name in views[0]:
             assert len({view[name].tobytes() for view in views}) == 1, name

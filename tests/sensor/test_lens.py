@@ -208,7 +208,7 @@ def test_without_distortion_the_renderer_is_asked_as_it_is():
     assert inner.boxes == [PixelBox(0, 0, 80, 60)]
     alone = PlateRenderer(NoOptions())
     alone.open(scene(None))
-    expected = alone.render(RenderRequest(frame(), PixelBox(0, 0, 80, 60), None, 0))
+    expected = alone.render(RenderRequest(frame().craft, PixelBox(0, 0, 80, 60), None, 0))
     assert np.array_equal(image.radiance_rgb, expected.radiance_rgb)
 
 

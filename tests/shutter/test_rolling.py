@@ -33,7 +33,7 @@ def sheared_edge_px(v_m_s: float) -> np.ndarray:
 @pytest.mark.parametrize("v_m_s", [20.0, -35.0])
 def test_a_sliding_edge_leans_by_its_speed(v_m_s):
     scene = plate(line_time_s=LINE_S)
-    edges = left_edges(RayCaster(scene).view(moving(v_m_s=(v_m_s, 0, 0))))
+    edges = left_edges(RayCaster(scene).view(moving(v_m_s=(v_m_s, 0, 0)).craft))
     seen = np.isfinite(edges)
     assert seen.sum() == 50
     off_px = edges - sheared_edge_px(v_m_s)
@@ -46,7 +46,7 @@ def test_a_spinning_edge_bends(turning):
     """About the boresight the edge stands at ωτ: x = (−a − y sin ωτ) / cos ωτ, τ by the row."""
     omega = 2.0
     rates = {"omega_body": (0, 0, omega)} if turning == "body" else {"omega_camera": (0, 0, -omega)}
-    view = RayCaster(plate(half_y_m=9.0, line_time_s=LINE_S)).view(moving(**rates))
+    view = RayCaster(plate(half_y_m=9.0, line_time_s=LINE_S)).view(moving(**rates).craft)
     y, angle = (ROWS - MIDDLE[1]) / FOCAL_PX, omega * AFTER_S
     expected = MIDDLE[0] + FOCAL_PX * (-2.03 / DISTANCE_M - y * np.sin(angle)) / np.cos(angle)
     off_px = left_edges(view) - expected
@@ -59,7 +59,7 @@ def test_a_keypoint_lies_where_its_row_sees_it():
     """Against a root of: the row of the projection at τ is the row that is exposed at τ."""
     v, omega = np.array([20.0, -8.0, 3.0]), np.array([0.3, -0.2, 1.5])
     scene = plate(line_time_s=LINE_S)
-    view = RayCaster(scene).view(moving(v_m_s=tuple(v), omega_body=tuple(omega)))
+    view = RayCaster(scene).view(moving(v_m_s=tuple(v), omega_body=tuple(omega)).craft)
 
     def at(corner, after_s):
         rate = np.linalg.norm(omega)
@@ -101,7 +101,7 @@ def test_image_and_mask_have_one_edge():
 
 
 def test_without_motion_a_rolling_shutter_is_a_global_one():
-    rolling, instant = (RayCaster(plate(line_time_s=s)).view(moving()) for s in (LINE_S, 0.0))
+    rolling, instant = (RayCaster(plate(line_time_s=s)).view(moving().craft) for s in (LINE_S, 0.0))
     np.testing.assert_array_equal(rolling.depth_m, instant.depth_m)
     np.testing.assert_array_equal(rolling.keypoints_px, instant.keypoints_px)
     assert rolling.silhouette_px == instant.silhouette_px
@@ -109,7 +109,7 @@ def test_without_motion_a_rolling_shutter_is_a_global_one():
 
 def test_the_silhouette_counts_what_leaves_the_image_while_it_is_read():
     scene = plate(half_y_m=9.0, line_time_s=LINE_S)
-    view = RayCaster(scene).view(moving(v_m_s=(0.0, 0, 0), omega_body=(0, 0, 1e-9)))
+    view = RayCaster(scene).view(moving(v_m_s=(0.0, 0, 0), omega_body=(0, 0, 1e-9)).craft)
     assert view.silhouette_px == pytest.approx(4 * 2.03 * 9.0 * (FOCAL_PX / DISTANCE_M) ** 2, rel=0.02)
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -49,21 +47,22 @@ def _state(
     **changes,
 ) -> FrameState:
     sun_unit = np.asarray(sun, dtype=float) / np.linalg.norm(sun)
-    base = FrameState.of(
-        index=0,
-        t_s=0.0,
-        epoch_jd_tt=jd_tt,
-        R_cam_from_body=np.eye(3),
-        t_body_cam_m=np.array([0.0, 0.0, 20.0]),
-        R_cam_from_eci=_looking(forward, up),
-        R_ecef_from_eci=np.eye(3),
-        r_camera_eci_m=np.asarray(r_camera_m, dtype=float),
-        r_target_eci_m=np.asarray(r_camera_m, dtype=float),
-        r_sun_eci_m=np.asarray(r_camera_m, dtype=float) + AU_M * sun_unit,
-        r_moon_eci_m=np.array([0.0, 0.0, 3.844e8]),
-        solar_flux_w_m2=1361.0,
-        sun_fraction_target=1.0,
-        sun_fraction_camera=1.0,
-        sun_angular_radius_rad=SUN_RADIUS_RAD,
-    )
-    return dataclasses.replace(base, **changes)
+    values = {
+        "index": 0,
+        "t_s": 0.0,
+        "epoch_jd_tt": jd_tt,
+        "R_cam_from_body": np.eye(3),
+        "t_body_cam_m": np.array([0.0, 0.0, 20.0]),
+        "R_cam_from_eci": _looking(forward, up),
+        "R_ecef_from_eci": np.eye(3),
+        "r_camera_eci_m": np.asarray(r_camera_m, dtype=float),
+        "r_target_eci_m": np.asarray(r_camera_m, dtype=float),
+        "r_sun_eci_m": np.asarray(r_camera_m, dtype=float) + AU_M * sun_unit,
+        "r_moon_eci_m": np.array([0.0, 0.0, 3.844e8]),
+        "solar_flux_w_m2": 1361.0,
+        "sun_fraction_target": 1.0,
+        "sun_fraction_camera": 1.0,
+        "sun_angular_radius_rad": SUN_RADIUS_RAD,
+        **changes,
+    }
+    return FrameState.of(**values)

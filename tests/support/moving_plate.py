@@ -74,7 +74,7 @@ class PlateRenderer(Renderer):
         box, K = request.box, self.scene.camera
         self.rendered_px += box.width * box.height
         corners = self.scene.spacecraft.parts[0].vertices_body_m
-        low, high = K.project(corners[[0, 2]] + request.frame.t_body_cam_m)
+        low, high = K.project(corners[[0, 2]] + request.craft.t_body_cam_m)
 
         def share(first: int, count: int, low_px: float, high_px: float) -> np.ndarray:
             pixels = first + np.arange(count)

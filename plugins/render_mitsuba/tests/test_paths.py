@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from posse_core import AnyArray, EnvironmentMap, FrameState, Material, PixelBox, RenderRequest
+from posse_core import AnyArray, EnvironmentMap, CraftState, Material, PixelBox, RenderRequest
 from posse_core.testing import scenes
 from posse_render_mitsuba.options import MitsubaOptions
 from posse_render_mitsuba.renderer import MitsubaRenderer
@@ -17,7 +17,7 @@ METAL = Material("metal", base_color=(0.9, 0.6, 0.3), metallic=1.0, roughness=0.
 GLOSS = Material("gloss", base_color=(0.3, 0.7, 0.5), metallic=0.0, roughness=0.3)
 MATT = Material("matt", base_color=(0.8, 0.5, 0.2), specular=0.0)
 SPP = 16
-FRAME = scenes.frame(t_body_cam_m=(0, 0, 6), sun_direction_body=(1, 0.5, 1.5))
+FRAME = scenes.frame(t_body_cam_m=(0, 0, 6), sun_direction_body=(1, 0.5, 1.5)).craft
 BOX = PixelBox(0, 0, 96, 72)
 
 
@@ -32,7 +32,7 @@ def sky(share: float) -> EnvironmentMap:
 
 def rendered(
     variant: Literal["auto", "scalar"],
-    frame: FrameState,
+    frame: CraftState,
     environment: EnvironmentMap | None,
     depth: int,
     plate: Material = GLOSS,
@@ -47,7 +47,7 @@ def rendered(
         renderer.close()
         # Without a libLLVM there is nothing to compare: auto is then Mitsuba's own path tracer itself.
         pytest.skip("no LLVM that works")
-    requests = [RenderRequest(frame.craft, BOX, environment, seed) for seed in range(8)]
+    requests = [RenderRequest(frame, BOX, environment, seed) for seed in range(8)]
     images = np.stack([renderer.render(request).radiance_rgb for request in requests])
     renderer.close()
     return images
@@ -83,7 +83,7 @@ def test_the_sun_adds_no_noise() -> None:
 
 def test_in_shadow_the_noise_is_that_of_eclipse() -> None:
     """The sky is looked for wherever the Sun does not shine, which makes metal and gloss less noisy."""
-    behind = scenes.frame(t_body_cam_m=(0, 0, 6), sun_direction_body=(0, 0, -1))
-    eclipsed = replace(FRAME, sun_fraction_target=0.0)
+    behind = scenes.frame(t_body_cam_m=(0, 0, 6), sun_direction_body=(0, 0, -1)).craft
+    eclipsed = replace(FRAME, sun_irradiance_rgb_w_m2=np.zeros(3))
     shadow, eclipse = (rendered("auto", frame, sky(0.5), 2)[LIT] for frame in (behind, eclipsed))
     np.testing.assert_allclose(shadow.std(axis=0).mean(), eclipse.std(axis=0).mean(), rtol=0.02)

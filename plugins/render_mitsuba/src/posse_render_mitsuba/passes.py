@@ -20,9 +20,9 @@ from scipy.ndimage import maximum_filter
 from posse_core import (
     BoolArray,
     Camera,
+    CraftState,
     Float32Array,
     FloatArray,
-    CraftState,
     PixelBox,
     RenderRequest,
     random_generator,

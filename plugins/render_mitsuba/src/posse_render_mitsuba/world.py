@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from posse_core import EnvironmentMap, Float32Array, FloatArray, CraftState, Spacecraft
+from posse_core import CraftState, EnvironmentMap, Float32Array, FloatArray, Spacecraft
 
 MITSUBA_FROM_CAM: FloatArray = np.diag([-1.0, -1.0, 1.0])
 """OpenCV camera axes → Mitsuba's (x left, y up, z forward), and its own inverse."""

@@ -12,10 +12,10 @@ import numpy as np
 from posse_core import (
     Camera,
     ComponentError,
+    CraftState,
     EnvironmentMap,
     Float32Array,
     FloatArray,
-    CraftState,
     PixelBox,
     Radiance,
     Renderer,

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from posse_core import AnyArray, EnvironmentMap, CraftState, Material, PixelBox, RenderRequest
+from posse_core import AnyArray, CraftState, EnvironmentMap, Material, PixelBox, RenderRequest
 from posse_core.testing import scenes
 from posse_render_mitsuba.options import MitsubaOptions
 from posse_render_mitsuba.renderer import MitsubaRenderer

@@ -11,9 +11,10 @@ from pydantic_core import PydanticUndefined
 
 from posse_core._cli.common import echo_json
 from posse_core._errors import InputError
+from posse_core._plugins.kinds import KINDS, Kind, shown
 from posse_core._plugins.loading import load_plugins
 from posse_core._plugins.options import nearest
-from posse_core._plugins.registry import KINDS
+from posse_core._plugins.registry import Registry
 from posse_core._scenario.component import ComponentChoice
 
 
@@ -22,9 +23,10 @@ from posse_core._scenario.component import ComponentChoice
 @click.argument("name", required=False)
 @click.option("--json", "as_json", is_flag=True, help="Print the JSON schema.")
 def command(kind: str, name: str | None, as_json: bool) -> None:
-    """Describe the keys of a scenario, a camera by name, or the options of one component.
+    """Describe the keys of a scenario, a camera by name, a kind of component, or one component.
 
-    posse describe scenario; posse describe camera speed-plus; posse describe renderer mitsuba
+    posse describe scenario; posse describe camera speed-plus; posse describe renderer;
+    posse describe renderer mitsuba
     """
     from posse_core._scenario.load import built_in_names
     from posse_core._scenario.model import Scenario
@@ -38,11 +40,14 @@ def command(kind: str, name: str | None, as_json: bool) -> None:
         title = f"A scenario. Built-in ones: {', '.join(built_in_names())}."
     elif kind in KINDS:
         if name is None:
-            raise InputError(f"describe {kind}: name one of {', '.join(registry.names(kind))}")
+            _describe_kind(KINDS[kind], registry, as_json)
+            return
         spec = registry.spec(kind, name)
         model = registry.options_model(kind, name)
-        words = f" Capabilities: {', '.join(sorted(spec.capabilities))}." if spec.capabilities else ""
-        title = f"{kind} {name}: {spec.summary}.{words}"
+        claims = (
+            f"\n  {word}: {KINDS[kind].capabilities[word].claim}" for word in sorted(spec.capabilities)
+        )
+        title = f"{kind} {name}: {spec.summary}." + "".join(claims) + "\noptions"
     else:
         known = ["scenario", "camera", *KINDS]
         raise InputError(f"describe {kind}: no such kind{nearest(kind, known)} ({', '.join(known)})")
@@ -51,6 +56,26 @@ def command(kind: str, name: str | None, as_json: bool) -> None:
         return
     click.echo(title)
     _describe(model, indent="  ")
+
+
+def _describe_kind(kind: Kind, registry: Registry, as_json: bool) -> None:
+    """What a component of a kind is, for who writes one; and the names of those installed."""
+    facts = {"hook": kind.hook, "interface": shown(kind.interface)}
+    if kind.conformance is not None:
+        facts["conformance"] = shown(kind.conformance)
+    claims = {word: capability.claim for word, capability in kind.capabilities.items()}
+    names = registry.names(kind.name)
+    if as_json:
+        echo_json(
+            {"summary": kind.summary, **facts, "capabilities": claims, "installed": names},
+        )
+        return
+    click.echo(f"{kind.name}: {kind.summary}")
+    for key, value in facts.items():
+        click.echo(f"  {key}: {value}")
+    for word, claim in claims.items():
+        click.echo(f"  capability {word}: {claim}")
+    click.echo(f"  installed: {', '.join(names) or 'none'}")
 
 
 def _describe_camera(name: str | None, as_json: bool) -> None:

@@ -11,7 +11,9 @@ import click
 
 from posse_core._cli.common import echo_json
 from posse_core._errors import CheckFailed, PosseError
+from posse_core._plugins.kinds import KINDS
 from posse_core._plugins.loading import Plugins, load_plugins
+from posse_core._plugins.registry import Registry
 
 if TYPE_CHECKING:
     from posse_core._interfaces.renderer import Renderer
@@ -35,12 +37,17 @@ _LIBRARIES = (
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
 def command(as_json: bool) -> None:
-    """Check the installation; exit code 1 when nothing can render or the core lacks a library."""
+    """Check the installation.
+
+    Exit code 1 when a plugin or a component's class cannot be used, when nothing can render, or when the
+    core lacks a library.
+    """
     plugins = load_plugins()
     core = list(_core())
     others = list(_plugins(plugins))
+    classes = list(_classes(plugins.registry))
     renderers = {name: list(_renderer(plugins, name)) for name in plugins.registry.names("renderer")}
-    findings = [*core, *others, *(f for found in renderers.values() for f in found)]
+    findings = [*core, *others, *classes, *(f for found in renderers.values() for f in found)]
     if as_json:
         echo_json([{"what": w, "works": ok, "detail": detail} for w, ok, detail in findings])
     else:
@@ -48,6 +55,12 @@ def command(as_json: bool) -> None:
             click.echo(f"{'ok  ' if works else 'no  '} {what}: {detail}")
     if not all(works for _, works, _ in core):
         raise CheckFailed("the core lacks a library; install posse-core again")
+    unusable = [what for what, works, _ in (*others, *classes) if not works]
+    if unusable:
+        raise CheckFailed(
+            f"{', '.join(unusable)}: cannot be used, as said above; update or uninstall the plugin, or"
+            " leave it out by POSSE_DISABLE_PLUGINS"
+        )
     if not any(all(works for _, works, _ in found) for found in renderers.values()):
         raise CheckFailed(
             "no renderer works here; 'pip install posse-render-mitsuba' needs nothing else"
@@ -73,6 +86,23 @@ def _plugins(plugins: Plugins) -> Iterator[Finding]:
         yield f"plugin {status.name}", status.state in ("ok", "disabled"), detail
 
 
+def _classes(registry: Registry) -> Iterator[Finding]:
+    """Whether each component's class and options can be imported and are of its kind; none is made."""
+    for kind in KINDS:
+        faults = {}
+        for name in registry.names(kind):
+            try:
+                registry.load(kind, name)
+                registry.options_model(kind, name)
+            except PosseError as error:
+                faults[name] = str(error)
+        sound = [name for name in registry.names(kind) if name not in faults]
+        if sound:
+            yield f"{kind}s", True, ", ".join(sound)
+        for name, fault in faults.items():
+            yield f"{kind} {name}", False, fault
+
+
 def _renderer(plugins: Plugins, name: str) -> Iterator[Finding]:
     try:
         renderer: type[Renderer] = plugins.registry.load("renderer", name)
@@ -80,5 +110,7 @@ def _renderer(plugins: Plugins, name: str) -> Iterator[Finding]:
         findings = renderer.doctor(options) or [("it", True, "loads")]
     except PosseError as error:
         findings = [("it", False, str(error))]
+    except Exception as error:  # any code of a third party
+        findings = [("its doctor()", False, f"{type(error).__name__}: {error}")]
     for what, works, detail in findings:
         yield f"renderer {name}: {what}", works, detail

@@ -7,8 +7,8 @@ from dataclasses import asdict
 import click
 
 from posse_core._cli.common import echo_json, echo_table
+from posse_core._plugins.kinds import KINDS
 from posse_core._plugins.loading import load_plugins
-from posse_core._plugins.registry import KINDS
 
 
 @click.command()

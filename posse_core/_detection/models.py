@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from posse_core._detection.card import ModelCard
-from posse_core._errors import InputError
+from posse_core._errors import ComponentError, InputError
 from posse_core._interfaces.detector import Detector, KeypointFinder, Model
 from posse_core._plugins.registry import Registry
 
@@ -83,7 +83,10 @@ def _shipped(task: str, registry: Registry) -> Path:
             model: Model = registry.create(
                 "detector", spec.name, registry.options("detector", spec.name, {})
             )
-            assert model.shipped is not None, f"{spec.name} claims the capability 'shipped'"
+            if model.shipped is None:
+                raise ComponentError(
+                    f"detector {spec.name!r} has the capability 'shipped', and names no shipped model"
+                )
             return model.shipped
     raise InputError(
         "no trained net is installed; name one by --model, or pip install posse-detect-onnx"

@@ -32,12 +32,7 @@ class Detection:
 
 
 class Model(Component[OptionsT]):
-    """A net that is trained, or read from a file. What it can do stands in its record's capabilities:
-
-    ``boxes`` (it is a :class:`Detector`), ``keypoints`` (a :class:`KeypointFinder`), ``train``, ``onnx``
-    (can be exported), ``int8`` (in eight bits too), ``.onnx`` (reads ONNX files), ``shipped`` (a trained
-    net comes with it).
-    """
+    """A network that is trained, or read from a file. Its capabilities say what it can do."""
 
     shipped: Path | None = None
     """Model file of the trained net that comes with the plugin."""

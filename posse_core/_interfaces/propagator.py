@@ -30,11 +30,7 @@ class PropagationProblem:
 
 
 class Propagator(Component[OptionsT]):
-    """Computes the motion of target and chaser.
-
-    Capabilities: ``exact-two-body`` (agrees with Kepler motion to rounding), ``own-frames`` (the
-    motion may have other frames than ``t_s``).
-    """
+    """Computes the motion of target and chaser."""
 
     @abstractmethod
     def propagate(self, problem: PropagationProblem) -> Motion:

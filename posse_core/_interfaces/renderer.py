@@ -20,9 +20,6 @@ class Renderer(Component[OptionsT]):
     ``sun_irradiance_rgb_w_m2`` on a plate facing it. Both sides of a face are visible. The scene's
     camera is always a pinhole: where the user's lens distorts, the core asks for a finer image and
     distorts that.
-
-    Capabilities: ``path-traced``, ``deterministic`` (the same request gives the same bits),
-    ``environment`` (uses the environment map), ``depth``, ``gpu``.
     """
 
     @abstractmethod

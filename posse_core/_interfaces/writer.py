@@ -11,11 +11,7 @@ from posse_core._plugins.component import Component, OptionsT
 
 
 class Writer(Component[OptionsT]):
-    """Exports a dataset to one format.
-
-    Capabilities: ``pinhole-only`` (the format cannot say that a lens distorts); ``labels-only`` (images
-    and arrays are not read, so a run to a network store, which has none of them at hand, can write it).
-    """
+    """Exports a dataset to one format."""
 
     @abstractmethod
     def write(self, dataset: Dataset, folder: Path) -> Sequence[Path]:

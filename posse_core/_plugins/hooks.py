@@ -1,24 +1,23 @@
 """Every extension point of POSSE, on one page.
 
 A plugin is an installed distribution with an entry point in the group ``posse`` whose object (a
-module, usually) has functions marked with ``@posse_core._plugins.hooks.hookimpl``::
+module, usually) has functions marked with ``@posse_core.hookimpl``::
 
     # pyproject.toml
     [project.entry-points.posse]
     render_wire = "posse_render_wire"
 
     # posse_render_wire.py
-    from posse_core._plugins.hooks import hookimpl
-    from posse_core._plugins.registry import ComponentSpec
+    from posse_core import ComponentSpec, hookimpl
 
     @hookimpl
     def posse_renderers():
         return [ComponentSpec("wire", "wire frames", "posse_render_wire.wire:WireRenderer")]
 
-The collecting hooks return lists of :class:`~posse_core.ComponentSpec`. They are called once, when
-plugins are loaded, so they must be cheap and must not import what the component needs. The observers
-are told what happens in a run, in the process that runs the command line; what they
-raise is reported as a warning and the run goes on.
+The collecting hooks, one for each kind of component (``posse_core/_plugins/kinds.py``), return lists of
+:class:`~posse_core.ComponentSpec`. They are called once, when plugins are loaded, so they must be cheap
+and must not import what the component needs. The observers are called as a run goes on, in the process
+that runs the command line; what they raise is reported as a warning, and the run continues.
 """
 
 from __future__ import annotations
@@ -37,37 +36,37 @@ hookimpl = pluggy.HookimplMarker("posse")
 
 @hookspec
 def posse_propagators() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
-    """Classes of :class:`posse_core._interfaces.propagator.Propagator`. Since 0.1."""
+    """Classes of :class:`posse_core.Propagator`. Since 0.1."""
 
 
 @hookspec
 def posse_scenes() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
-    """Classes of :class:`posse_core._interfaces.scene.SceneSource`: spacecraft by name. Since 0.1."""
+    """Classes of :class:`posse_core.SceneSource`: spacecraft by name. Since 0.1."""
 
 
 @hookspec
 def posse_renderers() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
-    """Classes of :class:`posse_core._interfaces.renderer.Renderer`. Since 0.1."""
+    """Classes of :class:`posse_core.Renderer`. Since 0.1."""
 
 
 @hookspec
 def posse_annotators() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
-    """Classes of :class:`posse_core._interfaces.annotator.Annotator`. Since 0.1."""
+    """Classes of :class:`posse_core.Annotator`. Since 0.1."""
 
 
 @hookspec
 def posse_detectors() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
-    """Classes of :class:`posse_core._interfaces.detector.Detector`. Since 0.1."""
+    """Classes of :class:`posse_core.Model`. Since 0.1."""
 
 
 @hookspec
 def posse_writers() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
-    """Classes of :class:`posse_core._interfaces.writer.Writer`: dataset formats. Since 0.1."""
+    """Classes of :class:`posse_core.Writer`: dataset formats. Since 0.1."""
 
 
 @hookspec
 def posse_executors() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
-    """Classes of :class:`posse_core._interfaces.executor.Executor`: where frames are made. Since 0.1."""
+    """Classes of :class:`posse_core.Executor`: where frames are made. Since 0.1."""
 
 
 @hookspec
@@ -91,16 +90,3 @@ def posse_frame_completed(index: int, labels: Mapping[str, Any]) -> None:
 @hookspec
 def posse_run_finished(dataset: Path, manifest: Mapping[str, Any]) -> None:
     """A run has ended and its manifest is written. Since 0.1."""
-
-
-COLLECTING_HOOKS = {
-    "posse_propagators": "propagator",
-    "posse_scenes": "scene",
-    "posse_renderers": "renderer",
-    "posse_annotators": "annotator",
-    "posse_detectors": "detector",
-    "posse_writers": "writer",
-    "posse_executors": "executor",
-    "posse_subcommands": "subcommand",
-}
-"""Collecting hook → the kind of component that it collects."""

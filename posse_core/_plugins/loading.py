@@ -8,6 +8,7 @@ entry point is loaded alone, rolled back when it fails, and its hooks are called
 from __future__ import annotations
 
 import os
+import re
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,6 +22,8 @@ from posse_core import __version__
 from posse_core._errors import ComponentError
 from posse_core._plugins import builtin
 from posse_core._plugins import hooks as hookspecs
+from posse_core._plugins.kinds import KINDS, Kind, reserved_for
+from posse_core._plugins.options import nearest
 from posse_core._plugins.registry import API_VERSION, ComponentSpec, Registry
 
 GROUP = "posse"
@@ -67,15 +70,14 @@ class Plugins:
                     )
 
     def notify(self, hook: str, **arguments: Any) -> None:
-        """Tell every observer of ``hook``; what one raises is a warning and the others still hear."""
+        """Call all observers of ``hook``; what one raises is a warning, and the next is called."""
         for implementation in getattr(self._manager.hook, hook).get_hookimpls():
             wanted = {name: arguments[name] for name in implementation.argnames}
             try:
                 implementation.function(**wanted)
-            except Exception as error:  # a third party's observer must not end the run
+            except (Exception, SystemExit) as error:  # a third party's observer must not end the run
                 warnings.warn(
-                    f"{hook} of plugin {implementation.plugin_name!r} raised"
-                    f" {type(error).__name__}: {error}",
+                    f"{hook} of plugin {implementation.plugin_name!r} raised {_described(error)}",
                     stacklevel=2,
                 )
 
@@ -86,13 +88,14 @@ class Plugins:
         try:
             if name in disabled or dist_name in disabled:
                 raise _Refused("disabled", "named in POSSE_DISABLE_PLUGINS")
+            _refuse_reserved("plugin", name, dist_name)
             if self._manager.has_plugin(name):
                 other = next(s.dist for s in self.statuses if s.name == name)
                 raise _Refused("duplicate", f"{other} has a plugin of this name already")
             try:
                 plugin = entry_point.load()
-            except Exception as error:  # an import runs any code of a third party
-                raise _Refused("broken", f"{type(error).__name__}: {error}") from error
+            except (Exception, SystemExit) as error:  # an import runs any code of a third party
+                raise _Refused("broken", _described(error)) from error
             self._take(plugin, name, dist_name, version)
         except _Refused as refusal:
             status = PluginStatus(dist_name, version, name, refusal.state, str(refusal))
@@ -104,14 +107,15 @@ class Plugins:
         """Register a plugin and its components, or leave no trace of it."""
         try:
             self._manager.register(plugin, name)
-            _refuse_unknown_hooks(plugin)
-        except (ValueError, pluggy.PluginValidationError) as error:
+            _refuse_wrong_marks(plugin)
+        except (Exception, SystemExit) as error:  # a module's __getattr__ runs any code, too
             if self._manager.has_plugin(name):
                 self._manager.unregister(name=name)
-            message = str(error).strip().replace("\n", " ")
-            raise _Refused("incompatible", message) from error
+            if isinstance(error, ValueError | pluggy.PluginValidationError):
+                raise _Refused("incompatible", " ".join(str(error).split())) from error
+            raise _Refused("broken", _described(error)) from error
         try:
-            components = self._collect(plugin, name)
+            components = self._collect(plugin, dist)
         except _Refused:
             self._manager.unregister(name=name)
             raise
@@ -120,51 +124,79 @@ class Plugins:
         listed = tuple(f"{kind}:{spec.name}" for kind, spec in components)
         self.statuses.append(PluginStatus(dist, version, name, "ok", components=listed))
 
-    def _collect(self, plugin: Any, plugin_name: str) -> list[tuple[str, ComponentSpec]]:
+    def _collect(self, plugin: Any, dist: str) -> list[tuple[str, ComponentSpec]]:
         components: list[tuple[str, ComponentSpec]] = []
         taken: set[tuple[str, str]] = set()
-        for hook, kind in hookspecs.COLLECTING_HOOKS.items():
-            for implementation in getattr(self._manager.hook, hook).get_hookimpls():
+        for kind in KINDS.values():
+            for implementation in getattr(self._manager.hook, kind.hook).get_hookimpls():
                 if implementation.plugin is not plugin:
                     continue
                 try:
                     specs = list(implementation.function())
-                except Exception as error:  # any code of a third party
-                    raise _Refused("broken", f"{hook}: {type(error).__name__}: {error}") from error
+                except (Exception, SystemExit) as error:  # any code of a third party
+                    raise _Refused("broken", f"{kind.hook}: {_described(error)}") from error
                 for spec in specs:
-                    self._check(spec, kind, hook)
-                    if (kind, spec.name) in taken:
-                        raise _Refused("duplicate", f"it names {kind} {spec.name!r} twice")
-                    owner = self.registry.owner(kind, spec.name)
-                    if owner is not None:
-                        raise _Refused(
-                            "duplicate",
-                            f"the {kind} name {spec.name!r} is taken by plugin {owner!r}",
-                        )
-                    taken.add((kind, spec.name))
-                    components.append((kind, spec))
+                    self._check(spec, kind)
+                    if (kind.name, spec.name) in taken:
+                        raise _Refused("duplicate", f"it names {kind.name} {spec.name!r} twice")
+                    self._refuse_taken(kind.name, spec.name, dist)
+                    taken.add((kind.name, spec.name))
+                    components.append((kind.name, spec))
         return components
 
+    def _refuse_taken(self, kind: str, name: str, dist: str) -> None:
+        owner = self.registry.owner(kind, name)
+        if owner is not None:
+            raise _Refused("duplicate", f"the {kind} name {name!r} is taken by plugin {owner!r}")
+        _refuse_reserved(kind, name, dist)
+
     @staticmethod
-    def _check(spec: object, kind: str, hook: str) -> None:
+    def _check(spec: object, kind: Kind) -> None:
         if not isinstance(spec, ComponentSpec):
-            raise _Refused("incompatible", f"{hook} returned {type(spec).__name__}, not ComponentSpec")
+            raise _Refused(
+                "incompatible", f"{kind.hook} returned {type(spec).__name__}, not ComponentSpec"
+            )
         problem = spec.problem()
         if problem:
-            raise _Refused("incompatible", f"{hook}: {problem}")
+            raise _Refused("incompatible", f"{kind.hook}: {problem}")
         if spec.api != API_VERSION:
             raise _Refused(
                 "incompatible",
-                f"{kind} {spec.name!r} is of API {spec.api}, this core has {API_VERSION}",
+                f"{kind.name} {spec.name!r} is of API {spec.api}, this core has {API_VERSION}",
             )
+        unknown = kind.unknown_capability(spec.capabilities)
+        if unknown:
+            raise _Refused("incompatible", f"{kind.name} {spec.name!r}: {unknown}")
 
 
-def _refuse_unknown_hooks(plugin: Any) -> None:
-    """A marked function that no hook has is a misspelling, which pluggy would ignore."""
-    known = {name for name in vars(hookspecs) if name.startswith("posse_")}
+def _refuse_reserved(kind: str, name: str, dist: str) -> None:
+    official = reserved_for(kind, name)
+    if official is not None and official != re.sub(r"[-_.]+", "-", dist).lower():
+        raise _Refused("duplicate", f"the {kind} name {name!r} is reserved for {official}")
+
+
+def _refuse_wrong_marks(plugin: Any) -> None:
+    """pluggy would ignore a marked function that no hook has, and a hook's function without a mark."""
+    known = [name for name in vars(hookspecs) if name.startswith("posse_")]
+    marked = 0
     for name in dir(plugin):
-        if name not in known and getattr(getattr(plugin, name, None), "posse_impl", None):
-            raise ValueError(f"there is no hook named {name!r}")
+        function = getattr(plugin, name, None)
+        if getattr(function, "posse_impl", None):
+            if name not in known:
+                raise ValueError(f"there is no hook named {name!r}{nearest(name, known)}")
+            marked += 1
+        elif name in known and callable(function):
+            raise ValueError(f"its function {name!r} is not marked with @posse_core.hookimpl")
+    if not marked:
+        raise ValueError(
+            "it has no function marked with @posse_core.hookimpl, such as posse_renderers"
+            " (docs/plugins.md lists all)"
+        )
+
+
+def _described(error: BaseException) -> str:
+    text = " ".join(str(error).split())
+    return f"{type(error).__name__}: {text}"
 
 
 def _by_dist_and_name(entry_point: metadata.EntryPoint) -> tuple[str, str]:

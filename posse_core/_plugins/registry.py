@@ -6,30 +6,19 @@ first made. So listing what is installed imports no renderer and no deep-learnin
 
 from __future__ import annotations
 
-import importlib
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass, field
 from typing import Any, Final
 
 from pydantic import BaseModel
 
-from posse_core._errors import ComponentError, InputError
+from posse_core._errors import ComponentError, InputError, PosseError
+from posse_core._plugins.kinds import KINDS, import_target, shown
 from posse_core._plugins.options import nearest, validated
 
 API_VERSION: Final = 1
-"""Version of the interfaces in :mod:`posse_core._interfaces`; a record of another one is refused."""
-
-KINDS: Final = (
-    "propagator",
-    "scene",
-    "renderer",
-    "annotator",
-    "detector",
-    "writer",
-    "executor",
-    "subcommand",
-)
+"""Version of the interfaces of :mod:`posse_core`; a record for another one is refused."""
 
 _NAME = re.compile(r"[a-z0-9][a-z0-9._-]*")
 _TARGET = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
@@ -46,7 +35,8 @@ class ComponentSpec:
             subcommand it is a :class:`click.Command`.
         options: ``"module:Model"``, a subclass of :class:`posse_core.Options`. Its module must be cheap
             to import.
-        capabilities: words that the core asks for, documented with each interface.
+        capabilities: what the component can do beyond its interface, in the words that
+            ``posse describe KIND`` lists.
         api: the :data:`API_VERSION` that the component was written for.
     """
 
@@ -64,6 +54,9 @@ class ComponentSpec:
         for key in ("factory", "options"):
             if not _TARGET.fullmatch(str(getattr(self, key))):
                 return f"{key} of {self.name!r} is not of the form 'module:Name'"
+        words = self.capabilities
+        if not isinstance(words, Set) or not all(isinstance(word, str) for word in words):
+            return f"the capabilities of {self.name!r} are not a set of words"
         return None
 
 
@@ -116,9 +109,9 @@ class Registry:
     def options_model(self, kind: str, name: str) -> type[BaseModel]:
         """The pydantic model of a component's options."""
         spec = self.spec(kind, name)
-        model = _import(spec.options, f"the options of {kind} {name!r}")
+        model = self._import(spec.options, kind, name)
         if not (isinstance(model, type) and issubclass(model, BaseModel)):
-            raise ComponentError(f"{spec.options} of {kind} {name!r} is not a pydantic model")
+            raise self._unusable(kind, name, spec.options, "is not a pydantic model")
         return model
 
     def options(
@@ -142,22 +135,45 @@ class Registry:
 
         Raises:
             InputError: no such name.
-            ComponentError: its class cannot be imported; the message names the cause.
+            ComponentError: its class cannot be imported, is not of this kind, or cannot be made; the
+                message names plugin, component and cause.
         """
-        spec = self.spec(kind, name)
-        factory = _import(spec.factory, f"{kind} {name!r}")
-        return factory(self.options(kind, name, {}) if options is None else options)
+        factory = self.load(kind, name)
+        given = self.options(kind, name, {}) if options is None else options
+        try:
+            return factory(given)
+        except PosseError:
+            raise
+        except (Exception, SystemExit) as error:  # any code of a third party
+            raise ComponentError(
+                f"{self._called(kind, name)} cannot be made: {type(error).__name__}: {error}"
+            ) from error
 
     def load(self, kind: str, name: str) -> Any:
-        """Import what a record's ``factory`` names, without calling it."""
-        return _import(self.spec(kind, name).factory, f"{kind} {name!r}")
+        """Import what a record's ``factory`` names, without calling it.
 
+        Raises:
+            InputError: no such name.
+            ComponentError: as of :meth:`create`.
+        """
+        spec = self.spec(kind, name)
+        found = self._import(spec.factory, kind, name)
+        fault = KINDS[kind].class_fault(found, spec.capabilities)
+        if fault is not None:
+            raise self._unusable(kind, name, spec.factory, fault)
+        return found
 
-def _import(target: str, what: str) -> Any:
-    module_name, _, attribute = target.partition(":")
-    try:
-        return getattr(importlib.import_module(module_name), attribute)
-    except Exception as error:  # an import runs any code of a third party
-        raise ComponentError(
-            f"{what} cannot be loaded: {type(error).__name__}: {error} (see 'posse doctor')"
-        ) from error
+    def _import(self, target: str, kind: str, name: str) -> Any:
+        try:
+            return import_target(target)
+        except (Exception, SystemExit) as error:  # an import runs any code of a third party
+            raise ComponentError(
+                f"{self._called(kind, name)} cannot be loaded: {type(error).__name__}: {error}"
+                " (see 'posse doctor')"
+            ) from error
+
+    def _unusable(self, kind: str, name: str, target: str, fault: str) -> ComponentError:
+        return ComponentError(f"{self._called(kind, name)} cannot be used: {shown(target)} {fault}")
+
+    def _called(self, kind: str, name: str) -> str:
+        return f"{kind} {name!r} of plugin {self.owner(kind, name)!r}"

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from posse_core._plugins.kinds import KINDS, Kind, import_target
+
 
 def left_out(test_class: type) -> list[str]:
     """Tests of this package that ``test_class`` replaces without owning up to a failure.
@@ -26,8 +28,27 @@ def _is_owned_up(mark: Any) -> bool:
     return bool(mark.name == "xfail" and mark.kwargs.get("strict") and mark.kwargs.get("reason"))
 
 
+def _kind_of(test_class: type) -> Kind:
+    """The kind whose conformance class ``test_class`` derives from."""
+    for kind in KINDS.values():
+        if kind.conformance is not None and issubclass(test_class, import_target(kind.conformance)):
+            return kind
+    raise TypeError(f"{test_class.__name__} derives from no conformance class of posse_core.testing")
+
+
 class Conformance:
-    """Base of the conformance classes."""
+    """Base of the conformance classes.
+
+    Attributes:
+        capabilities: those of the component's record; some call for more tests.
+    """
+
+    capabilities: frozenset[str] = frozenset()
+
+    def test_the_capabilities_are_known(self) -> None:
+        """A misspelt one would leave out the tests that it calls for."""
+        fault = _kind_of(type(self)).unknown_capability(self.capabilities)
+        assert fault is None, fault
 
     def test_no_test_is_left_out(self) -> None:
         names = left_out(type(self))

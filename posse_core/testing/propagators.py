@@ -26,8 +26,6 @@ class PropagatorConformance(Conformance):
     with another domain overrides :meth:`problem`.
     """
 
-    capabilities: frozenset[str] = frozenset()
-
     @abstractmethod
     def propagator(self) -> Propagator:
         """A new propagator."""

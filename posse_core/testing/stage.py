@@ -68,14 +68,11 @@ class RendererStage(Conformance):
     Give the renderer 64 samples a pixel or more, if it samples: tolerances reckon with it.
 
     Attributes:
-        capabilities: as in the component's record; ``deterministic``, ``environment`` and
-            ``path-traced`` call for more tests.
         radiance_tolerance: relative, of Lambertian radiance against E ρ/π cos θ.
         edge_tolerance_px: of where a silhouette's edges lie.
         iou_min: of the pixels with coverage above one half against the exact ray-cast.
     """
 
-    capabilities: frozenset[str] = frozenset()
     radiance_tolerance: float = 0.01
     edge_tolerance_px: float = 0.1
     iou_min: float = 0.995

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 
 from posse_core._model.camera import PixelBox
 from posse_core._model.scene import RenderRequest, Scene
-from posse_core._plugins.hooks import COLLECTING_HOOKS
+from posse_core._plugins.kinds import KINDS
 from posse_core._plugins.loading import Plugins
 from posse_core.testing import scenes
 
@@ -23,6 +23,7 @@ EXAMPLES = {
     re.search(r"def (posse_\w+)", code)[1]: code  # type: ignore[index]
     for code in re.findall(r"```python\n(.*?)```", TEXT, flags=re.S)
 }
+KIND_OF = {kind.hook: kind.name for kind in KINDS.values()}
 
 
 @pytest.fixture
@@ -41,12 +42,12 @@ def load(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 
 
 def test_every_hook_has_an_example() -> None:
-    assert set(EXAMPLES) == {*COLLECTING_HOOKS, "posse_run_started"}
+    assert set(EXAMPLES) == {*KIND_OF, "posse_run_started"}
 
 
-@pytest.mark.parametrize("hook", sorted(COLLECTING_HOOKS))
+@pytest.mark.parametrize("hook", sorted(KIND_OF))
 def test_the_component_can_be_made(load, hook: str) -> None:
-    plugins, kind = load(hook), COLLECTING_HOOKS[hook]
+    plugins, kind = load(hook), KIND_OF[hook]
     (component,) = plugins.statuses[-1].components
     name = component.removeprefix(f"{kind}:")
     if kind == "subcommand":

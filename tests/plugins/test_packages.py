@@ -12,6 +12,8 @@ from typing import Any
 
 import pytest
 
+from posse_core._plugins.kinds import RESERVED
+
 PACKAGES = Path(__file__).parents[1] / "packages"
 LISTING = """
 import json, sys
@@ -36,7 +38,22 @@ BAD = {
     "posse-other-api": ("incompatible", "renderer 'future' is of API 99, this core has 1"),
     "posse-same-entry": ("duplicate", "posse-plain has a plugin of this name already"),
     "posse-raises": ("broken", "posse_writers: RuntimeError: no luck"),
-    "posse-misspelt": ("incompatible", "there is no hook named 'posse_renderer'"),
+    "posse-misspelt": (
+        "incompatible",
+        "there is no hook named 'posse_renderer'; did you mean 'posse_renderers'?",
+    ),
+    "posse-exits": ("broken", "SystemExit: it wants a display"),
+    "posse-unmarked": (
+        "incompatible",
+        "its function 'posse_renderers' is not marked with @posse_core.hookimpl",
+    ),
+    "posse-nothing": ("incompatible", "it has no function marked with @posse_core.hookimpl"),
+    "posse-misspelt-capability": (
+        "incompatible",
+        "renderer 'hasty': a renderer has no capability 'determinstic'; did you mean 'deterministic'?",
+    ),
+    "aaa-raster": ("duplicate", "the renderer name 'raster' is reserved for posse-render-raster"),
+    "aab-raster": ("duplicate", "the plugin name 'render_raster' is reserved for posse-render-raster"),
 }
 
 
@@ -55,9 +72,10 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def python(site: Path, code: str, **env: str) -> subprocess.CompletedProcess[str]:
+    path = os.pathsep.join([str(site), os.environ.get("PYTHONPATH", "")])
     return subprocess.run(
         [sys.executable, "-c", code],
-        env={**os.environ, "PYTHONPATH": str(site), **env},
+        env={**os.environ, "PYTHONPATH": path.rstrip(os.pathsep), **env},
         capture_output=True,
         text=True,
         check=False,
@@ -105,6 +123,73 @@ def test_bad_packages_cost_only_themselves(found: dict[str, Any]) -> None:
 
 def test_listing_loads_no_renderer_and_no_deep_learning(found: dict[str, Any]) -> None:
     assert found["heavy"] == []
+
+
+def test_loading_the_official_plugins_imports_no_heavy_library(tmp_path: Path) -> None:
+    code = """
+import sys
+from posse_core._plugins.loading import load_plugins
+load_plugins()
+heavy = {"scipy", "cv2", "numpy", "trimesh", "torch", "onnxruntime", "mitsuba", "moderngl", "bpy", "ray"}
+print(sorted(heavy & sys.modules.keys()))
+"""
+    assert python(tmp_path, code).stdout.strip() == "[]"
+
+
+def test_an_official_plugin_keeps_its_name(found: dict[str, Any]) -> None:
+    """Whoever asks for ``raster`` gets the official one, or none."""
+    official = found["plugins"].get("posse-render-raster")
+    assert official is None or official["state"] == "ok"
+    assert ("raster" in found["renderers"]) == (official is not None)
+    assert "unofficial" not in found["renderers"]
+
+
+WRONG_CLASSES = {
+    ("renderer", "writes"): "posse_wrong_class.Writes is not a subclass of posse_core.Renderer",
+    ("renderer", "half"): "posse_wrong_class.Half lacks methods of posse_core.Renderer: render",
+    ("renderer", "exiting"): "cannot be loaded: SystemExit: 3",
+    ("renderer", "absent"): "cannot be loaded: AttributeError",
+    ("detector", "boxes"): (
+        "posse_wrong_class.Boxes is not a subclass of posse_core.KeypointFinder,"
+        " which the capability 'keypoints' asks for"
+    ),
+    ("subcommand", "plain-function"): "is not an instance of click.Command",
+}
+
+
+@pytest.mark.parametrize(("kind", "name"), [*WRONG_CLASSES, ("renderer", "fails")])
+def test_a_class_that_is_not_of_its_kind_is_named(site: Path, kind: str, name: str) -> None:
+    code = f"""
+from posse_core import ComponentError
+from posse_core._plugins.loading import load_plugins
+try:
+    load_plugins().registry.create({kind!r}, {name!r})
+except ComponentError as error:
+    print(error)
+"""
+    said = python(site, code).stdout
+    assert said.startswith(f"{kind} {name!r} of plugin 'wrong_class' cannot be ")
+    assert WRONG_CLASSES.get((kind, name), "made: RuntimeError: no lamp") in said
+    assert said.count("\n") == 1
+
+
+def test_doctor_names_what_cannot_be_used(site: Path) -> None:
+    """Exit code 1, in one line; a class is imported, and nothing is made of it."""
+    doctor = "from posse_core._cli.main import main; main(['doctor'])"
+    heavy = ",".join(RESERVED)  # official plugins, whose libraries take seconds to import
+    process = python(site, doctor, POSSE_DISABLE_PLUGINS=heavy)
+    assert process.returncode == 1
+    said = process.stderr.strip().splitlines()[-1]
+    bad = {"import_error", "exits", "nothing", "taken_name", "misspelt_capability", "aaa"}
+    assert all(f"plugin {name}" in said for name in bad)
+    assert "renderer half" in said
+    assert "observer" not in said
+    for fault in WRONG_CLASSES.values():
+        assert fault in process.stdout
+    assert "no lamp" not in process.stdout
+    without = ",".join([heavy, *BAD, "posse-wrong-class"])
+    sound = python(site, doctor, POSSE_DISABLE_PLUGINS=without)
+    assert sound.returncode == 0, sound.stderr
 
 
 def test_the_added_components_work(site: Path) -> None:

@@ -7,13 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from posse_core._geometry.raycast import RayCaster
-from posse_core._interfaces.renderer import Renderer
-from posse_core._model.camera import Camera
-from posse_core._model.scene import Radiance
-from posse_core._plugins.hooks import hookimpl
-from posse_core._plugins.options import Options
-from posse_core._plugins.registry import ComponentSpec
+from posse_core import Camera, ComponentSpec, Options, Radiance, RayCaster, Renderer, hookimpl
 
 FINE = 5
 

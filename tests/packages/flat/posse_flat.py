@@ -7,12 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from posse_core._errors import WorkerLost
-from posse_core._interfaces.renderer import Renderer
-from posse_core._model.scene import Radiance
-from posse_core._plugins.hooks import hookimpl
-from posse_core._plugins.options import Options
-from posse_core._plugins.registry import ComponentSpec
+from posse_core import ComponentSpec, Options, Radiance, Renderer, WorkerLost, hookimpl
 
 
 @hookimpl

@@ -4,13 +4,18 @@ docs/plugins.md."""
 import numpy as np
 from pydantic import Field
 
-from posse_core._interfaces.propagator import PropagationProblem, Propagator
-from posse_core._interfaces.renderer import Renderer
-from posse_core._model.scene import Radiance, RenderRequest, Scene
-from posse_core._model.trajectory import Motion
-from posse_core._plugins.hooks import hookimpl
-from posse_core._plugins.options import Options
-from posse_core._plugins.registry import ComponentSpec
+from posse_core import (
+    ComponentSpec,
+    Motion,
+    Options,
+    PropagationProblem,
+    Propagator,
+    Radiance,
+    Renderer,
+    RenderRequest,
+    Scene,
+    hookimpl,
+)
 
 
 @hookimpl

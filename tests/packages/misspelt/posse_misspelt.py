@@ -1,6 +1,6 @@
 """A hook that there is not."""
 
-from posse_core._plugins.hooks import hookimpl
+from posse_core import hookimpl
 
 
 @hookimpl

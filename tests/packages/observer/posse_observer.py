@@ -1,6 +1,6 @@
 """An observer that raises, which must not end the run."""
 
-from posse_core._plugins.hooks import hookimpl
+from posse_core import hookimpl
 
 
 @hookimpl

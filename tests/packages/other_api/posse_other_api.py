@@ -1,7 +1,6 @@
 """Written for interfaces that this core does not have."""
 
-from posse_core._plugins.hooks import hookimpl
-from posse_core._plugins.registry import ComponentSpec
+from posse_core import ComponentSpec, hookimpl
 
 
 @hookimpl

@@ -1,6 +1,6 @@
 """Its hook raises."""
 
-from posse_core._plugins.hooks import hookimpl
+from posse_core import hookimpl
 
 
 @hookimpl

@@ -1,7 +1,6 @@
 """Its entry point has the name of posse-plain's."""
 
-from posse_core._plugins.hooks import hookimpl
-from posse_core._plugins.registry import ComponentSpec
+from posse_core import ComponentSpec, hookimpl
 
 
 @hookimpl

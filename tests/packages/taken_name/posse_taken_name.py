@@ -1,7 +1,6 @@
 """Its propagator has the name of one of the core's; its renderer's name is free, but goes with it."""
 
-from posse_core._plugins.hooks import hookimpl
-from posse_core._plugins.registry import ComponentSpec
+from posse_core import ComponentSpec, hookimpl
 
 
 @hookimpl

@@ -1,6 +1,6 @@
 """Its hook wants an argument that the hook does not have."""
 
-from posse_core._plugins.hooks import hookimpl
+from posse_core import hookimpl
 
 
 @hookimpl

@@ -12,7 +12,7 @@ import platform
 import resource
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -22,7 +22,8 @@ import click
 import numpy as np
 
 from posse_core._files.atomic import write_bytes
-from posse_core._interfaces.executor import FrameResult, FrameWorker
+from posse_core._interfaces.executor import FrameMade, FrameResult, FrameWorker
+from posse_core._model.label_line import Box, Keypoint, LabelLine, RunLengths
 from posse_core._plugins.loading import load_plugins
 from posse_core._run.attempts import PoolOptions
 from posse_core._run.local import LocalExecutor
@@ -39,30 +40,33 @@ class NullWorker:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
 
-    def make(self, index: int) -> Mapping[str, Any]:
+    def make(self, index: int) -> FrameMade:
         image, truth = f"images/{index:06d}.png", f"truth/{index:06d}.npz"
         files = {image: b"image of frame %d" % index, truth: b"truth of frame %d" % index}
         for name, data in files.items():
             write_bytes(self._folder / name, data)
-        labels = {
-            "index": index,
-            "t_s": 10.0 * index,
-            "epoch_utc": "2022-01-31T02:02:27.580416",
-            "sequence": 0,
-            "spacecraft": "cubesat",
-            "image": image,
-            "truth": truth,
-            "box_visible_px": [100, 200, 300, 400],
-            "mask_rle": {"size": [960, 1280], "counts": "0O1N2" * 400},
-            "mask_area_px": 40912,
-            "part_area_px": {f"part_{i}": 1000 + i for i in range(50)},
-            "keypoints": {f"K{i}": [640.123456789 + i, 480.987654321 - i, 2] for i in range(20)},
-            "q_cam_from_body": [1.0, 0.0, 0.0, 0.0],
-            "t_body_cam_m": [0.0, 0.0, 30.0],
-            "range_m": 30.0,
-        }
+        labels = LabelLine(
+            index=index,
+            t_s=10.0 * index,
+            epoch_utc="2022-01-31T02:02:27.580416",
+            sequence=0,
+            spacecraft="cubesat",
+            sun_fraction_target=1.0,
+            sun_fraction_camera=1.0,
+            solar_flux_w_m2=1361.0,
+            image=image,
+            truth=truth,
+            box_visible_px=Box(100, 200, 300, 400),
+            mask_rle=RunLengths(size=(960, 1280), counts="0O1N2" * 400),
+            mask_area_px=40912,
+            part_area_px={f"part_{i}": 1000 + i for i in range(50)},
+            keypoints={f"K{i}": Keypoint(640.123456789 + i, 480.987654321 - i, 2) for i in range(20)},
+            q_cam_from_body=(1.0, 0.0, 0.0, 0.0),
+            t_body_cam_m=(0.0, 0.0, 30.0),
+            range_m=30.0,
+        )
         digests = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
-        return {"labels": labels, "sha256": digests}
+        return FrameMade(labels, digests)
 
     def close(self) -> None:
         """Nothing to free."""
@@ -76,8 +80,8 @@ class NullExecutor(LocalExecutor):
         self._folder = folder
 
     def run(
-        self, make_worker: Callable[[], FrameWorker], indices: Iterable[int]
-    ) -> Iterator[FrameResult]:
+        self, make_worker: Callable[[], FrameWorker[Any]], indices: Iterable[int]
+    ) -> Iterator[FrameResult[Any]]:
         return super().run(partial(NullWorker, self._folder), indices)
 
 
@@ -90,7 +94,9 @@ class Clock:
     def _tick(self) -> None:
         self.ticks.append((time.monotonic(), time.process_time()))
 
-    def progress(self, results: Iterable[FrameResult], frames: int, done: int) -> Iterator[FrameResult]:
+    def progress(
+        self, results: Iterable[FrameResult[FrameMade]], frames: int, done: int
+    ) -> Iterator[FrameResult[FrameMade]]:
         for number, result in enumerate(results):
             if number % (frames // TENTHS) == 0:
                 self._tick()

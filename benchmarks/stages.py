@@ -56,8 +56,8 @@ class InThisProcess(Executor):
         self.frames: list[dict[str, float]] = []
 
     def run(
-        self, make_worker: Callable[[], FrameWorker], indices: Iterable[int]
-    ) -> Iterator[FrameResult]:
+        self, make_worker: Callable[[], FrameWorker[Any]], indices: Iterable[int]
+    ) -> Iterator[FrameResult[Any]]:
         self._clock.seconds = dict.fromkeys(STAGES, 0.0)
         start = time.perf_counter()
         worker = make_worker()

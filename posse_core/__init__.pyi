@@ -30,6 +30,7 @@ from ._interfaces.detector import Detector as Detector
 from ._interfaces.detector import KeypointFinder as KeypointFinder
 from ._interfaces.detector import Model as Model
 from ._interfaces.executor import Executor as Executor
+from ._interfaces.executor import FrameMade as FrameMade
 from ._interfaces.executor import FrameResult as FrameResult
 from ._interfaces.executor import FrameWorker as FrameWorker
 from ._interfaces.executor import WorkerSetupError as WorkerSetupError
@@ -41,6 +42,11 @@ from ._interfaces.writer import Writer as Writer
 from ._model.camera import Camera as Camera
 from ._model.camera import PixelBox as PixelBox
 from ._model.distortion import BrownConrady as BrownConrady
+from ._model.label_line import Box as Box
+from ._model.label_line import Keypoint as Keypoint
+from ._model.label_line import LabelLine as LabelLine
+from ._model.label_line import LabelNotMade as LabelNotMade
+from ._model.label_line import RunLengths as RunLengths
 from ._model.labels import Labels as Labels
 from ._model.labels import View as View
 from ._model.scene import CraftState as CraftState

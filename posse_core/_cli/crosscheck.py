@@ -176,8 +176,8 @@ def _choices(
     return choices, rest
 
 
-def _bar(results: Iterable[FrameResult], count: int, words: str) -> Iterable[FrameResult]:
-    shown: Iterable[FrameResult] = tqdm(
+def _bar(results: Iterable[FrameResult[Any]], count: int, words: str) -> Iterable[FrameResult[Any]]:
+    shown: Iterable[FrameResult[Any]] = tqdm(
         results, total=count, unit="frame", desc=words, file=sys.stderr, disable=None
     )
     return shown

@@ -19,7 +19,7 @@ from posse_core._errors import InputError
 from posse_core._plugins.loading import Plugins, load_plugins
 
 if TYPE_CHECKING:
-    from posse_core._interfaces.executor import Executor, FrameResult
+    from posse_core._interfaces.executor import Executor, FrameMade, FrameResult
     from posse_core._run.run import RunResult
 
 
@@ -116,14 +116,14 @@ def _free_folder(stem: str) -> str:
     return f"out/{stem}-{time.strftime('%Y%m%d-%H%M%S')}"
 
 
-def _bar(results: Iterable[FrameResult], frames: int, done: int) -> Iterable[FrameResult]:
+def _bar(results: Iterable[FrameResult[FrameMade]], frames: int, done: int) -> Iterable[FrameResult[FrameMade]]:
     with tqdm(total=frames, initial=done, unit="frame", file=sys.stderr, smoothing=0.1) as bar:
         for result in results:
             bar.update()
             yield result
 
 
-def _events(out: str, results: Iterable[FrameResult], frames: int, done: int) -> Iterable[FrameResult]:
+def _events(out: str, results: Iterable[FrameResult[FrameMade]], frames: int, done: int) -> Iterable[FrameResult[FrameMade]]:
     """A line when the run starts, and one a frame when its labels are on the disk."""
     _emit("started", dataset=out, frames=frames, done=done)
     for result in results:

@@ -15,4 +15,4 @@ class Annotator(Component[OptionsT]):
 
     @abstractmethod
     def annotate(self, scene: Scene, frame: FrameState, view: View) -> Labels:
-        """The labels of one frame. Keys must not clash with another annotator's."""
+        """The labels of one frame. The names of arrays must not be another annotator's."""

@@ -5,17 +5,35 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Generic, Protocol, TypeVar
 
 from posse_core._errors import ComponentError
+from posse_core._model.label_line import LabelLine
 from posse_core._plugins.component import Component, OptionsT
 
+Made = TypeVar("Made")
+MadeBy = TypeVar("MadeBy", covariant=True)
 
-class FrameWorker(Protocol):
-    """Makes frames in one worker; lives as long as the worker."""
 
-    def make(self, index: int) -> Mapping[str, Any]:
-        """Make frame ``index``, write its files, return what the run is to know of it."""
+@dataclass(frozen=True)
+class FrameMade:
+    """What the worker of a run returns of a frame whose files are complete.
+
+    Attributes:
+        labels: its line.
+        sha256: path of each of its files in the dataset → SHA-256.
+    """
+
+    labels: LabelLine
+    sha256: Mapping[str, str]
+
+
+class FrameWorker(Protocol[MadeBy]):
+    """Makes frames in one worker process, as long as the process lives."""
+
+    def make(self, index: int) -> MadeBy:
+        """Make frame ``index``, write its files, and return a picklable record of it: in a run, a
+        :class:`FrameMade`."""
         ...
 
     def close(self) -> None:
@@ -24,11 +42,11 @@ class FrameWorker(Protocol):
 
 
 @dataclass(frozen=True)
-class FrameResult:
+class FrameResult(Generic[Made]):
     """What became of one frame: what its worker returned, or the error that ended the last try."""
 
     index: int
-    made: Mapping[str, Any] | None
+    made: Made | None
     error: str = ""
 
 
@@ -41,8 +59,8 @@ class Executor(Component[OptionsT]):
 
     @abstractmethod
     def run(
-        self, make_worker: Callable[[], FrameWorker], indices: Iterable[int]
-    ) -> Iterator[FrameResult]:
+        self, make_worker: Callable[[], FrameWorker[Made]], indices: Iterable[int]
+    ) -> Iterator[FrameResult[Made]]:
         """Make the frames, in any order; yield each as it is done.
 
         Args:

@@ -54,7 +54,9 @@ class Labels:
     """What one annotator says of one frame.
 
     Attributes:
-        values: JSON-able, merged into the frame's line in the shard.
+        values: label by key, of plain JSON types. In the frame's line they stand under the annotator's
+            own name; those of the core's annotators are fields of
+            :class:`posse_core._model.label_line.LabelLine`.
         arrays: merged into the frame's file of arrays (``truth/NNNNNN.npz``).
     """
 

@@ -24,11 +24,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pluggy
 
 from posse_core._plugins.registry import ComponentSpec
+
+if TYPE_CHECKING:  # named in signatures alone
+    from posse_core._model.label_line import LabelLine
 
 hookspec = pluggy.HookspecMarker("posse")
 hookimpl = pluggy.HookimplMarker("posse")
@@ -83,7 +86,7 @@ def posse_run_started(dataset: Path, frames: int) -> None:
 
 
 @hookspec
-def posse_frame_completed(index: int, labels: Mapping[str, Any]) -> None:
+def posse_frame_completed(index: int, labels: LabelLine) -> None:
     """A frame's files are complete on disk; ``labels`` is its line in the shard. Since 0.1."""
 
 

@@ -24,7 +24,7 @@ from posse_core._plugins import builtin
 from posse_core._plugins import hooks as hookspecs
 from posse_core._plugins.kinds import KINDS, Kind, reserved_for
 from posse_core._plugins.options import nearest
-from posse_core._plugins.registry import API_VERSION, ComponentSpec, Registry
+from posse_core._plugins.registry import API_VERSION, CORE, ComponentSpec, Registry
 
 GROUP = "posse"
 State = Literal["ok", "disabled", "broken", "incompatible", "duplicate"]
@@ -57,7 +57,7 @@ class Plugins:
         self.statuses: list[PluginStatus] = []
         self._manager = pluggy.PluginManager("posse")
         self._manager.add_hookspecs(hookspecs)
-        self._take(builtin, "core", "posse-core", __version__)
+        self._take(builtin, CORE, "posse-core", __version__)
         disabled = _names(os.environ.get("POSSE_DISABLE_PLUGINS", ""))
         for entry_point in sorted(entry_points, key=_by_dist_and_name):
             self._load(entry_point, disabled)

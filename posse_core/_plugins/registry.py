@@ -20,6 +20,9 @@ from posse_core._plugins.options import nearest, validated
 API_VERSION: Final = 1
 """Version of the interfaces of :mod:`posse_core`; a record for another one is refused."""
 
+CORE: Final = "core"
+"""Name of the plugin that holds the core's own components."""
+
 _NAME = re.compile(r"[a-z0-9][a-z0-9._-]*")
 _TARGET = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 
@@ -78,6 +81,10 @@ class Registry:
         """The plugin that a component came from, or None if there is no such component."""
         entry = self._specs[kind].get(name)
         return entry[1] if entry else None
+
+    def is_core(self, kind: str, name: str) -> bool:
+        """Whether a component is one of the core's own."""
+        return self.owner(kind, name) == CORE
 
     def specs(self, kind: str) -> Iterator[ComponentSpec]:
         """All records of a kind, by name."""

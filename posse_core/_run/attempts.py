@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import os
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 import cv2
@@ -44,18 +44,18 @@ class FrameAttempts:
         self._options = options
         self._losses: Counter[int] = Counter()
 
-    def lost(self, index: int, why: str) -> FrameResult | None:
+    def lost(self, index: int, why: str) -> FrameResult[Any] | None:
         """The frame's worker died; ``why`` is said in the error of the last try."""
         self._losses[index] += 1
         if self._losses[index] < self._options.tries:
             return None
         return FrameResult(index, None, f"{why}, {self._losses.pop(index)} times")
 
-    def overdue(self, index: int) -> FrameResult | None:
+    def overdue(self, index: int) -> FrameResult[Any] | None:
         """The frame took longer than it may, and its worker was stopped."""
         return self.lost(index, f"it took over {self._options.frame_time_limit_s:g} s")
 
-    def raised(self, index: int, error: Exception) -> FrameResult | None:
+    def raised(self, index: int, error: Exception) -> FrameResult[Any] | None:
         """Making the frame raised ``error``.
 
         Raises:
@@ -70,10 +70,10 @@ class FrameAttempts:
         return FrameResult(index, None, f"{type(error).__name__}: {error}")
 
 
-_worker: FrameWorker | None = None
+_worker: FrameWorker[Any] | None = None
 
 
-def make_frame_in_process(make_worker: Callable[[], FrameWorker], index: int) -> Mapping[str, Any]:
+def make_frame_in_process(make_worker: Callable[[], FrameWorker[Any]], index: int) -> Any:
     """Make a frame with this process's one frame worker, which is made at the first frame.
 
     An executor calls it in its worker processes, whose environment sets ``POSSE_THREADS``, the number

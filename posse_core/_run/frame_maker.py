@@ -11,6 +11,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from pydantic import ValidationError
 
 from posse_core._arrays import AnyArray
 from posse_core._environment.time import Epoch
@@ -18,8 +19,10 @@ from posse_core._errors import ComponentError
 from posse_core._files.store import open_store
 from posse_core._geometry.raycast import RayCaster
 from posse_core._interfaces.annotator import Annotator
+from posse_core._interfaces.executor import FrameMade
 from posse_core._interfaces.renderer import Renderer
 from posse_core._model.camera import Camera
+from posse_core._model.label_line import LabelLine, first_fault
 from posse_core._model.labels import View
 from posse_core._model.scene import FrameState, Radiance, Scene
 from posse_core._plugins.loading import load_plugins
@@ -41,7 +44,7 @@ class FrameMaker:
 
     def __init__(self, place: str) -> None:
         self._store = open_store(place)
-        registry = load_plugins().registry
+        self._registry = registry = load_plugins().registry
         with self._store.local_copy("scenario.yaml") as path:
             scenario = load_scenario(str(path), registry)
         self._seed = scenario.seed
@@ -53,9 +56,12 @@ class FrameMaker:
         craft = create(registry, "scene", scenario.target).build()
         self._scene = Scene(craft, camera)
         self._geometry = RayCaster(self._scene)
-        self._annotators: list[Annotator] = [
-            create(registry, "annotator", choice) for choice in scenario.annotators
-        ]
+        self._annotators: dict[str, Annotator] = {
+            choice.name: create(registry, "annotator", choice) for choice in scenario.annotators
+        }
+        for name in self._annotators.keys() & LabelLine.model_fields.keys():
+            if not registry.is_core("annotator", name):
+                raise ComponentError(f"annotator {name!r}: a label of POSSE's own has this name")
         self._sky = Sky(scenario.sky, camera, scenario.seed)
         self._sensor_config = scenario.sensor
         self._sensor = Sensor(scenario.sensor, camera)
@@ -65,45 +71,58 @@ class FrameMaker:
         said = json.dumps(dict(self._renderer.describe()), indent=2, ensure_ascii=False)
         self._store.write(RENDERER_FILE, f"{said}\n".encode())
 
-    def make(self, index: int) -> Mapping[str, Any]:
-        """Make one frame and write its files; its ``labels``, and ``sha256``: a digest a file."""
+    def make(self, index: int) -> FrameMade:
+        """Make one frame and write its files."""
         frame = frame_state(self._trajectory, index, self._constants)
         view = self._geometry.view(frame.craft)
         labels, arrays = self.annotate(frame, view)
-        image, labels["exposure_s"] = self.expose(frame)
-        labels["image"] = f"images/{index:06d}.png"
-        labels["truth"] = f"truth/{index:06d}.npz" if arrays else None
-        files = {labels["image"]: _png(image)}
+        image, exposure_s = self.expose(frame)
+        image_file, truth_file = f"images/{index:06d}.png", f"truth/{index:06d}.npz"
+        files = {image_file: _png(image)}
         if arrays:
-            files[labels["truth"]] = _npz(arrays)
+            files[truth_file] = _npz(arrays)
         for name, data in files.items():
             self._store.write(name, data)
         digests = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
-        return {"labels": labels, "sha256": digests}
+        last = {"exposure_s": exposure_s, "image": image_file, "truth": truth_file if arrays else None}
+        return FrameMade(labels.model_copy(update=last), digests)
 
-    def annotate(self, frame: FrameState, view: View) -> tuple[dict[str, Any], dict[str, AnyArray]]:
-        """Labels of a frame, and its full-size arrays (H, W, ...) by name."""
-        i = frame.index
-        labels: dict[str, Any] = {
-            "index": i,
-            "t_s": frame.t_s,
-            "epoch_utc": self._epoch.shifted(frame.t_s).iso(),
-            "sequence": int(self._trajectory.sequence[i]),
-            "spacecraft": self._scene.spacecraft.name,
-            "sun_fraction_target": frame.sun_fraction_target,
-            "sun_fraction_camera": frame.sun_fraction_camera,
-            "solar_flux_w_m2": frame.solar_flux_w_m2,
-        }
+    def annotate(self, frame: FrameState, view: View) -> tuple[LabelLine, dict[str, AnyArray]]:
+        """Labels of a frame, and its full-size arrays (H, W, ...) by name.
+
+        What the core's annotators make are labels of the line itself; what another annotator makes
+        stands under the annotator's own name.
+
+        Raises:
+            ComponentError: an annotator makes what cannot be written, or an array that another made too.
+        """
+        labels: dict[str, Any] = {}
         arrays: dict[str, AnyArray] = {}
-        for annotator in self._annotators:
-            made = annotator.annotate(self._scene, frame, view)
-            twice = (labels.keys() & made.values.keys()) | (arrays.keys() & made.arrays.keys())
-            if twice:
-                raise ComponentError(f"two annotators write the label {min(twice)!r}; name one of them")
-            labels.update(made.values)
-            for name, array in made.arrays.items():
-                arrays[name] = _full_size(array, view, self._scene.camera)
-        return labels, arrays
+        for name, annotator in self._annotators.items():
+            own = annotator.annotate(self._scene, frame, view)
+            if self._registry.is_core("annotator", name):
+                labels.update(own.values)
+            elif own.values:
+                labels[name] = own.values
+            for array_name, array in own.arrays.items():
+                if array_name in arrays:
+                    raise ComponentError(f"two annotators make the array {array_name!r}; choose one of them")
+                arrays[array_name] = _full_size(array, view, self._scene.camera)
+        try:
+            line = LabelLine(
+                index=frame.index,
+                t_s=frame.t_s,
+                epoch_utc=self._epoch.shifted(frame.t_s).iso(),
+                sequence=int(self._trajectory.sequence[frame.index]),
+                spacecraft=self._scene.spacecraft.name,
+                sun_fraction_target=frame.sun_fraction_target,
+                sun_fraction_camera=frame.sun_fraction_camera,
+                solar_flux_w_m2=frame.solar_flux_w_m2,
+                **labels,
+            )
+        except ValidationError as error:
+            raise ComponentError(f"a label cannot be written: {first_fault(error)}") from None
+        return line, arrays
 
     def expose(self, frame: FrameState) -> tuple[AnyArray, float]:
         """The image, (H, W) or (H, W, 3) RGB, uint8 or uint16, and its exposure in seconds."""

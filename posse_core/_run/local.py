@@ -11,7 +11,7 @@ from typing import Any
 
 from pebble import ProcessExpired, ProcessPool
 
-from posse_core._interfaces.executor import Executor, FrameResult, FrameWorker
+from posse_core._interfaces.executor import Executor, FrameResult, FrameWorker, Made
 from posse_core._run.attempts import FrameAttempts, PoolOptions, make_frame_in_process
 
 
@@ -19,8 +19,8 @@ class LocalExecutor(Executor[PoolOptions]):
     """A pool of spawned processes (pebble); a dead or hung worker is replaced, its frame tried again."""
 
     def run(
-        self, make_worker: Callable[[], FrameWorker], indices: Iterable[int]
-    ) -> Iterator[FrameResult]:
+        self, make_worker: Callable[[], FrameWorker[Made]], indices: Iterable[int]
+    ) -> Iterator[FrameResult[Made]]:
         workers = self.options.workers
         _share_cores(workers)
         waiting = iter(indices)
@@ -59,7 +59,7 @@ class LocalExecutor(Executor[PoolOptions]):
             pool.join()
 
 
-def _result(future: Future[Any], index: int, attempts: FrameAttempts) -> FrameResult | None:
+def _result(future: Future[Any], index: int, attempts: FrameAttempts) -> FrameResult[Any] | None:
     """The frame's result, or None where it is to be tried again."""
     try:
         return FrameResult(index, future.result())

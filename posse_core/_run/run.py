@@ -15,7 +15,7 @@ from posse_core._dataset.dataset import Dataset, write_camera, write_spacecraft
 from posse_core._errors import ComponentError, InputError, PosseError, StoreError
 from posse_core._files.atomic import PARTIAL, write_bytes, write_json
 from posse_core._files.store import is_remote
-from posse_core._interfaces.executor import Executor, FrameResult
+from posse_core._interfaces.executor import Executor, FrameMade, FrameResult
 from posse_core._plugins.loading import Plugins
 from posse_core._plugins.registry import Registry
 from posse_core._run.frame_maker import FrameMaker, create
@@ -26,7 +26,7 @@ from posse_core._run.shards import LabelLog
 from posse_core._scenario.load import dump_scenario
 from posse_core._trajectory.trajectory import save_trajectory
 
-Progress = Callable[[Iterable[FrameResult], int, int], Iterable[FrameResult]]
+Progress = Callable[[Iterable[FrameResult[FrameMade]], int, int], Iterable[FrameResult[FrameMade]]]
 """Wraps the results of a run to show them: (results, frames in all, frames done before)."""
 
 
@@ -162,13 +162,13 @@ class _Run:
         except (FileNotFoundError, ValueError, KeyError, TypeError):
             return False
 
-    def _enter(self, result: FrameResult) -> None:
+    def _enter(self, result: FrameResult[FrameMade]) -> None:
         if result.made is None:
             self._failed[result.index] = result.error
             return
-        labels = result.made["labels"]
-        self._place.entered(self._log.append(labels, result.made["sha256"]))
-        self._plugins.notify("posse_frame_completed", index=result.index, labels=labels)
+        made = result.made
+        self._place.entered(self._log.append(made.labels, made.sha256))
+        self._plugins.notify("posse_frame_completed", index=result.index, labels=made.labels)
 
     def _finish(self) -> None:
         """Labels in order, exports, then the manifest: the last file of a run."""

@@ -13,15 +13,14 @@ the run went through.
 from __future__ import annotations
 
 import hashlib
-import json
 import re
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from posse_core._files.atomic import write_bytes
+from posse_core._model.label_line import LabelLine
 
 FRAMES_PER_SHARD = 1000
 CHECKSUMS = "checksums.sha256"
@@ -55,20 +54,18 @@ class LabelLog:
         self._shards = [shard_path(folder, first) for first in range(0, frames, FRAMES_PER_SHARD)]
         (folder / "labels").mkdir(exist_ok=True)
 
-    def append(self, labels: Mapping[str, Any], digests: Mapping[str, str]) -> bytes:
+    def append(self, labels: LabelLine, digests: Mapping[str, str]) -> bytes:
         """Enter a frame whose files are complete; ``digests`` maps each to its SHA-256.
 
         Returns:
             What was entered, for :func:`replay`.
         """
-        index = labels["index"]
-        values = {"index": index, **labels}
-        line = json.dumps(values, ensure_ascii=False, allow_nan=False, separators=(",", ":")) + "\n"
+        line = labels.to_json() + b"\n"
         rows = "".join(f"{digest}  {name}\n" for name, digest in digests.items())
-        block = _sealed(index, rows.encode(), line.encode())
+        block = _sealed(labels.index, rows.encode(), line)
         _append(self._folder / CHECKSUMS, block)
-        _append(shard_path(self._folder, index), line.encode())
-        return block + line.encode()
+        _append(shard_path(self._folder, labels.index), line)
+        return block + line
 
     def recover(self, digest_of: Callable[[str], str], readers: int = 1) -> set[int]:
         """Find the frames that are done; drop torn lines, and frames whose files are not as entered.

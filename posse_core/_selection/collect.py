@@ -18,6 +18,7 @@ from posse_core._environment.time import SECONDS_PER_DAY, Epoch
 from posse_core._errors import InputError
 from posse_core._files.atomic import sha256, write_json
 from posse_core._formats.images import place
+from posse_core._model.label_line import LabelLine
 from posse_core._model.trajectory import Trajectory
 from posse_core._run.shards import CHECKSUMS, LabelLog
 from posse_core._selection.balance import Balance, Bin, balanced
@@ -176,7 +177,7 @@ def _take(
         "index": index,
         "t_s": labels["t_s"] + later_s,
         "sequence": labels["sequence"] + first_sequence,
-        "origin": [dataset.folder.resolve().name, labels["index"]],
+        "origin": (dataset.folder.resolve().name, labels["index"]),
     }
     digests: dict[str, str] = {}
     for key in ("image", "truth"):
@@ -187,7 +188,7 @@ def _take(
             taken[key] = f"{Path(labels[key]).parent}/{index:06d}{source.suffix}"
             digests[taken[key]] = dataset.digests[labels[key]]
             place(source, folder / taken[key])
-    log.append(taken, digests)
+    log.append(LabelLine(**taken), digests)
 
 
 def _seconds_between(start: Epoch, end: Epoch) -> float:

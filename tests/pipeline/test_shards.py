@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from posse_core._files.atomic import sha256
 from posse_core._files.store import LocalStore
+from posse_core._model.label_line import LabelLine
 from posse_core._run import shards
 from posse_core._run.shards import CHECKSUMS, LabelLog
 
@@ -24,14 +25,14 @@ def _short_shards(monkeypatch):
 
 def enter(log: LabelLog, folder: Path, index: int) -> None:
     """Write a frame's files, as a worker would, and enter it."""
-    labels = {
-        "index": index,
-        "name": f"größe {index}",
-        "image": f"images/{index:06d}.png",
-        "truth": f"truth/{index:06d}.npz" if index % 3 else None,
-    }
+    labels = LabelLine(
+        index=index,
+        spacecraft=f"größe {index}",
+        image=f"images/{index:06d}.png",
+        truth=f"truth/{index:06d}.npz" if index % 3 else None,
+    )
     digests = {}
-    for name in filter(None, (labels["image"], labels["truth"])):
+    for name in filter(None, (labels.image, labels.truth)):
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_bytes(f"{name} {index**3}".encode())
         digests[name] = sha256(folder / name)

@@ -250,11 +250,12 @@ except InputError as error:
 def test_an_observer_hears_and_one_that_raises_is_a_warning(site: Path) -> None:
     code = """
 import warnings
+from posse_core import LabelLine
 from posse_core._plugins.loading import load_plugins
 plugins = load_plugins()
 with warnings.catch_warnings(record=True) as caught:
     warnings.simplefilter("always")
-    plugins.notify("posse_frame_completed", index=3, labels={"spacecraft": "aqua"})
+    plugins.notify("posse_frame_completed", index=3, labels=LabelLine(index=3, spacecraft="aqua"))
 print([str(w.message) for w in caught])
 """
     told = python(site, code).stdout

@@ -16,13 +16,13 @@ from posse_core._errors import ComponentError
 from posse_core._evaluation.crosscheck import light, silhouette
 from posse_core._evaluation.crosscheck.pictures import FramePictures
 from posse_core._evaluation.crosscheck.settings import Case, Setting
-from posse_core._evaluation.crosscheck.shots import NOISE_FRAMES, Shot, load_shot, shoot
+from posse_core._evaluation.crosscheck.shots import NOISE_FRAMES, Shot, Taken, load_shot, shoot
 from posse_core._evaluation.crosscheck.silhouette import Exact, Geometry
 from posse_core._interfaces.executor import Executor, FrameResult
 from posse_core._model.scene import FrameState
 from posse_core._scenario.component import ComponentChoice
 
-Progress = Callable[[Iterable[FrameResult], int, str], Iterable[FrameResult]]
+Progress = Callable[[Iterable[FrameResult[Taken]], int, str], Iterable[FrameResult[Taken]]]
 """Wraps the pictures of one renderer to show how far it is: (results, how many, words)."""
 Values = dict[str, float | None]
 
@@ -119,7 +119,7 @@ def compare(
     seen = [i for i, frame in enumerate(setting.frames) if not geometry.box(frame).is_empty]
     second = [len(setting.frames) + i for i in seen[:NOISE_FRAMES]]
     result = Comparison(case.name, setting.lambertian)
-    said: dict[str, dict[int, Mapping[str, Any]]] = {}
+    said: dict[str, dict[int, Taken]] = {}
     for name, choice in choices.items():
         said[name] = {}
         jobs = seen + second
@@ -130,7 +130,7 @@ def compare(
                     result.failures.setdefault(name, f"frame {job.index}: {job.error}")
                 else:
                     said[name][job.index] = job.made
-                    result.versions[name] = job.made["describe"]
+                    result.versions[name] = job.made.describe
         except ComponentError as error:
             result.failures[name] = str(error)
     sums = {name: _Sums() for name in choices}

@@ -43,6 +43,20 @@ class Shot:
     opening_s: float | None
 
 
+@dataclass(frozen=True)
+class Taken:
+    """What a worker returns of a picture that it has taken.
+
+    Attributes:
+        seconds, opening_s: as in :class:`Shot`.
+        describe: what the renderer says of itself.
+    """
+
+    seconds: float
+    opening_s: float | None
+    describe: Mapping[str, str]
+
+
 class Shooter:
     """The frame worker: jobs 0 … F−1 are the frames, F + i is frame i with another seed."""
 
@@ -56,7 +70,7 @@ class Shooter:
         self._renderer.open(self._setting.scene)
         self._opening_s: float | None = time.perf_counter() - start
 
-    def make(self, index: int) -> Mapping[str, Any]:
+    def make(self, index: int) -> Taken:
         """Render one job into ``folder/INDEX.npz``; says how long it took."""
         setting = self._setting
         frame = setting.frames[index % len(setting.frames)]
@@ -72,7 +86,7 @@ class Shooter:
             arrays["depth_m"] = image.depth_m
         np.savez(self._folder / f"{index}.npz", **arrays)
         opening_s, self._opening_s = self._opening_s, None
-        return {"seconds": seconds, "opening_s": opening_s, "describe": self._renderer.describe()}
+        return Taken(seconds, opening_s, self._renderer.describe())
 
     def close(self) -> None:
         """Free the renderer."""
@@ -81,7 +95,7 @@ class Shooter:
 
 def shoot(
     case: Case, choice: ComponentChoice, folder: Path, executor: Executor, jobs: list[int]
-) -> Iterator[FrameResult]:
+) -> Iterator[FrameResult[Taken]]:
     """Render jobs of a case into a folder.
 
     Raises:
@@ -91,13 +105,13 @@ def shoot(
     return executor.run(partial(Shooter, case, choice, folder), jobs)
 
 
-def load_shot(folder: Path, index: int, said: Mapping[str, Any]) -> Shot:
-    """Read a job's picture back; ``said`` is what the worker returned for it."""
+def load_shot(folder: Path, index: int, taken: Taken) -> Shot:
+    """Read a job's picture back."""
     with np.load(folder / f"{index}.npz", allow_pickle=False) as arrays:
         return Shot(
             arrays["radiance_rgb"],
             arrays["coverage"],
             arrays.get("depth_m"),
-            said["seconds"],
-            said["opening_s"],
+            taken.seconds,
+            taken.opening_s,
         )

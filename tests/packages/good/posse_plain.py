@@ -38,7 +38,7 @@ def posse_propagators():
 
 @hookimpl
 def posse_frame_completed(index, labels):
-    print(f"frame {index} of {labels['spacecraft']}")
+    print(f"frame {index} of {labels.spacecraft}")
 
 
 class PlainOptions(Options):

@@ -29,7 +29,7 @@ from posse_core import (
 class FrameActor:
     """One worker process, with one frame worker, and so one renderer."""
 
-    def __init__(self, make_worker: Callable[[], FrameWorker], environment: Mapping[str, str]) -> None:
+    def __init__(self, make_worker: Callable[[], FrameWorker[Any]], environment: Mapping[str, str]) -> None:
         os.environ.update(environment)
         self._make_worker = make_worker
 
@@ -37,7 +37,7 @@ class FrameActor:
         """Answers once the cluster has found a place for the actor."""
         return True
 
-    def make(self, index: int) -> Mapping[str, Any]:
+    def make(self, index: int) -> Any:
         """Make a frame."""
         return make_frame_in_process(self._make_worker, index)
 
@@ -59,8 +59,8 @@ class RayExecutor(Executor[PoolOptions]):
     """
 
     def run(
-        self, make_worker: Callable[[], FrameWorker], indices: Iterable[int]
-    ) -> Iterator[FrameResult]:
+        self, make_worker: Callable[[], FrameWorker[Any]], indices: Iterable[int]
+    ) -> Iterator[FrameResult[Any]]:
         todo = deque(indices)
         if not todo:
             return
@@ -73,7 +73,7 @@ class RayExecutor(Executor[PoolOptions]):
 
 class _Actors:
     def __init__(
-        self, options: PoolOptions, make_worker: Callable[[], FrameWorker], todo: deque[int]
+        self, options: PoolOptions, make_worker: Callable[[], FrameWorker[Any]], todo: deque[int]
     ) -> None:
         self._options = options
         self._todo = todo
@@ -82,7 +82,7 @@ class _Actors:
         self._tasks: dict[Any, _Task] = {}
         self._new_actor = _actor_maker(options.workers, make_worker)
 
-    def results(self) -> Iterator[FrameResult]:
+    def results(self) -> Iterator[FrameResult[Any]]:
         for _ in range(min(self._options.workers, len(self._todo))):
             self._start_actor()
         while self._todo or any(task.index is not None for task in self._tasks.values()):
@@ -95,7 +95,7 @@ class _Actors:
                 if result is not None:
                     yield result
 
-    def _settle(self, reference: Any, *, is_overdue: bool) -> FrameResult | None:
+    def _settle(self, reference: Any, *, is_overdue: bool) -> FrameResult[Any] | None:
         """Take an actor's answer, and give it its next frame, or its frame to another one."""
         task = self._tasks.pop(reference)
         index, frames = task.index, task.frames_before
@@ -119,7 +119,7 @@ class _Actors:
 
     def _outcome(
         self, reference: Any, index: int, *, is_overdue: bool
-    ) -> tuple[bool, FrameResult | None]:
+    ) -> tuple[bool, FrameResult[Any] | None]:
         """Whether the actor lives, and the frame's result, or None where it is to be tried again."""
         if is_overdue:
             return False, self._attempts.overdue(index)
@@ -158,7 +158,7 @@ def _connect() -> None:
         raise ComponentError(f"ray: no cluster at {address!r} (RAY_ADDRESS): {reason}") from None
 
 
-def _actor_maker(workers: int, make_worker: Callable[[], FrameWorker]) -> Callable[[], Any]:
+def _actor_maker(workers: int, make_worker: Callable[[], FrameWorker[Any]]) -> Callable[[], Any]:
     """Makes actors that share the cluster's cores and GPUs evenly, spread over its machines."""
     # of Ray's functions some, as this one, have no types
     resources = ray.cluster_resources()  # type: ignore[no-untyped-call]

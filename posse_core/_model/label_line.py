@@ -1,0 +1,207 @@
+"""The labels of one frame as a record, and as one line of JSON: made, checked, written and read here."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, NamedTuple
+
+from pydantic import BaseModel, ConfigDict, Field, JsonValue, Strict, ValidationError
+
+from posse_core._errors import InputError
+
+Fraction = Annotated[float, Field(ge=0, le=1)]
+Count = Annotated[int, Field(ge=0, strict=True)]
+Vector = Annotated[tuple[float, float, float], Strict(False)]
+Quaternion = Annotated[tuple[float, float, float, float], Strict(False)]
+"""Scalar first."""
+
+
+class Box(NamedTuple):
+    """A box in the image, pixels: its left and upper border, and its size."""
+
+    x: int | float
+    y: int | float
+    width: int | float
+    height: int | float
+
+
+class Keypoint(NamedTuple):
+    """Where a keypoint is in the image.
+
+    Attributes:
+        u_px, v_px: column and row; None behind the camera or beyond the reach of its lens.
+        visibility: 0 out of the image, 1 hidden, 2 seen.
+    """
+
+    u_px: float | None
+    v_px: float | None
+    visibility: Literal[0, 1, 2]
+
+
+class RunLengths(BaseModel):
+    """A mask in COCO's compressed run-lengths.
+
+    Attributes:
+        size: height and width of the image.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    size: tuple[Count, Count]
+    counts: Annotated[str, Strict()]
+
+
+class LabelNotMade(InputError, AttributeError):
+    """A frame lacks a label that was asked for: the scenario's annotators did not have the one that makes
+    it, or the dataset comes from a COCO file."""
+
+
+_NOT_MADE: Final[Any] = object()
+
+
+def _made_by(annotator: str) -> Any:
+    """The default of a label that one of the core's annotators makes."""
+    return Field(_NOT_MADE, json_schema_extra={"annotator": annotator})
+
+
+class LabelLine(BaseModel):
+    """The labels of one frame; ``docs/labels.md`` says what each of them means.
+
+    A label that is null, such as the box of a craft that is not in the image, is None. A label that was
+    not made is not there at all: asking for it raises :class:`LabelNotMade`, and :meth:`has` says
+    beforehand whether it is there. The labels of a plugin's annotators are in :attr:`extras`.
+
+    A line of JSON has the labels in the order in which they are declared here.
+    """
+
+    model_config = ConfigDict(strict=True, frozen=True, extra="allow", allow_inf_nan=False)
+    __pydantic_extra__: dict[str, dict[str, JsonValue]]
+
+    index: Count
+    t_s: float = _NOT_MADE
+    epoch_utc: str = _NOT_MADE
+    sequence: int = _NOT_MADE
+    spacecraft: str = _NOT_MADE
+    sun_fraction_target: Fraction = _NOT_MADE
+    sun_fraction_camera: Fraction = _NOT_MADE
+    solar_flux_w_m2: Annotated[float, Field(ge=0)] = _NOT_MADE
+    box_visible_px: Box | None = _made_by("box")
+    box_whole_px: Box | None = _made_by("box")
+    mask_rle: RunLengths = _made_by("mask")
+    mask_area_px: Count = _made_by("mask")
+    fraction_visible: Fraction | None = _made_by("mask")
+    fraction_lit: Fraction | None = _made_by("mask")
+    part_area_px: dict[str, Count] = _made_by("parts")
+    keypoints: dict[str, Keypoint] = _made_by("keypoints")
+    q_cam_from_body: Quaternion = _made_by("pose")
+    t_body_cam_m: Vector = _made_by("pose")
+    range_m: Annotated[float, Field(gt=0)] = _made_by("pose")
+    phase_angle_rad: Annotated[float, Field(ge=0, le=3.1415926535897936)] = _made_by("pose")
+    sun_direction_body: Vector = _made_by("pose")
+    v_body_cam_m_s: Vector = _made_by("pose")
+    omega_body_rad_s: Vector = _made_by("pose")
+    omega_camera_rad_s: Vector = _made_by("pose")
+    exposure_s: Annotated[float, Field(gt=0)] = _NOT_MADE
+    image: str = _NOT_MADE
+    truth: str | None = _NOT_MADE
+    origin: tuple[str, Count] = _NOT_MADE
+
+    def model_post_init(self, context: Any, /) -> None:
+        """Take out what was not given, so that asking for it comes to ``__getattr__``."""
+        if len(self.__dict__) > len(self.model_fields_set):
+            for name in self.__dict__.keys() - self.model_fields_set:
+                del self.__dict__[name]
+
+    if not TYPE_CHECKING:  # to a type checker it would say that any attribute is there
+
+        def __getattr__(self, name: str) -> Any:
+            if name in _FIELDS:
+                raise LabelNotMade(
+                    f"frame {self.index} has no {name!r}{_way_out(annotator_of(name))}", name=name, obj=self
+                )
+            return super().__getattr__(name)
+
+    @property
+    def extras(self) -> Mapping[str, Mapping[str, JsonValue]]:
+        """What the annotators of plugins made: name of the annotator → its labels by key."""
+        return self.__pydantic_extra__
+
+    def has(self, *names: str) -> bool:
+        """Whether the labels of these names were made.
+
+        Raises:
+            ValueError: there is no label of such a name.
+        """
+        for name in names:
+            if name not in _FIELDS:
+                raise ValueError(f"there is no label {name!r}")
+        return all(name in self.__dict__ for name in names)
+
+    def to_json(self) -> bytes:
+        """One line of JSON, UTF-8, without its line feed.
+
+        Raises:
+            ValueError: an extra is not a finite number.
+        """
+        values = {name: self.__dict__[name] for name in _FIELDS if name in self.__dict__}
+        text = json.dumps(
+            {**values, **self.extras},
+            ensure_ascii=False,
+            allow_nan=False,
+            separators=(",", ":"),
+            default=vars,  # of the run-lengths
+        )
+        return text.encode()
+
+    @classmethod
+    def from_json(cls, line: bytes) -> LabelLine:
+        """The record of a line of a dataset, which has at least what every line has.
+
+        Raises:
+            InputError: it is not such a line; the message names the first key that is at fault.
+        """
+        try:
+            labels = cls.model_validate_json(line)
+        except ValidationError as error:
+            raise InputError(first_fault(error)) from None
+        for name in IN_EVERY_LINE:
+            if name not in labels.__dict__:
+                raise InputError(f"{name}: field required")
+        if any(isinstance(x, float) for x in labels.__dict__.get("box_visible_px") or ()):
+            raise InputError("box_visible_px: input should be whole numbers")
+        return labels
+
+
+_FIELDS: Final = tuple(LabelLine.model_fields)
+
+IN_EVERY_LINE: Final = (
+    "index",
+    "t_s",
+    "epoch_utc",
+    "sequence",
+    "spacecraft",
+    "sun_fraction_target",
+    "sun_fraction_camera",
+    "solar_flux_w_m2",
+    "image",
+    "truth",
+)
+"""Labels that every line of a dataset has, whichever annotators were chosen."""
+
+
+def annotator_of(label: str) -> str | None:
+    """The core's annotator that makes a label; None where the run itself does."""
+    extra = LabelLine.model_fields[label].json_schema_extra
+    return str(extra["annotator"]) if isinstance(extra, dict) else None
+
+
+def _way_out(annotator: str | None) -> str:
+    return f"; add {annotator!r} to the scenario's annotators" if annotator else ""
+
+
+def first_fault(error: ValidationError) -> str:
+    """Key and words of the first thing that is wrong with a line."""
+    first = error.errors()[0]
+    path = ".".join(str(step) for step in first["loc"])
+    return f"{path}: {first['msg'].lower()}" if path else first["msg"].lower()

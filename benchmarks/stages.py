@@ -12,6 +12,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
 from statistics import median
+from typing import Any
 
 import click
 

@@ -116,14 +116,18 @@ def _free_folder(stem: str) -> str:
     return f"out/{stem}-{time.strftime('%Y%m%d-%H%M%S')}"
 
 
-def _bar(results: Iterable[FrameResult[FrameMade]], frames: int, done: int) -> Iterable[FrameResult[FrameMade]]:
+def _bar(
+    results: Iterable[FrameResult[FrameMade]], frames: int, done: int
+) -> Iterable[FrameResult[FrameMade]]:
     with tqdm(total=frames, initial=done, unit="frame", file=sys.stderr, smoothing=0.1) as bar:
         for result in results:
             bar.update()
             yield result
 
 
-def _events(out: str, results: Iterable[FrameResult[FrameMade]], frames: int, done: int) -> Iterable[FrameResult[FrameMade]]:
+def _events(
+    out: str, results: Iterable[FrameResult[FrameMade]], frames: int, done: int
+) -> Iterable[FrameResult[FrameMade]]:
     """A line when the run starts, and one a frame when its labels are on the disk."""
     _emit("started", dataset=out, frames=frames, done=done)
     for result in results:

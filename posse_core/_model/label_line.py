@@ -53,8 +53,8 @@ class RunLengths(BaseModel):
 
 
 class LabelNotMade(InputError, AttributeError):
-    """A frame lacks a label that was asked for: the scenario's annotators did not have the one that makes
-    it, or the dataset comes from a COCO file."""
+    """A frame lacks a label: the scenario did not choose the annotator that makes it, or the dataset was
+    read from a COCO file, which has few labels."""
 
 
 _NOT_MADE: Final[Any] = object()
@@ -118,7 +118,9 @@ class LabelLine(BaseModel):
         def __getattr__(self, name: str) -> Any:
             if name in _FIELDS:
                 raise LabelNotMade(
-                    f"frame {self.index} has no {name!r}{_way_out(annotator_of(name))}", name=name, obj=self
+                    f"frame {self.index} has no {name!r}{_way_out(annotator_of(name))}",
+                    name=name,
+                    obj=self,
                 )
             return super().__getattr__(name)
 

@@ -106,7 +106,7 @@ class FrameMaker:
                 labels[name] = own.values
             for array_name, array in own.arrays.items():
                 if array_name in arrays:
-                    raise ComponentError(f"two annotators make the array {array_name!r}; choose one of them")
+                    raise ComponentError(f"two annotators make the array {array_name!r}; choose one")
                 arrays[array_name] = _full_size(array, view, self._scene.camera)
         try:
             line = LabelLine(

@@ -9,6 +9,7 @@ import subprocess
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 FRAMES = 8
@@ -241,3 +242,34 @@ def test_events_tell_what_happens_as_it_happens(posse, small_scenario, tmp_path)
     assert first["done"] == FRAMES - 1
     assert second == {"event": "frame", "frame": 3}
     assert (last["event"], last["made"], last["failed"]) == ("finished", 1, {})
+
+
+def test_a_plugins_labels_stand_under_its_annotators_name(posse, small_scenario, tmp_path):
+    made = posse(
+        *("run", small_scenario, "--out", "d", "--frames", 2),
+        *("-o", "annotators=[depth,nearest]"),
+        *("-o", "writers=[]"),
+    )
+    assert made.returncode == 0, made.stderr
+    for line in (tmp_path / "d/labels/shard-00000.jsonl").read_text().splitlines():
+        labels = json.loads(line)
+        with np.load(tmp_path / "d" / labels["truth"]) as arrays:
+            assert labels["nearest"] == {"nearest_m": pytest.approx(np.nanmin(arrays["depth_m"]))}
+        assert "nearest_m" not in labels
+
+
+@pytest.mark.parametrize(
+    ("annotator", "words"),
+    [("range_m", "annotator 'range_m': a label of POSSE's own"), ("single", "single.nearest_m")],
+)
+def test_an_annotator_whose_labels_cannot_be_written_is_named(
+    annotator, words, posse, small_scenario, tmp_path
+):
+    made = posse(
+        *("run", small_scenario, "--out", "d", "--frames", 1),
+        *("-o", f"annotators=[{annotator}]"),
+        *("-o", "writers=[]"),
+    )
+    assert made.returncode == 3
+    assert words in made.stderr
+    assert "Traceback" not in made.stderr

@@ -7,12 +7,40 @@ from pathlib import Path
 
 import numpy as np
 
-from posse_core import ComponentSpec, Options, Radiance, Renderer, WorkerLost, hookimpl
+from posse_core import (
+    Annotator,
+    ComponentSpec,
+    Labels,
+    Options,
+    Radiance,
+    Renderer,
+    WorkerLost,
+    hookimpl,
+)
 
 
 @hookimpl
 def posse_renderers():
     return [ComponentSpec("flat", "one grey", "posse_flat:Flat", "posse_flat:FlatOptions")]
+
+
+@hookimpl
+def posse_annotators():
+    return [
+        ComponentSpec("nearest", "the nearest visible point", "posse_flat:Nearest"),
+        ComponentSpec("range_m", "has the name of a label", "posse_flat:Nearest"),
+        ComponentSpec("single", "makes what JSON does not hold", "posse_flat:Single"),
+    ]
+
+
+class Nearest(Annotator):
+    def annotate(self, scene, frame, view):
+        return Labels({"nearest_m": float(view.depth_m[view.mask].min())})
+
+
+class Single(Annotator):
+    def annotate(self, scene, frame, view):
+        return Labels({"nearest_m": view.depth_m[view.mask].min()})
 
 
 class FlatOptions(Options):

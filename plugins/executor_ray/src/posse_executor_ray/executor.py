@@ -29,7 +29,9 @@ from posse_core import (
 class FrameActor:
     """One worker process, with one frame worker, and so one renderer."""
 
-    def __init__(self, make_worker: Callable[[], FrameWorker[Any]], environment: Mapping[str, str]) -> None:
+    def __init__(
+        self, make_worker: Callable[[], FrameWorker[Any]], environment: Mapping[str, str]
+    ) -> None:
         os.environ.update(environment)
         self._make_worker = make_worker
 

@@ -57,7 +57,14 @@ class LabelNotMade(InputError, AttributeError):
     read from a COCO file, which has few labels."""
 
 
-_NOT_MADE: Final[Any] = object()
+class _NotMade:
+    """Stands for a label that was not made, in the signature alone."""
+
+    def __repr__(self) -> str:
+        return "not made"
+
+
+_NOT_MADE: Final[Any] = _NotMade()
 
 
 def _made_by(annotator: str) -> Any:

@@ -113,7 +113,7 @@ class FrameMaker:
                 index=frame.index,
                 t_s=frame.t_s,
                 epoch_utc=self._epoch.shifted(frame.t_s).iso(),
-                sequence=int(self._trajectory.sequence[frame.index]),
+                sequence=frame.sequence,
                 spacecraft=self._scene.spacecraft.name,
                 sun_fraction_target=frame.sun_fraction_target,
                 sun_fraction_camera=frame.sun_fraction_camera,

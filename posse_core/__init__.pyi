@@ -9,6 +9,7 @@ from ._constants import Constants as Constants
 from ._dataset.coco import open_dataset as open_dataset
 from ._dataset.dataset import Dataset as Dataset
 from ._dataset.dataset import SpacecraftInfo as SpacecraftInfo
+from ._dataset.dataset import read_image as read_image
 from ._dataset.mesh import Mesh as Mesh
 from ._detection.card import ModelCard as ModelCard
 from ._detection.square import Square as Square
@@ -23,6 +24,8 @@ from ._evaluation.metrics import TrueBox as TrueBox
 from ._evaluation.metrics import coco_metrics as coco_metrics
 from ._evaluation.metrics import true_boxes as true_boxes
 from ._files.atomic import atomic_file as atomic_file
+from ._formats.poses import camera_beside as camera_beside
+from ._formats.poses import read_poses as read_poses
 from ._geometry.raycast import RayCaster as RayCaster
 from ._interfaces.annotator import Annotator as Annotator
 from ._interfaces.detector import Detection as Detection
@@ -49,6 +52,7 @@ from ._model.label_line import LabelNotMade as LabelNotMade
 from ._model.label_line import RunLengths as RunLengths
 from ._model.labels import Labels as Labels
 from ._model.labels import View as View
+from ._model.poses import Poses as Poses
 from ._model.scene import CraftState as CraftState
 from ._model.scene import EnvironmentMap as EnvironmentMap
 from ._model.scene import FrameState as FrameState
@@ -72,5 +76,6 @@ from ._randomness import random_generator as random_generator
 from ._run.attempts import FrameAttempts as FrameAttempts
 from ._run.attempts import PoolOptions as PoolOptions
 from ._run.attempts import make_frame_in_process as make_frame_in_process
+from ._scenario.camera import preset_camera as preset_camera
 
 __version__: str

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
+from posse_core._errors import InputError
 from posse_core._model.camera import Camera
 from posse_core._model.distortion import BrownConrady
 from posse_core._plugins.options import Options, nearest
@@ -107,3 +108,16 @@ class CameraConfig(Options):
             line_time_s=self.line_time_s,
             distortion=BrownConrady(*coefficients) if any(coefficients) else None,
         )
+
+
+def preset_camera(name: str) -> Camera:
+    """A published camera by name, such as ``speed`` or ``speed-plus``.
+
+    ``posse describe camera NAME`` shows what it is and where its numbers are from.
+
+    Raises:
+        InputError: no camera of this name.
+    """
+    if name not in PRESETS:
+        raise InputError(f"no camera named {name!r}{nearest(name, PRESETS)} ({', '.join(PRESETS)})")
+    return CameraConfig.model_validate(PRESETS[name].camera).camera()

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from posse_core._cli.describe import command as describe
 from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
+from posse_core._scenario.camera import preset_camera
 from posse_core._scenario.load import (
     built_in_names,
     dump_scenario,
@@ -21,6 +22,7 @@ from posse_core._scenario.load import (
     parse_override,
     scenario_members,
 )
+from posse_core._scenario.presets import PRESETS
 from posse_core._scenario.yaml_lines import YamlText
 
 MINIMAL = """\
@@ -235,6 +237,17 @@ def test_a_camera_by_name_gives_camera_and_sensor(tmp_path):
     assert scenario.sensor.noise.dark_e_s == 4
     (tmp_path / "dumped.yaml").write_text(dump_scenario(scenario))
     assert load_scenario(str(tmp_path / "dumped.yaml"), REGISTRY) == scenario
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_a_camera_by_name_is_that_of_a_scenario(tmp_path, name):
+    scenario = load(tmp_path, MINIMAL + f"camera: {{preset: {name}}}\n")
+    assert preset_camera(name) == scenario.camera.camera()
+
+
+def test_a_camera_of_no_known_name_is_refused():
+    with pytest.raises(InputError, match="no camera named 'sped'; did you mean 'speed'"):
+        preset_camera("sped")
 
 
 def test_a_named_camera_of_another_width_sees_the_same(tmp_path):

@@ -1,8 +1,27 @@
-"""Detectors of POSSE by PyTorch. Importing this module imports no torch."""
+"""Detectors of POSSE by PyTorch, and :class:`PoseDataset`.
+
+Importing this module imports no torch; its names do, when they are first used.
+"""
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 from posse_core import ComponentSpec, hookimpl
+
+if TYPE_CHECKING:
+    from posse_detect_torch.pose_dataset import PoseDataset as PoseDataset
+    from posse_detect_torch.pose_dataset import PoseSample as PoseSample
+
+__all__ = ["PoseDataset", "PoseSample", "posse_detectors"]
+
+
+def __getattr__(name: str) -> Any:
+    if name in ("PoseDataset", "PoseSample"):
+        from posse_detect_torch import pose_dataset
+
+        return getattr(pose_dataset, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 @hookimpl

@@ -26,6 +26,7 @@ from ._evaluation.metrics import true_boxes as true_boxes
 from ._files.atomic import atomic_file as atomic_file
 from ._formats.poses import camera_beside as camera_beside
 from ._formats.poses import read_poses as read_poses
+from ._frames import R_with_z as R_with_z
 from ._geometry.raycast import RayCaster as RayCaster
 from ._interfaces.annotator import Annotator as Annotator
 from ._interfaces.detector import Detection as Detection

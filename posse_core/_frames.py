@@ -1,4 +1,7 @@
-"""Every change of frame and of axes, and rotations. No other module writes one by hand.
+"""Every change of frame and of axes, and rotations.
+
+No other module writes one by hand, but for the turns by way of precession and of the Earth, which ERFA
+gives, for turns within a plane, as of a texture, and for the axes that a renderer has of its own.
 
 Frames:
     ECI   GCRF axes, geocentric.
@@ -15,7 +18,10 @@ x_a = q x_b q*.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+from numpy.typing import ArrayLike
 
 from posse_core._arrays import FloatArray
 
@@ -161,19 +167,77 @@ def matrix_from_rotation_vector(rotation_rad: FloatArray) -> FloatArray:
     return matrix_from_quaternion(q)
 
 
-def turned(x: FloatArray, omega_rad_s: FloatArray, after_s: FloatArray) -> FloatArray:
-    """Vectors turned at one rate for times of their own: (..., 3), (3,), (...) → (..., 3).
+def cross_matrix(x: FloatArray) -> FloatArray:
+    """(..., 3) → (..., 3, 3) the matrix of the cross product: ``cross_matrix(x) @ y`` is x × y."""
+    a, b, c = np.moveaxis(np.asarray(x, dtype=np.float64), -1, 0)
+    zero = np.zeros_like(a)
+    rows = [[zero, -c, b], [c, zero, -a], [-b, a, zero]]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def R_eci_from_perifocal(raan_rad: float, i_rad: float, argp_rad: float) -> FloatArray:
+    """(3, 3) R₃ᵀ(Ω) R₁ᵀ(i) R₃ᵀ(ω); perifocal x is towards perigee, z along the orbit's normal."""
+    cO, sO, ci, si = math.cos(raan_rad), math.sin(raan_rad), math.cos(i_rad), math.sin(i_rad)
+    cw, sw = math.cos(argp_rad), math.sin(argp_rad)
+    third = np.array([[cO, -sO, 0], [sO, cO, 0], [0, 0, 1]])
+    first = np.array([[1, 0, 0], [0, ci, -si], [0, si, ci]])
+    inner = np.array([[cw, -sw, 0], [sw, cw, 0], [0, 0, 1]])
+    return np.asarray(third @ first @ inner)
+
+
+def R_about(axis: ArrayLike, angle_rad: float) -> FloatArray:
+    """Rotation (3, 3) about an axis (3,) by the right-hand rule."""
+    direction = unit(np.asarray(axis, dtype=np.float64))
+    return matrix_from_quaternion(np.r_[np.cos(angle_rad / 2), np.sin(angle_rad / 2) * direction])
+
+
+def R_from_z(direction: ArrayLike, x_hint: ArrayLike = (1.0, 0.0, 0.0)) -> FloatArray:
+    """Rotation (3, 3) that takes z to ``direction`` and x as near to ``x_hint`` as it can.
+
+    Where the hint lies along the direction, y stands in for it.
+    """
+    z = unit(np.asarray(direction, dtype=np.float64))
+    x = np.asarray(x_hint, dtype=np.float64)
+    x = x - z * (x @ z)
+    if np.linalg.norm(x) < 1e-6:
+        x = np.array([0.0, 1.0, 0.0]) - z * z[1]
+    x = unit(x)
+    return np.column_stack([x, np.cross(z, x), z])
+
+
+def R_with_z(z: FloatArray) -> FloatArray:
+    """(..., 3) unit vectors → (..., 3, 3) rotations whose third column is ``z``, else arbitrary."""
+    across = np.eye(3)[np.argmin(np.abs(z), axis=-1)]
+    x = unit(np.cross(across, z))
+    return np.stack([x, np.cross(z, x), z], axis=-1)
+
+
+def R_least(before: FloatArray, after: FloatArray) -> FloatArray:
+    """(3, 3) least rotation that takes the unit vector ``before`` (3,) to ``after`` (3,)."""
+    axis = np.cross(before, after)
+    sine = float(np.linalg.norm(axis))
+    if sine < 1e-12:
+        return np.eye(3)
+    return R_about(axis, float(np.arctan2(sine, before @ after)))
+
+
+def rotated(x: FloatArray, axis: FloatArray, angle_rad: FloatArray) -> FloatArray:
+    """Vectors rotated about one axis by angles of their own: (..., 3), unit (3,), (...) → (..., 3).
 
     Rodrigues' formula; its bits depend on no BLAS.
     """
-    rate = float(np.sqrt(np.sum(omega_rad_s * omega_rad_s)))
-    if rate == 0:
-        return np.asarray(x)
-    axis = omega_rad_s / rate
-    angle = (rate * np.asarray(after_s))[..., None]
+    angle = np.asarray(angle_rad)[..., None]
     along = np.sum(axis * x, axis=-1, keepdims=True)
     cosine = np.cos(angle)
     return np.asarray(x * cosine + np.cross(axis, x) * np.sin(angle) + axis * along * (1 - cosine))
+
+
+def turned(x: FloatArray, omega_rad_s: FloatArray, after_s: FloatArray) -> FloatArray:
+    """Vectors turned at one rate for times of their own: (..., 3), (3,), (...) → (..., 3)."""
+    rate = float(np.sqrt(np.sum(omega_rad_s * omega_rad_s)))
+    if rate == 0:
+        return np.asarray(x)
+    return rotated(x, omega_rad_s / rate, rate * np.asarray(after_s))
 
 
 def rotation_vector_from_matrix(R: FloatArray) -> FloatArray:

@@ -112,3 +112,30 @@ def test_lvlh_of_an_ellipse_follows_the_horizon_and_not_the_velocity() -> None:
 def test_without_a_plane_there_is_no_frame(v: Any) -> None:
     with pytest.raises(ValueError, match="without a direction"):
         frames.R_eci_from_rtn(np.array([7e6, 0, 0]), v)
+
+
+directions = st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda v: np.linalg.norm(v) > 0.1)
+
+
+@given(directions, directions)
+def test_z_is_taken_to_the_direction_by_a_rotation(direction: Any, hint: Any) -> None:
+    direction = np.array(direction) / np.linalg.norm(direction)
+    for R in (frames.R_from_z(direction, hint), frames.R_with_z(direction)):
+        np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-9)
+        assert np.linalg.det(R) == pytest.approx(1.0)
+        np.testing.assert_allclose(R[:, 2], direction, atol=1e-9)
+
+
+@given(directions, directions)
+def test_the_least_rotation_turns_by_the_angle_between_the_vectors(before: Any, after: Any) -> None:
+    before, after = (np.array(v) / np.linalg.norm(v) for v in (before, after))
+    assume(before @ after > -0.999)
+    R = frames.R_least(before, after)
+    np.testing.assert_allclose(R @ before, after, atol=1e-9)
+    angle = np.arccos(np.clip(before @ after, -1, 1))
+    assert np.trace(R) == pytest.approx(1 + 2 * np.cos(angle), abs=1e-9)
+
+
+@given(directions, directions)
+def test_the_cross_matrix_multiplies_as_the_cross_product(x: Any, y: Any) -> None:
+    np.testing.assert_allclose(frames.cross_matrix(np.array(x)) @ y, np.cross(x, y), atol=1e-15)

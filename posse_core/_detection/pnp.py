@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from posse_core._arrays import BoolArray, FloatArray
-from posse_core._frames import matrix_from_rotation_vector
+from posse_core._frames import cross_matrix, matrix_from_rotation_vector
 from posse_core._model.camera import Camera
 
 MIN_POINTS = 4
@@ -166,13 +166,10 @@ def _linearised(
     z = (turned + t)[:, 2]
     if np.isnan(away_px).any():
         return np.inf, np.zeros((2 * len(z), 6)), np.zeros(2 * len(z)), np.zeros(2 * len(z))
-    zero = np.zeros_like(z)
     by_place = camera.project_jacobian(turned + t)
-    a, b, c = turned.T  # a turn by w moves a point by w × p = −[p]× w
-    minus_cross = np.stack(
-        [np.stack([zero, c, -b], 1), np.stack([-c, zero, a], 1), np.stack([b, -a, zero], 1)], 1
-    )
-    J = np.concatenate([by_place @ minus_cross, by_place], axis=2) / sigma_px[:, None, None]
+    # A turn by w moves a point p by w × p = −p × w.
+    by_turn = by_place @ -cross_matrix(turned)
+    J = np.concatenate([by_turn, by_place], axis=2) / sigma_px[:, None, None]
     r = away_px / sigma_px[:, None]
     distance = np.linalg.norm(r, axis=1)
     weights = np.minimum(1.0, _HUBER / np.maximum(distance, 1e-12))

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from posse_core._arrays import FloatArray
-from posse_core._frames import unit
+from posse_core._frames import R_with_z, unit
 
 _SEASON_RAD_DAY = 2 * np.pi / 365.25
 _SEASON_START_JD = 2444960.5
@@ -95,8 +95,7 @@ def _chunk_on_plate(
     """As :func:`earthlight_on_plate`, lengths in Earth radii: two of (f,)."""
     distance = np.linalg.norm(r, axis=-1)
     down = -r / distance[:, None]
-    side = unit(np.cross(down, np.eye(3)[np.argmin(np.abs(down), axis=-1)]))
-    axes = np.stack([side, np.cross(down, side), down], axis=-1)
+    axes = R_with_z(down)
     # Solid angle goes with the cosine of the angle from nadir.
     share = (1 + _RING_PLACE) / 2
     drop = 1 - np.sqrt((1 - 1 / distance) * (1 + 1 / distance))
@@ -105,8 +104,8 @@ def _chunk_on_plate(
     turn = 2 * np.pi * (np.arange(4 * _RINGS) + 0.5) / (4 * _RINGS)
     rays = np.stack(
         [
-            (sine[..., None] * np.cos(turn)).reshape(len(r), -1),
-            (sine[..., None] * np.sin(turn)).reshape(len(r), -1),
+            (-sine[..., None] * np.cos(turn)).reshape(len(r), -1),
+            (-sine[..., None] * np.sin(turn)).reshape(len(r), -1),
             np.repeat(cosine, 4 * _RINGS, axis=-1),
         ],
         axis=-1,

@@ -24,6 +24,7 @@ from posse_core._dynamics.elements import keplerian_from_state
 from posse_core._dynamics.orbit import target_state
 from posse_core._dynamics.tle import Tle
 from posse_core._errors import InputError
+from posse_core._frames import R_eci_from_perifocal
 from posse_core._interfaces.propagator import PropagationProblem, Propagator
 from posse_core._model.trajectory import Motion
 from posse_core._propagators.options import ThesisOptions
@@ -40,7 +41,7 @@ class ThesisPropagator(Propagator[ThesisOptions]):
             series_true_anomaly(mean_anomaly, e), e, math.sqrt(mu / a**3), t_s
         )
         r_target, v_target = perifocal_state(a, e, true_anomaly, mu)
-        R = eci_from_perifocal(raan, i, argp)
+        R = R_eci_from_perifocal(raan, i, argp)
         orbits_m = algorithm_3_1(_initial_roe_m(problem), self.options.relative_orbits)
         states = np.einsum("kij,hj->hki", roe_to_rtn(math.sqrt(mu / a**3), t_s), orbits_m)
         count, times = len(orbits_m), len(t_s)
@@ -98,16 +99,6 @@ def perifocal_state(
     r_m = np.stack([r * cos, r * sin, zero], axis=-1)
     v_m_s = math.sqrt(mu_m3_s2 / p) * np.stack([-sin, e + cos, zero], axis=-1)
     return r_m, v_m_s
-
-
-def eci_from_perifocal(raan_rad: float, i_rad: float, argp_rad: float) -> FloatArray:
-    """(3, 3) R₃ᵀ(Ω) R₁ᵀ(i) R₃ᵀ(ω)."""
-    cO, sO, ci, si = math.cos(raan_rad), math.sin(raan_rad), math.cos(i_rad), math.sin(i_rad)
-    cw, sw = math.cos(argp_rad), math.sin(argp_rad)
-    third = np.array([[cO, -sO, 0], [sO, cO, 0], [0, 0, 1]])
-    first = np.array([[1, 0, 0], [0, ci, -si], [0, si, ci]])
-    inner = np.array([[cw, -sw, 0], [sw, cw, 0], [0, 0, 1]])
-    return np.asarray(third @ first @ inner)
 
 
 def roe_to_rtn(mean_motion_rad_s: float, t_s: FloatArray) -> FloatArray:

@@ -11,6 +11,7 @@ from scipy.ndimage import map_coordinates
 from scipy.special import ndtri
 
 from posse_core._arrays import Float32Array
+from posse_core._frames import rotated
 from posse_core._randomness import random_generator
 from posse_core._sky.atmosphere import RADIUS_M
 from posse_core._sky.detail import Detail, make_detail
@@ -139,12 +140,7 @@ def _warped(random: np.random.Generator) -> Float32Array:
         size = random.uniform(0.07, 0.17)
         cosine = p @ c
         angle = sign * random.uniform(1.2, 3.2) * np.exp(-2 * (1 - cosine) / size**2)
-        angle = angle[..., None]
-        p = (
-            p * np.cos(angle)
-            + np.cross(c, p) * np.sin(angle)
-            + c * (cosine[..., None] * (1 - np.cos(angle)))
-        )
+        p = rotated(p, c, angle)
     volume = _noise_volume(random)
     for frequency, strength in ((6.0, 0.07), (14.0, 0.03)):
         shift = [

@@ -12,12 +12,13 @@ from functools import partial
 import numpy as np
 
 from posse_core._arrays import FloatArray
+from posse_core._frames import R_about, R_from_z
 from posse_core._spacecraft import shapes, textures
 from posse_core._spacecraft.assembly import Assembly
 from posse_core._spacecraft.finishes import Finish, common_finishes
 from posse_core._spacecraft.options import AquaOptions
 from posse_core._spacecraft.parametric import Parametric
-from posse_core._spacecraft.shapes import R_about, R_from_z, box
+from posse_core._spacecraft.shapes import box
 
 SIZE_M = (8.04, 16.70, 4.81)
 """Deployed size along X, Y, Z."""

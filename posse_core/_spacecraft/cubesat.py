@@ -12,13 +12,14 @@ import numpy as np
 from pydantic import Field
 
 from posse_core._arrays import FloatArray
+from posse_core._frames import R_a_from_b_by_directions, R_about, R_from_z
 from posse_core._model.spacecraft import Material
 from posse_core._spacecraft import shapes, textures
 from posse_core._spacecraft.assembly import Assembly
 from posse_core._spacecraft.finishes import Finish, common_finishes
 from posse_core._spacecraft.options import VariantOptions
 from posse_core._spacecraft.parametric import Parametric
-from posse_core._spacecraft.shapes import R_about, R_from_z, box
+from posse_core._spacecraft.shapes import box
 
 WIDTH_M, LENGTH_M, RAIL_M = 0.100, 0.3405, 0.0085
 PANEL_M = (0.082, 0.320, 0.002)  # wide, long, thick
@@ -95,7 +96,7 @@ def _side(azimuth_rad: float) -> FloatArray:
     """Rotation (3, 3): a panel's z → outward at the azimuth from X to Y, its y → body Z."""
     outward = np.array([np.cos(azimuth_rad), np.sin(azimuth_rad), 0.0])
     along = np.array([0.0, 0.0, 1.0])
-    return np.column_stack([np.cross(along, outward), along, outward])
+    return R_a_from_b_by_directions(outward, along, np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]))
 
 
 def _payload(craft: Assembly) -> None:

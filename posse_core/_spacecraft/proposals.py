@@ -11,8 +11,8 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from posse_core._arrays import BoolArray, FloatArray, IntArray
+from posse_core._frames import R_about
 from posse_core._model.spacecraft import Part, Spacecraft
-from posse_core._spacecraft.shapes import R_about
 
 DIRECTIONS = 64
 """Directions, evenly spread over the sphere, that a keypoint's visibility is asked from."""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from posse_core._arrays import Float32Array, FloatArray, IntArray
-from posse_core._frames import matrix_from_quaternion, unit
+from posse_core._frames import R_from_z, R_least, unit
 
 
 @dataclass(frozen=True)
@@ -71,26 +71,6 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
         np.concatenate([mesh.normals for mesh in meshes]),
         np.concatenate([mesh.uv for mesh in meshes]),
     )
-
-
-def R_about(axis: ArrayLike, angle_rad: float) -> FloatArray:
-    """Rotation (3, 3) about an axis (3,) by the right-hand rule."""
-    direction = unit(np.asarray(axis, dtype=np.float64))
-    return matrix_from_quaternion(np.r_[np.cos(angle_rad / 2), np.sin(angle_rad / 2) * direction])
-
-
-def R_from_z(direction: ArrayLike, x_hint: ArrayLike = (1.0, 0.0, 0.0)) -> FloatArray:
-    """Rotation (3, 3) that takes z to ``direction`` and x as near to ``x_hint`` as it can.
-
-    Where the hint lies along the direction, y stands in for it.
-    """
-    z = unit(np.asarray(direction, dtype=np.float64))
-    x = np.asarray(x_hint, dtype=np.float64)
-    x = x - z * (x @ z)
-    if np.linalg.norm(x) < 1e-6:
-        x = np.array([0.0, 1.0, 0.0]) - z * z[1]
-    x = unit(x)
-    return np.column_stack([x, np.cross(z, x), z])
 
 
 def _mesh(vertices: ArrayLike, faces: ArrayLike, normals: ArrayLike, uv: ArrayLike) -> Mesh:
@@ -256,7 +236,7 @@ def tube(path_m: ArrayLike, radius_m: float, segments: int = 10) -> Mesh:
     end_cut = legs[0]
     for k, leg in enumerate(legs):
         if k:
-            frame = _least_rotation(legs[k - 1], leg) @ frame
+            frame = R_least(legs[k - 1], leg) @ frame
         start_cut = end_cut
         end_cut = unit(leg + legs[k + 1]) if k + 1 < len(legs) else leg
         spokes = np.outer(np.cos(angle), frame[:, 0]) + np.outer(np.sin(angle), frame[:, 1])
@@ -286,14 +266,6 @@ def _cap(rim_m: FloatArray, normal: FloatArray, radius_m: float) -> Mesh:
     angle = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
     uv = radius_m * np.column_stack([np.cos(angle), np.sin(angle)])
     return _mesh(rim_m, fan, np.tile(normal, (count, 1)), uv)
-
-
-def _least_rotation(before: FloatArray, after: FloatArray) -> FloatArray:
-    axis = np.cross(before, after)
-    sine = float(np.linalg.norm(axis))
-    if sine < 1e-12:
-        return np.eye(3)
-    return R_about(axis, float(np.arctan2(sine, before @ after)))
 
 
 def dish(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from posse_core._arrays import FloatArray, IntArray
+from posse_core._frames import R_GL_FROM_CAM
 from posse_core._model.bands import SOLAR_BAND_FRACTIONS
 from posse_core._model.camera import Camera
 from posse_core._model.scene import FrameState, Scene
@@ -14,9 +15,8 @@ AU_M = 149_597_870_700.0
 SUN_ANGULAR_RADIUS_RAD = 4.6525e-3
 SOLAR_FLUX_W_M2 = 1361.0
 
-FACING: FloatArray = np.diag([1.0, -1.0, -1.0])
+FACING: FloatArray = R_GL_FROM_CAM
 """R_cam_from_body of a camera on the body's +z axis that sees +x to the right and +y up."""
-FACING.setflags(write=False)
 
 
 def camera(width_px: int = 96, height_px: int = 72, hfov_rad: float = np.pi / 4) -> Camera:

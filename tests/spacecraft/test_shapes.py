@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from posse_core._frames import R_about
 from posse_core._spacecraft import shapes
 
 length = st.floats(0.05, 5.0)
@@ -105,19 +106,8 @@ def test_a_dish_sends_rays_along_its_axis_to_the_focus(focal, offset):
     assert miss.max() < 1e-5
 
 
-@given(
-    direction=st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda v: np.linalg.norm(v) > 0.1),
-    hint=st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda v: np.linalg.norm(v) > 0.1),
-)
-def test_R_from_z_is_a_rotation_that_takes_z_there(direction, hint):
-    R = shapes.R_from_z(direction, hint)
-    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-9)
-    assert np.linalg.det(R) == pytest.approx(1.0)
-    np.testing.assert_allclose(R[:, 2], direction / np.linalg.norm(direction), atol=1e-9)
-
-
 def test_a_moved_mesh_keeps_its_volume_and_turns_its_normals():
-    R = shapes.R_about((1.0, 2.0, 3.0), 0.7)
+    R = R_about((1.0, 2.0, 3.0), 0.7)
     moved = SOLIDS["box"].at((1.0, -2.0, 0.5), R)
     assert moved.volume_m3 == pytest.approx(6.0)
     np.testing.assert_allclose(moved.normals, SOLIDS["box"].normals @ R.T, atol=1e-6)

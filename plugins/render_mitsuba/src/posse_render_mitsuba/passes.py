@@ -24,6 +24,7 @@ from posse_core import (
     Float32Array,
     FloatArray,
     PixelBox,
+    R_with_z,
     RenderRequest,
     random_generator,
 )
@@ -34,7 +35,6 @@ from posse_render_mitsuba.world import (
     World,
     homogeneous,
     near_plane_m,
-    rotation_with_z,
 )
 
 SAMPLES_PER_PASS = 16
@@ -109,7 +109,7 @@ class Passes:
         import mitsuba as mi
 
         craft, box = request.craft, request.box
-        turn = homogeneous(rotation_with_z(-sun_direction_body(craft, number, shift)), np.zeros(3))
+        turn = homogeneous(R_with_z(-sun_direction_body(craft, number, shift)), np.zeros(3))
         world.set(
             {
                 "sun.to_world": mi.Transform4f(turn),
@@ -196,7 +196,7 @@ def sun_direction_body(craft: CraftState, number: int, shift: FloatArray) -> Flo
     across, around = (shift + number * R2) % 1
     radius, angle = np.sqrt(across) * np.tan(craft.sun_angular_radius_rad), 2 * np.pi * around
     local = np.array([radius * np.cos(angle), radius * np.sin(angle), 1.0])
-    return np.asarray(rotation_with_z(craft.sun_direction_body) @ (local / np.linalg.norm(local)))
+    return np.asarray(R_with_z(craft.sun_direction_body) @ (local / np.linalg.norm(local)))
 
 
 def _offset(principal_px: float, size_px: int) -> float:

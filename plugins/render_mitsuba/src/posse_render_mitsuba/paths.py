@@ -15,8 +15,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from posse_core import Camera, CraftState
-from posse_render_mitsuba.world import near_plane_m, rotation_with_z
+from posse_core import Camera, CraftState, R_with_z
+from posse_render_mitsuba.world import near_plane_m
 
 FAR_M = 1e4
 """How far a shadow ray to the Sun goes."""
@@ -43,7 +43,7 @@ class Sun:
         """A frame's Sun as data: constants would be compiled into the kernel."""
         sun = cls(
             mi.Color3f(*map(float, craft.sun_irradiance_rgb_w_m2)),
-            mi.Matrix3f(rotation_with_z(craft.sun_direction_body)),
+            mi.Matrix3f(R_with_z(craft.sun_direction_body)),
             mi.Float(float(np.tan(craft.sun_angular_radius_rad))),
         )
         dr.make_opaque(sun)

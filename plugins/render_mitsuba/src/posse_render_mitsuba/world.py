@@ -67,14 +67,6 @@ def near_plane_m(z_m: float, radius_m: float) -> float:
     return max(z_m - 1.01 * radius_m, 1e-3 * radius_m)
 
 
-def rotation_with_z(z: FloatArray) -> FloatArray:
-    """(3, 3) rotation whose third column is the unit vector ``z`` (3,)."""
-    helper = np.eye(3)[np.argmin(np.abs(z))]
-    x = np.cross(helper, z)
-    x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(z, x), z], axis=-1)
-
-
 def homogeneous(rotation: FloatArray, translation: FloatArray) -> Float32Array:
     """(4, 4) from a rotation (3, 3) and a translation (3,)."""
     matrix = np.eye(4, dtype=np.float32)

@@ -17,6 +17,7 @@ from posse_core import (
     Float32Array,
     FloatArray,
     PixelBox,
+    R_with_z,
     Radiance,
     Renderer,
     RenderRequest,
@@ -255,10 +256,7 @@ def _tiles(box: PixelBox, size: int) -> Iterator[tuple[int, int, PixelBox]]:
 
 def _shadow_from_body(spacecraft: Spacecraft, sun_direction_body: FloatArray) -> FloatArray:
     """(4, 4) body metres → −1 … 1 as the Sun sees it, tight about the craft; z grows from the Sun."""
-    helper = np.eye(3)[np.abs(sun_direction_body).argmin()]
-    x = np.cross(helper, sun_direction_body)
-    x /= np.linalg.norm(x)
-    axes = np.stack([x, np.cross(sun_direction_body, x), -sun_direction_body])
+    axes = (R_with_z(sun_direction_body) * [1.0, 1.0, -1.0]).T
     bounds = [(p @ axes.T).min(axis=0) for p in (part.vertices_body_m for part in spacecraft.parts)]
     low = np.min(bounds, axis=0)
     high = np.max([(part.vertices_body_m @ axes.T).max(axis=0) for part in spacecraft.parts], axis=0)

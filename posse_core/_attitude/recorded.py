@@ -23,8 +23,10 @@ from posse_core._frames import (
 )
 
 _INERTIAL = ("GCRF", "ICRF", "EME2000", "J2000")
-_OFF_UNIT = 1e-3
-_BEYOND_S = 0.01
+_QUATERNION_LENGTH_ERROR = 1e-3
+"""Largest difference of a quaternion's length from 1."""
+_EXTRAPOLATION_S = 0.01
+"""How far before the first and after the last recorded attitude a time may lie."""
 
 
 def recorded_attitude(path: Path, name: str, epoch: Epoch, t_s: FloatArray) -> FloatArray:
@@ -49,7 +51,7 @@ def recorded_attitude(path: Path, name: str, epoch: Epoch, t_s: FloatArray) -> F
         times, R = _read_aem(path, epoch)
     if np.any(np.diff(times) <= 0):
         raise InputError(f"{path}: its times do not increase; sort them, and keep one of each")
-    outside = (t_s < times[0] - _BEYOND_S) | (t_s > times[-1] + _BEYOND_S)
+    outside = (t_s < times[0] - _EXTRAPOLATION_S) | (t_s > times[-1] + _EXTRAPOLATION_S)
     if np.any(outside):
         raise InputError(
             f"{path}: reaches from {times[0]:.6g} s to {times[-1]:.6g} s after the epoch, and frame"
@@ -65,7 +67,7 @@ def recorded_attitude(path: Path, name: str, epoch: Epoch, t_s: FloatArray) -> F
 
 def _rotations(q: FloatArray, place: str) -> FloatArray:
     """Quaternions, scalar first, (F, 4) → (F, 3, 3)."""
-    if np.any(np.abs(np.linalg.norm(q, axis=-1) - 1) > _OFF_UNIT):
+    if np.any(np.abs(np.linalg.norm(q, axis=-1) - 1) > _QUATERNION_LENGTH_ERROR):
         raise InputError(f"{place}: a quaternion is not of length one")
     return matrix_from_quaternion(q)
 

@@ -8,7 +8,8 @@ from posse_core._arrays import FloatArray
 from posse_core._errors import InputError
 from posse_core._frames import R_a_from_b_by_directions, unit
 
-_POLE_TOLERANCE = 1e-6
+_POLE_ANGLE_RAD = 1e-6
+"""Angle between a line of sight and the normal of the orbit below which N gives no direction."""
 _R_RTN, _N_RTN = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 
@@ -32,6 +33,6 @@ def R_rtn_by_sight(sight_rtn: FloatArray, axis: FloatArray, up: FloatArray) -> F
             " change the relative motion"
         )
     sight = unit(sight_rtn)
-    along_normal = np.hypot(sight[:, 0], sight[:, 1]) < _POLE_TOLERANCE
+    along_normal = np.hypot(sight[:, 0], sight[:, 1]) < _POLE_ANGLE_RAD
     reference = np.where(along_normal[:, None], _R_RTN, _N_RTN)
     return R_a_from_b_by_directions(sight, reference, axis, up)

@@ -35,7 +35,8 @@ from posse_core._scenario.attitude import (
     TumblingLaw,
 )
 
-_POLE_TOLERANCE = 1e-9
+_POLE_ANGLE_RAD = 1e-9
+"""Angle from the Earth's axis below which there is no north."""
 
 
 @dataclass(frozen=True)
@@ -131,7 +132,7 @@ def ned(law: NedLaw, around: Surroundings) -> FloatArray:
     """
     towards_sun = around.r_sun_eci_m - around.r_target_eci_m
     down = unit(-around.r_target_eci_m if law.down == "earth" else towards_sun)
-    lost = np.hypot(down[:, 0], down[:, 1]) < _POLE_TOLERANCE
+    lost = np.hypot(down[:, 0], down[:, 1]) < _POLE_ANGLE_RAD
     if np.any(lost):
         raise InputError(
             f"attitude.target.law ned has no north at frame {np.argmax(lost)}, over the pole;"

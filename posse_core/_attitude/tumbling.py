@@ -18,8 +18,9 @@ from scipy import special
 from posse_core._arrays import FloatArray
 from posse_core._frames import matrix_from_rotation_vector
 
-_STEADY = 1e-14
-_LARGEST_PARAMETER = 1 - 2.0**-52
+_STEADY_SINE = 1e-14
+"""Sine of the angle between rate and momentum up to which the rate is constant."""
+_LARGEST_ELLIPTIC_PARAMETER = 1 - 2.0**-52
 """Where rate and momentum lie on the separatrix to rounding, the period is that of its neighbour."""
 
 
@@ -37,7 +38,7 @@ def torque_free_attitude(
     momentum = inertia_kg_m2 @ rate_body_rad_s
     speed = np.linalg.norm(rate_body_rad_s)
     skew = np.linalg.norm(np.cross(rate_body_rad_s, momentum))
-    if skew <= _STEADY * speed * np.linalg.norm(momentum):
+    if skew <= _STEADY_SINE * speed * np.linalg.norm(momentum):
         return np.asarray(R_ref_from_body @ matrix_from_rotation_vector(t_s[:, None] * rate_body_rad_s))
     moments, R_body_from_w = _circled_axis_last(inertia_kg_m2, rate_body_rad_s)
     motion = _Motion.of(moments, R_body_from_w.T @ rate_body_rad_s)
@@ -78,7 +79,7 @@ class _Motion:
         c = np.copysign(np.sqrt(w3**2 + w2**2 * j2 * (j2 - j1) / (j3 * (j3 - j1))), w3)
         b = np.sign(c * (j3 - j2)) * a * np.sqrt(ratio)
         parameter = (j2 - j1) * j1 * a**2 / ((j3 - j2) * j3 * c**2)
-        parameter = min(parameter, _LARGEST_PARAMETER)
+        parameter = min(parameter, _LARGEST_ELLIPTIC_PARAMETER)
         phase = special.ellipkinc(np.arctan2(w2 / b, w1 / a), parameter)
         pace = np.sqrt((j3 - j2) * (j3 - j1) / (j1 * j2)) * abs(c)
         return cls(moments, np.array([a, b, c]), float(pace), float(parameter), float(phase))

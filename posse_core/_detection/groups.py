@@ -17,7 +17,7 @@ from posse_core._evaluation.poses import speed_score
 POSES_FOUND = "poses found"
 """The first of the metrics of poses."""
 _PHASES_DEG = (0, 30, 60, 90, 120, 180)
-_RIGHT = 0.1
+_CORRECT_ADD_DIAMETERS = 0.1
 """Of the diameter: a pose whose ADD is below counts as right (Hinterstoisser et al. 2012)."""
 
 
@@ -63,8 +63,8 @@ def _pose_metrics(shown: Sequence[Judged]) -> dict[str, float]:
     found = [j.pose for j in shown if j.pose is not None]
     metrics = {
         POSES_FOUND: len(found) / len(shown),
-        "ADD < 0.1 d": sum(pose.add < _RIGHT for pose in found) / len(shown),
-        "ADI < 0.1 d": sum(pose.adi < _RIGHT for pose in found) / len(shown),
+        "ADD < 0.1 d": sum(pose.add < _CORRECT_ADD_DIAMETERS for pose in found) / len(shown),
+        "ADI < 0.1 d": sum(pose.adi < _CORRECT_ADD_DIAMETERS for pose in found) / len(shown),
     }
     if not found:
         return metrics

@@ -20,20 +20,26 @@ from posse_core._evaluation.raster import RayMeeting, extent_px
 from posse_core._evaluation.schema import schema_fault
 from posse_core._model.labels import NOT_IN_FRAME, VISIBLE
 
-REPROJECTION_PX = 0.01
+REPROJECTION_ERROR_PX = 0.01
 """How far a labelled keypoint or box may lie from its projection."""
-UNIT = 1e-6
-"""How far from 1 a quaternion's or a direction's length may be; also the angle of the Sun, in rad."""
-DEPTH_M, DEPTH_RELATIVE = 1e-3, 1e-5
+UNIT_LENGTH_ERROR = 1e-6
+"""How far from 1 the length of a quaternion or of a direction may be."""
+RANGE_ERROR_SHARE = 1e-6
+"""How far a labelled range may lie from the distance by the pose, over that distance."""
+PHASE_ANGLE_ERROR_RAD = 1e-6
+NORMAL_ERROR = 1e-5
+"""How far from 1 a normal's length may be, and the cosine of its angle to the ray above 0, since the
+files hold single precision."""
+DEPTH_ERROR_M, DEPTH_ERROR_SHARE = 1e-3, 1e-5
 """How far a depth may lie from the mesh: so much, and that share of itself for single precision."""
-OFF_SHARE = 0.01
+OUTLINE_DISAGREEMENT_SHARE = 0.01
 """Share of an outline's pixels that mask and mesh, or depth and mesh, may disagree in: edges that two
 programs round differently. A mask that is one pixel off disagrees in more than half."""
-OFF_PX = 4
+OUTLINE_DISAGREEMENT_PX = 4
 """The same for the smallest outlines."""
-SEEN_SHARE, HIDDEN_SHARE = 0.02, 1e-6
-"""How far, over the craft's size, the mesh may stand before a keypoint that is seen; and how far it
-must stand before one that is hidden."""
+SEEN_KEYPOINT_DEPTH_SHARE, HIDDEN_KEYPOINT_DEPTH_SHARE = 0.02, 1e-6
+"""How far, over the craft's size, the mesh may stand in front of a keypoint that is seen; and how far it
+must stand in front of one that is hidden."""
 
 
 @dataclass(frozen=True)
@@ -94,24 +100,24 @@ def _files(case: Case) -> Iterator[str]:
 
 def _pose(case: Case) -> Iterator[str]:
     q, t_m = np.array(case.labels["q_cam_from_body"]), np.array(case.labels["t_body_cam_m"])
-    if abs(np.linalg.norm(q) - 1) > UNIT:
+    if abs(np.linalg.norm(q) - 1) > UNIT_LENGTH_ERROR:
         yield f"the quaternion's length is {np.linalg.norm(q):.6f}, not 1"
     elif q[0] < 0:
         yield "the quaternion's scalar part is negative; the other sign is to be written"
     range_m = np.linalg.norm(t_m)
-    if abs(case.labels.get("range_m", range_m) - range_m) > UNIT * range_m:
+    if abs(case.labels.get("range_m", range_m) - range_m) > RANGE_ERROR_SHARE * range_m:
         yield f"range_m is {case.labels['range_m']:.6g}, the position's length is {range_m:.6g}"
 
 
 def _sun(case: Case) -> Iterator[str]:
     sun = np.array(case.labels["sun_direction_body"])
-    if abs(np.linalg.norm(sun) - 1) > UNIT:
+    if abs(np.linalg.norm(sun) - 1) > UNIT_LENGTH_ERROR:
         yield f"the Sun's direction has length {np.linalg.norm(sun):.6f}, not 1"
         return
     to_camera = -frames.unit(np.array(case.labels["t_body_cam_m"]))
     sun_cam = case.R_cam_from_body @ sun
     angle = np.arctan2(np.linalg.norm(np.cross(sun_cam, to_camera)), sun_cam @ to_camera)
-    if abs(angle - case.labels["phase_angle_rad"]) > UNIT:
+    if abs(angle - case.labels["phase_angle_rad"]) > PHASE_ANGLE_ERROR_RAD:
         yield f"phase_angle_rad is {case.labels['phase_angle_rad']:.6f}, by pose and Sun {angle:.6f}"
 
 
@@ -119,7 +125,7 @@ def _keypoints(case: Case) -> Iterator[str]:
     uv, visibility = case.keypoints
     expected = case.camera.project(case.keypoints_cam_m)
     off = _apart(uv, expected)
-    if off.size and off.max() > REPROJECTION_PX:
+    if off.size and off.max() > REPROJECTION_ERROR_PX:
         name = list(case.craft.keypoints_body_m)[int(off.argmax())]
         shown = "behind the camera" if np.isinf(off.max()) else f"{off.max():.2f} px off"
         yield f"{name} is {shown} where the pose puts it{_likely_cause(case, uv)}"
@@ -165,7 +171,7 @@ def _likely_cause(case: Case, uv: FloatArray) -> str:
 
 
 def _meets(uv: FloatArray, expected: FloatArray) -> bool:
-    return bool(_apart(uv, expected).max() <= REPROJECTION_PX)
+    return bool(_apart(uv, expected).max() <= REPROJECTION_ERROR_PX)
 
 
 def _visibility(case: Case) -> Iterator[str]:
@@ -180,9 +186,9 @@ def _visibility(case: Case) -> Iterator[str]:
             vertices = case.in_camera(case.mesh.vertices_body_m, after_s=moment_s)
             rays = RayMeeting(vertices[case.mesh.faces])
         before_m = point[2] - rays.depth_m(point / point[2])
-        if visibility[i] == VISIBLE and before_m > SEEN_SHARE * case.size_m:
+        if visibility[i] == VISIBLE and before_m > SEEN_KEYPOINT_DEPTH_SHARE * case.size_m:
             yield f"{names[i]} is labelled seen, and the mesh is {before_m:.3g} m before it"
-        if visibility[i] != VISIBLE and before_m < HIDDEN_SHARE * case.size_m:
+        if visibility[i] != VISIBLE and before_m < HIDDEN_KEYPOINT_DEPTH_SHARE * case.size_m:
             yield f"{names[i]} is labelled hidden, and nothing is before it"
 
 
@@ -204,7 +210,7 @@ def _whole_box(case: Case) -> Iterator[str]:
         return
     expected = np.concatenate([low, high - low])
     given = np.array(case.labels["box_whole_px"])
-    if np.abs(given - expected).max() > REPROJECTION_PX:
+    if np.abs(given - expected).max() > REPROJECTION_ERROR_PX:
         yield f"box_whole_px is {_short(given)}, the projected mesh's is {_short(expected)}"
 
 
@@ -218,7 +224,7 @@ def _mask(case: Case) -> Iterator[str]:
         yield f"mask_area_px is {case.labels['mask_area_px']}, the mask has {area} pixels"
     mesh = np.isfinite(case.mesh_depth_m)
     off = int((mesh != case.mask).sum())
-    if off > OFF_PX + OFF_SHARE * _outline_px(mesh):
+    if off > OUTLINE_DISAGREEMENT_PX + OUTLINE_DISAGREEMENT_SHARE * _outline_px(mesh):
         union = int((mesh | case.mask).sum())
         yield f"the mask is not the mesh's outline: {off} pixels differ, IoU {1 - off / union:.3f}"
     whole = case.camera.project(case.vertices_cam_m)
@@ -257,8 +263,8 @@ def _depth(case: Case) -> Iterator[str]:
     if not both.any():
         return
     difference = np.abs(depth_m - case.mesh_depth_m)[both]
-    wrong = int((difference > DEPTH_M + DEPTH_RELATIVE * case.mesh_depth_m[both]).sum())
-    if wrong > OFF_PX + OFF_SHARE * _outline_px(both):
+    wrong = int((difference > DEPTH_ERROR_M + DEPTH_ERROR_SHARE * case.mesh_depth_m[both]).sum())
+    if wrong > OUTLINE_DISAGREEMENT_PX + OUTLINE_DISAGREEMENT_SHARE * _outline_px(both):
         scale = float(np.median(depth_m[both] / case.mesh_depth_m[both]))
         yield f"depth_m is off the mesh in {wrong} of {both.sum()} pixels (median ratio {scale:.4g})"
 
@@ -270,9 +276,9 @@ def _normals(case: Case) -> Iterator[str]:
         yield f"normal_cam and the mask differ in {int((seen != case.mask).sum())} pixels"
     v, u = np.nonzero(seen)
     rays = case.camera.rays(np.stack([u, v], axis=-1))
-    if np.any(np.abs(np.linalg.norm(normal[seen], axis=-1) - 1) > 1e-5):
+    if np.any(np.abs(np.linalg.norm(normal[seen], axis=-1) - 1) > NORMAL_ERROR):
         yield "normal_cam has normals that are not of length 1"
-    elif np.any(np.sum(normal[seen] * rays, axis=-1) > 1e-5 * np.linalg.norm(rays, axis=-1)):
+    elif np.any(np.sum(normal[seen] * rays, axis=-1) > NORMAL_ERROR * np.linalg.norm(rays, axis=-1)):
         yield "normal_cam has normals that point away from the camera"
 
 
@@ -290,7 +296,7 @@ CHECKS = (
     ),
     Check(
         "keypoints",
-        f"keypoints by pose and camera, {REPROJECTION_PX} px",
+        f"keypoints by pose and camera, {REPROJECTION_ERROR_PX} px",
         _keypoints,
         ("keypoints", "q_cam_from_body", "t_body_cam_m"),
     ),
@@ -303,7 +309,7 @@ CHECKS = (
     Check("box", "visible box is the mask's", _box, ("mask_rle",)),
     Check(
         "whole-box",
-        f"whole box is the projected mesh's, {REPROJECTION_PX} px",
+        f"whole box is the projected mesh's, {REPROJECTION_ERROR_PX} px",
         _whole_box,
         ("box_whole_px", "q_cam_from_body", "t_body_cam_m"),
     ),
@@ -311,7 +317,7 @@ CHECKS = (
     Check("parts", "part ids fill the mask and are counted right", _parts, ("mask_rle",), ("part_id",)),
     Check(
         "depth",
-        f"depth is the mesh's by the pose, {DEPTH_M * 1e3:.0f} mm",
+        f"depth is the mesh's by the pose, {DEPTH_ERROR_M * 1e3:.0f} mm",
         _depth,
         ("mask_rle", "q_cam_from_body", "t_body_cam_m"),
         ("depth_m",),

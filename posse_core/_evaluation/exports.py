@@ -20,7 +20,7 @@ from posse_core._model.labels import NOT_IN_FRAME
 
 Entry = tuple[str, Mapping[str, Any], Mapping[str, AnyArray]]
 
-TOLERANCE = 1e-6
+NUMBER_ERROR = 1e-6
 """Of numbers that an export holds otherwise than the label line: shares of the image, millimetres."""
 
 
@@ -90,7 +90,7 @@ def _same(key: str, ours: Any, theirs: Any) -> bool:
     if key == "keypoints":
         shown = {name: point for name, point in ours.items() if point[2] != NOT_IN_FRAME}
         return shown.keys() == theirs.keys() and all(
-            np.allclose(shown[name], theirs[name], rtol=0, atol=TOLERANCE) for name in shown
+            np.allclose(shown[name], theirs[name], rtol=0, atol=NUMBER_ERROR) for name in shown
         )
     if key == "q_cam_from_body":  # both signs are one rotation
         return _close(ours, theirs) or _close(ours, [-x for x in theirs])
@@ -100,7 +100,7 @@ def _same(key: str, ours: Any, theirs: Any) -> bool:
 
 
 def _close(ours: list[float], theirs: list[float]) -> bool:
-    return len(ours) == len(theirs) and np.allclose(ours, theirs, rtol=TOLERANCE, atol=TOLERANCE)
+    return len(ours) == len(theirs) and np.allclose(ours, theirs, rtol=NUMBER_ERROR, atol=NUMBER_ERROR)
 
 
 def _cause(labels: Mapping[str, Any], key: str, value: Any) -> str:

@@ -25,12 +25,13 @@ from posse_core._formats.rle import decode_rle
 from posse_core._model.camera import Camera
 from posse_core._model.labels import NOT_IN_FRAME, VISIBLE
 
-UNIT = 1e-3
-"""How far from 1 the length of another program's quaternion may be: files with four digits."""
+ROUNDED_NUMBER_ERROR = 1e-3
+"""How far off another program's numbers about 1 may be, since files may hold four digits: the length of
+a quaternion, the elements of a rotation, shares of the image."""
 MASK_SHARE, MASK_PX = 0.9, 4
 """Least share of a mask that must be on its model; where nothing else is in the image, also of the
 model that must be on the mask. So many pixels may be off in any case."""
-DEPTH_MM = 15.0
+DEPTH_ERROR_MM = 15.0
 """BOP's own tolerance of depths (delta in its calc_gt_info)."""
 _IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 
@@ -163,7 +164,7 @@ def _speed(path: Path, value: list[dict[str, Any]]) -> list[Result]:
     for i, entry in enumerate(value):
         q = np.array(entry.get("q_vbs2tango_true", entry.get("q_vbs2tango", [])), dtype=np.float64)
         r_m = np.array(entry["r_Vo2To_vbs_true"], dtype=np.float64)
-        if q.shape != (4,) or not abs(np.linalg.norm(q) - 1) < UNIT:
+        if q.shape != (4,) or not abs(np.linalg.norm(q) - 1) < ROUNDED_NUMBER_ERROR:
             poses.faults.append(Fault(i, f"{entry['filename']}: the quaternion is not of length 1"))
         if r_m.shape != (3,) or not r_m[2] > 0:
             poses.faults.append(Fault(i, f"{entry['filename']}: the target is not before the camera"))
@@ -184,7 +185,7 @@ def _near(camera: Camera, uv: FloatArray) -> bool:
 def _bop(folder: Path) -> list[Result]:
     poses = Result("pose", "rotations are proper, positions finite")
     masks = Result("mask", f"{MASK_SHARE:.0%} of each mask is its model's outline by the pose")
-    depths = Result("depth", f"depth is the model's by the pose, {DEPTH_MM:.0f} mm")
+    depths = Result("depth", f"depth is the model's by the pose, {DEPTH_ERROR_MM:.0f} mm")
     models = {
         int(path.stem.split("_")[1]): trimesh.load_mesh(path, process=False)
         for path in sorted((folder / "models").glob("obj_*.ply"))
@@ -195,7 +196,7 @@ def _bop(folder: Path) -> list[Result]:
         frame = int(id_)
         R, t_mm = np.reshape(entry["cam_R_m2c"], (3, 3)), np.array(entry["cam_t_m2c"])
         poses.checked += 1
-        if not np.allclose(R @ R.T, np.eye(3), atol=UNIT) or np.linalg.det(R) < 0:
+        if not np.allclose(R @ R.T, np.eye(3), atol=ROUNDED_NUMBER_ERROR) or np.linalg.det(R) < 0:
             poses.faults.append(Fault(frame, "cam_R_m2c is no rotation"))
             continue
         path = scene / "mask_visib" / f"{frame:06d}_{number:06d}.png"
@@ -246,7 +247,7 @@ def _depth_faults(depth_mm: FloatArray, model_mm: FloatArray, mask: BoolArray) -
     both = mask & (depth_mm > 0) & np.isfinite(model_mm)
     if both.any():
         off_mm = float(np.median(np.abs(depth_mm - model_mm)[both]))
-        if off_mm > DEPTH_MM:
+        if off_mm > DEPTH_ERROR_MM:
             yield f"depth is {off_mm:.0f} mm from the model in half of the pixels"
 
 
@@ -298,14 +299,14 @@ def _yolo_text(image: Path) -> Path:
 
 def _yolo_box_faults(box: FloatArray) -> Iterator[str]:
     """(4,) centre and size, as shares of the image."""
-    if box[2:].min() <= 0 or np.any(np.abs(box[:2] - 0.5) + box[2:] / 2 > 0.5 + UNIT):
+    if box[2:].min() <= 0 or np.any(np.abs(box[:2] - 0.5) + box[2:] / 2 > 0.5 + ROUNDED_NUMBER_ERROR):
         yield "the box leaves the image, or has no area"
 
 
 def _yolo_point_faults(points: FloatArray) -> Iterator[str]:
     """(K, 2) or (K, 3) places as shares of the image, and visibilities; (0, 0) is no place."""
     labelled = points[:, 2] != NOT_IN_FRAME if points.shape[1] == 3 else points.any(axis=1)
-    if np.any(np.abs(points[labelled, :2] - 0.5) > 0.5 + UNIT):
+    if np.any(np.abs(points[labelled, :2] - 0.5) > 0.5 + ROUNDED_NUMBER_ERROR):
         yield "a labelled keypoint is outside the image"
     if points.shape[1] == 3 and not np.isin(points[:, 2], range(VISIBLE + 1)).all():
         yield "a visibility is none of 0, 1, 2"

@@ -14,9 +14,9 @@ from posse_core._evaluation.result import Fault, Result
 from posse_core._model.trajectory import Trajectory
 from posse_core._trajectory.trajectory import load_trajectory
 
-ANGLE = 1e-9
+ANGLE_ERROR_RAD = 1e-9
 """Of rotations and of the Sun's direction, rad."""
-LENGTH = 1e-9
+LENGTH_ERROR_SHARE = 1e-9
 """Of the position, over the range, and at least so many metres."""
 
 
@@ -47,18 +47,18 @@ def _faults(labels: dict[str, Any], trajectory: Trajectory, i: int) -> Iterator[
     R_eci_from_body = frames.matrix_from_quaternion(trajectory.q_eci_from_body[i])
     if labels.get("q_cam_from_body") is not None:
         R = frames.matrix_from_quaternion(np.array(labels["q_cam_from_body"]))
-        if np.abs(R - R_cam_from_eci @ R_eci_from_body).max() > ANGLE:
+        if np.abs(R - R_cam_from_eci @ R_eci_from_body).max() > ANGLE_ERROR_RAD:
             yield "q_cam_from_body is not by the trajectory's attitudes"
     r_target_m, v_target_m_s = trajectory.r_target_eci_m[i], trajectory.v_target_eci_m_s[i]
     if labels.get("t_body_cam_m") is not None:
         R_eci_from_rtn = frames.R_eci_from_rtn(r_target_m, v_target_m_s)
         t_m = -R_cam_from_eci @ R_eci_from_rtn @ trajectory.r_chaser_rtn_m[i]
         off_m = np.linalg.norm(np.array(labels["t_body_cam_m"]) - t_m)
-        if off_m > LENGTH * max(1.0, float(np.linalg.norm(t_m))):
+        if off_m > LENGTH_ERROR_SHARE * max(1.0, float(np.linalg.norm(t_m))):
             yield f"t_body_cam_m is {off_m:.3g} m from the trajectory's"
     if labels.get("sun_direction_body") is not None:
         sun = frames.unit(R_eci_from_body.T @ (trajectory.r_sun_eci_m[i] - r_target_m))
-        if np.abs(np.array(labels["sun_direction_body"]) - sun).max() > ANGLE:
+        if np.abs(np.array(labels["sun_direction_body"]) - sun).max() > ANGLE_ERROR_RAD:
             yield "sun_direction_body is not by the trajectory's Sun and attitude"
     for key in ("omega_body_rad_s", "omega_camera_rad_s"):
         if labels.get(key) is not None and labels[key] != getattr(trajectory, key)[i].tolist():

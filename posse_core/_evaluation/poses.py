@@ -9,11 +9,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from posse_core._arrays import FloatArray
-from posse_core._frames import matrix_from_quaternion
 
 SpeedVersion = Literal["2019", "2021", "2023"]
-_T_FLOOR = 0.002173  # of SPEED+'s calibration: what the testbed's own truth is worth
-_Q_FLOOR_RAD = np.deg2rad(0.169)
+_POSITION_FLOOR_SHARE = 0.002173  # of the range: the error of the testbed's own truth in SPEED+
+_ATTITUDE_FLOOR_RAD = np.deg2rad(0.169)
 
 
 def pose_errors(
@@ -45,13 +44,6 @@ def _angle(R_a: FloatArray, R_b: FloatArray) -> float:
     return float(np.arctan2(sine, np.trace(R) - 1))
 
 
-def quaternion_pose_errors(
-    q: FloatArray, t_m: FloatArray, q_found: FloatArray, t_found_m: FloatArray
-) -> tuple[float, float]:
-    """:func:`pose_errors` of scalar-first quaternions."""
-    return pose_errors(matrix_from_quaternion(q), t_m, matrix_from_quaternion(q_found), t_found_m)
-
-
 def speed_score(e_t: FloatArray, e_q_rad: FloatArray, version: SpeedVersion) -> float:
     """The score of poses; lower is better.
 
@@ -64,7 +56,7 @@ def speed_score(e_t: FloatArray, e_q_rad: FloatArray, version: SpeedVersion) -> 
         e_q_rad: (N,) error of the attitude.
     """
     e_t, e_q = np.asarray(e_t, np.float64), np.asarray(e_q_rad, np.float64)
-    fine_t, fine_q = e_t < _T_FLOOR, e_q < _Q_FLOOR_RAD
+    fine_t, fine_q = e_t < _POSITION_FLOOR_SHARE, e_q < _ATTITUDE_FLOOR_RAD
     if version == "2021":
         fine_t = fine_q = fine_t & fine_q
     if version != "2019":

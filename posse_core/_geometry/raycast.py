@@ -20,7 +20,7 @@ from posse_core._model.labels import NOT_IN_FRAME, OCCLUDED, VISIBLE, View
 from posse_core._model.scene import CraftState, Scene
 from posse_core._model.shutter import LABEL_STEP_PX, Moment, fastest_px_s, moments
 
-KEYPOINT_TOLERANCE = 0.055 / 16.7
+KEYPOINT_DEPTH_SHARE = 0.055 / 16.7
 """How far behind the surface a keypoint still counts as seen, over the craft's longest side: the
 thesis' 0.055 m (Section 3.4.3) on Aqua's 16.7 m."""
 SILHOUETTE_FIELD = 10.0
@@ -31,7 +31,7 @@ SILHOUETTE_RAYS = 1 << 18
 _CHUNK = 1 << 13
 """Rays cast at once: their arrays stay in the processor's cache."""
 _NO_BOX = PixelBox(0, 0, 0, 0)
-_NEAREST = 0.01
+_LEAST_DEPTH_SHARE = 0.01
 """Depth over the craft's size at which motion is measured where a part reaches behind the camera."""
 _ROW_TRIALS = 8
 """Trials to find the row that sees a point; each errs by the rows that the last one's error moves it."""
@@ -97,8 +97,8 @@ class RayCaster:
         if box.is_empty:
             box = PixelBox(0, 0, self._camera.width_px, self._camera.height_px)
         vertices_z_m = _in_camera(craft, self._vertices_body_m)[2]
-        far_m = max(float(vertices_z_m.max()), _NEAREST * self._tracer.triangles.size_m)
-        near_m = max(float(vertices_z_m.min()), _NEAREST * self._tracer.triangles.size_m)
+        far_m = max(float(vertices_z_m.max()), _LEAST_DEPTH_SHARE * self._tracer.triangles.size_m)
+        near_m = max(float(vertices_z_m.min()), _LEAST_DEPTH_SHARE * self._tracer.triangles.size_m)
         omega, v = craft.rates.relative(craft.R_cam_from_body, craft.t_body_cam_m)
         speed_px_s = fastest_px_s(self._camera, box, v, omega, near_m, far_m)
         return moments(self._camera, speed_px_s, step_px, exposure_s, instants)
@@ -153,7 +153,7 @@ class RayCaster:
         directions = (body_m - (centre_body_m + vantage.camera_m)[:, None]) / depth_m
         _, z_m = vantage.first(directions)
         behind_m = (depth_m - z_m) * np.sqrt(dot(directions, directions))
-        hidden = behind_m > KEYPOINT_TOLERANCE * self._tracer.triangles.size_m
+        hidden = behind_m > KEYPOINT_DEPTH_SHARE * self._tracer.triangles.size_m
         return np.where(hidden, OCCLUDED, VISIBLE)
 
 

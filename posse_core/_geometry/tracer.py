@@ -15,7 +15,7 @@ from embreex.rtcore_scene import EmbreeScene
 from posse_core._arrays import BoolArray, Float32Array, FloatArray, IntArray
 from posse_core._geometry.triangles import Triangles
 
-_LIFT = 1e-6
+_LIFT_SHARE = 1e-6
 """How far shadow rays start above the surface, over the craft's size: thirty times the rounding."""
 
 
@@ -61,7 +61,7 @@ class Tracer:
             normal: (3, N) unit, on the side of the surface that is looked at.
             direction: (3,) to the light.
         """
-        starts_m = point_m + _LIFT * self.triangles.size_m * normal
+        starts_m = point_m + _LIFT_SHARE * self.triangles.size_m * normal
         # Embree's wrapper takes one direction for all rays.
         blocker = self._embree.run(_single(starts_m), _single(direction[:, None]), query="OCCLUDED")
         return np.asarray(blocker >= 0)

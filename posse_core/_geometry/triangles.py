@@ -12,7 +12,7 @@ import numpy as np
 from posse_core._arrays import BoolArray, FloatArray, IntArray
 from posse_core._model.spacecraft import Spacecraft
 
-_INSIDE = 1e-9
+_EDGE_OVERSHOOT_SHARE = 1e-9
 """How far beyond its edge a triangle still counts as hit, over the craft's size: rounding alone."""
 _BLOCK = 1 << 18
 """Rays times triangles that the brute force holds at once."""
@@ -101,7 +101,7 @@ class Triangles:
             inside = t > 0
             for inward, edge_m in zip(self.inward, self.edge_m, strict=True):
                 across_m = dot(np.take(inward, triangle, axis=1), point_m)
-                inside &= across_m >= np.take(edge_m, triangle) - _INSIDE * self.size_m
+                inside &= across_m >= np.take(edge_m, triangle) - _EDGE_OVERSHOOT_SHARE * self.size_m
         return t, inside
 
     def first_hit(self, origin_m: FloatArray, directions: FloatArray) -> tuple[IntArray, FloatArray]:

@@ -12,7 +12,6 @@ import numpy as np
 from posse_core._arrays import FloatArray
 from posse_core._constants import BOLTZMANN_J_K, PLANCK_J_S, SPEED_OF_LIGHT_M_S
 
-BAND_NAMES = ("red", "green", "blue")
 BAND_EDGES_M = ((600e-9, 700e-9), (500e-9, 600e-9), (400e-9, 500e-9))
 BAND_CENTRES_M = tuple((low + high) / 2 for low, high in BAND_EDGES_M)
 SUN_TEMPERATURE_K = 5772.0

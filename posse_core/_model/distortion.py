@@ -11,13 +11,13 @@ from posse_core._arrays import FloatArray
 
 _STEPS = 50
 """Newton's steps at most; a usual lens takes four or five."""
-_FARTHEST = 10.0
+_LARGEST_TANGENT = 10.0
 """No direction beyond is asked for: 84 degrees from the axis."""
-_NOTHING = 1e-12
-"""Coefficients below do nothing."""
-_NEAR = 1e-9
+_NO_COEFFICIENT = 1e-12
+"""Coefficients below this change nothing."""
+_LAST_STEP_ERROR = 1e-9
 """Each step squares the error, so from here the next one is the last."""
-_CLOSE = 1e-12
+_INVERSION_ERROR_SHARE = 1e-12
 """How near a direction's image must come to the point that was asked for."""
 _BLOCK = 1 << 14
 """Points at once: their arrays stay in the processor's cache."""
@@ -62,10 +62,10 @@ class BrownConrady:
         roots = []
         for a, b, c in ((1.0, 1.0, 1.0), (3.0, 5.0, 7.0)):
             polynomial = [c * self.k3, 0.0, b * self.k2, 0.0, a * self.k1, tilt, 1.0]
-            found = np.roots([0.0 if abs(term) < _NOTHING else term for term in polynomial])
+            found = np.roots([0.0 if abs(term) < _NO_COEFFICIENT else term for term in polynomial])
             real = found.real[np.abs(found.imag) < 1e-9 * (1 + np.abs(found))]
             roots += real[real > 0].tolist()
-        return float(min([_FARTHEST, *roots]))
+        return float(min([_LARGEST_TANGENT, *roots]))
 
     @property
     def image_radius(self) -> float:
@@ -120,10 +120,10 @@ class BrownConrady:
             area = np.maximum(xx * yy - xy * xy, 1e-9)
             step_x, step_y = (yy * off_x - xy * off_y) / area, (xx * off_y - xy * off_x) / area
             at_x, at_y = self._held(at_x + step_x, at_y + step_y)
-            if np.abs(off_x).max() < _NEAR and np.abs(off_y).max() < _NEAR:
+            if np.abs(off_x).max() < _LAST_STEP_ERROR and np.abs(off_y).max() < _LAST_STEP_ERROR:
                 break
         got_x, got_y = self.distort(at_x, at_y)
-        found = np.hypot(got_x - x, got_y - y) <= _CLOSE * (1.0 + np.hypot(x, y))
+        found = np.hypot(got_x - x, got_y - y) <= _INVERSION_ERROR_SHARE * (1.0 + np.hypot(x, y))
         return np.where(found, [at_x, at_y], np.nan)
 
     @cached_property

@@ -9,14 +9,6 @@ import numpy as np
 
 from posse_core._arrays import AnyArray, Float32Array, FloatArray, IntArray
 
-KEYPOINT_CATEGORIES = {
-    "T": "main body, top",
-    "B": "main body, bottom",
-    "A": "antenna",
-    "S": "solar panel",
-}
-"""The thesis' categories (Table 3.6): a keypoint is named by its category and a number, as in S3."""
-
 
 @dataclass(frozen=True)
 class Material:

@@ -16,9 +16,9 @@ from posse_core._plugins.options import nearest
 if TYPE_CHECKING:
     from posse_core._dataset.dataset import Dataset
 
-SUNLIT = 0.5
+ECLIPSE_DISC_SHARE = 0.5
 """Share of the Sun's disc below which a frame is in eclipse."""
-DARK_SHARE, DARK = 0.9, 0.05
+DARK_PIXEL_SHARE, DARK_LEVEL_SHARE = 0.9, 0.05
 """A craft is dark when so large a share of its pixels is below so much of the full scale; one of which
 no pixel is seen is dark too."""
 ENOUGH_KEYPOINTS = 3
@@ -35,13 +35,14 @@ class Rule:
 
 
 def _eclipse(dataset: Dataset, labels: dict[str, Any]) -> bool:
-    return bool(min(labels["sun_fraction_target"], labels["sun_fraction_camera"]) < SUNLIT)
+    return bool(min(labels["sun_fraction_target"], labels["sun_fraction_camera"]) < ECLIPSE_DISC_SHARE)
 
 
 def _dark(dataset: Dataset, labels: dict[str, Any]) -> bool:
     image = dataset.image(labels["index"])
     craft = image[decode_rle(labels["mask_rle"])]
-    return craft.size == 0 or bool(np.quantile(craft, DARK_SHARE) < DARK * np.iinfo(image.dtype).max)
+    dark_dn = DARK_LEVEL_SHARE * np.iinfo(image.dtype).max
+    return craft.size == 0 or bool(np.quantile(craft, DARK_PIXEL_SHARE) < dark_dn)
 
 
 def _few_keypoints(dataset: Dataset, labels: dict[str, Any]) -> bool:
@@ -54,7 +55,8 @@ RULES = {
     for rule in (
         Rule(
             "eclipse",
-            f"less than {SUNLIT:.0%} of the Sun's disc is seen by the target or by the camera",
+            f"less than {ECLIPSE_DISC_SHARE:.0%} of the Sun's disc is seen by the target or by the"
+            " camera",
             _eclipse,
             ("sun_fraction_target", "sun_fraction_camera"),
         ),
@@ -66,7 +68,8 @@ RULES = {
         ),
         Rule(
             "dark",
-            f"{DARK_SHARE:.0%} of the craft's pixels are below {DARK:.0%} of the full scale",
+            f"{DARK_PIXEL_SHARE:.0%} of the craft's pixels are below {DARK_LEVEL_SHARE:.0%} of the full"
+            " scale",
             _dark,
             ("mask_rle",),
         ),

@@ -81,12 +81,6 @@ def _place(normal: Float32Array, latitude_rad: Float32Array) -> tuple[Float32Arr
     return x, np.float32(0.5) - latitude_rad * np.float32(1 / np.pi)
 
 
-def make_ground(land_rgb: Float32Array, water: Float32Array) -> Ground:
-    """From (h, w, 3) reflectances and (h, w) shares of water; row 0 is north, column 0 at 180° W."""
-    packed = np.dstack([np.sqrt(np.clip(land_rgb, 0, 1)), np.clip(water, 0, 1)])
-    return Ground(Pyramid(np.rint(255 * packed).astype(np.uint8)))
-
-
 @functools.cache
 def blue_marble() -> Ground:
     """NASA's Blue Marble (Stöckli et al. 2005) and the GSHHS shorelines, as packaged for basemap.

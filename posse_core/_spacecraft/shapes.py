@@ -47,18 +47,6 @@ class Mesh:
         """The mesh with uv · scale + offset; both (2,)."""
         return replace(self, uv=(self.uv * np.asarray(scale) + np.asarray(offset)).astype(np.float32))
 
-    @property
-    def volume_m3(self) -> float:
-        """Signed volume by the divergence theorem; positive for a closed mesh wound outward."""
-        a, b, c = np.moveaxis(self.vertices_m[self.faces], 1, 0)
-        return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
-
-    @property
-    def area_m2(self) -> float:
-        """Sum of the areas of the triangles."""
-        a, b, c = np.moveaxis(self.vertices_m[self.faces], 1, 0)
-        return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2.0)
-
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
     """One mesh of several."""

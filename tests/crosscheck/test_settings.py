@@ -7,7 +7,7 @@ import pytest
 
 from posse_core._errors import InputError
 from posse_core._evaluation.crosscheck.closed_forms import CLOSED_FORMS, ClosedFormCase
-from posse_core._evaluation.crosscheck.settings import CLEARANCE, ScenarioCase
+from posse_core._evaluation.crosscheck.settings import CLEARANCE_RADII, ScenarioCase
 from posse_core._evaluation.crosscheck.silhouette import Geometry
 from posse_core._plugins.loading import load_plugins
 from posse_core._scenario.load import load_scenario
@@ -27,7 +27,7 @@ def test_random_poses_are_in_view_lit_and_everywhere() -> None:
     suns, boresights = [], []
     for frame in setting.frames:
         assert not geometry.box(frame).is_empty
-        assert frame.craft.range_m >= CLEARANCE * radius_m * (1 - 1e-12)
+        assert frame.craft.range_m >= CLEARANCE_RADII * radius_m * (1 - 1e-12)
         assert frame.sun_fraction_target > 0.98
         for R in (frame.craft.R_cam_from_body, frame.R_cam_from_eci):
             np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)

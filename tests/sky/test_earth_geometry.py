@@ -8,7 +8,8 @@ from scipy.optimize import brentq, minimize_scalar
 from posse_core._model.bands import SOLAR_BAND_FRACTIONS
 from posse_core._sky.earth import Earth
 from posse_core._sky.environment import environment_map
-from posse_core._sky.ground import make_ground
+from posse_core._sky.ground import Ground
+from posse_core._sky.pyramid import Pyramid
 
 A_M, B_M = 6378137.0, 6356752.314245
 ALBEDO = (140 / 255) ** 2  # one that the map's 8 bits hold exactly
@@ -17,8 +18,9 @@ ALBEDO = (140 / 255) ** 2  # one that the map's 8 bits hold exactly
 @pytest.fixture(scope="module")
 def grey() -> Earth:
     """Grey land everywhere, no clouds, no air."""
-    ground = make_ground(np.full((64, 128, 3), ALBEDO, np.float32), np.zeros((64, 128), np.float32))
-    return Earth(ground, clouds=None, air=False)
+    land = np.full((64, 128, 3), np.rint(255 * np.sqrt(ALBEDO)), np.uint8)  # the map holds square roots
+    water = np.zeros((64, 128, 1), np.uint8)
+    return Earth(Ground(Pyramid(np.dstack([land, water]))), clouds=None, air=False)
 
 
 def _spin(angle: float) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -11,6 +12,13 @@ from posse_core._frames import R_about
 from posse_core._spacecraft import shapes
 
 length = st.floats(0.05, 5.0)
+
+
+def volume_m3(mesh):
+    """By trimesh."""
+    return trimesh.Trimesh(mesh.vertices_m, mesh.faces, process=False).volume
+
+
 SOLIDS = {
     "box": shapes.box((1.0, 2.0, 3.0)),
     "panel": shapes.panel(4.0, 1.0, 0.03),
@@ -33,9 +41,7 @@ def test_every_solid_is_closed_and_wound_outward(name, solid):
     merged = solid(mesh.vertices_m, mesh.faces)
     assert merged.is_watertight
     assert merged.is_winding_consistent
-    assert mesh.volume_m3 > 0.0
-    assert mesh.volume_m3 == pytest.approx(merged.volume)
-    assert mesh.area_m2 == pytest.approx(merged.area)
+    assert merged.volume > 0.0
 
 
 @pytest.mark.parametrize("name", SOLIDS)
@@ -58,8 +64,10 @@ def test_texture_coordinates_keep_the_orientation_and_are_not_mirrored(name):
 @given(x=length, y=length, z=length)
 def test_a_box_has_its_volume_and_area(x, y, z):
     mesh = shapes.box((x, y, z))
-    assert mesh.volume_m3 == pytest.approx(x * y * z)
-    assert mesh.area_m2 == pytest.approx(2.0 * (x * y + y * z + z * x))
+    assert volume_m3(mesh) == pytest.approx(x * y * z)
+    assert trimesh.Trimesh(mesh.vertices_m, mesh.faces).area == pytest.approx(
+        2.0 * (x * y + y * z + z * x)
+    )
     np.testing.assert_allclose(np.ptp(mesh.vertices_m, axis=0), (x, y, z))
 
 
@@ -67,20 +75,20 @@ def test_a_box_has_its_volume_and_area(x, y, z):
 def test_a_frustum_is_the_regular_pyramid_frustum_inscribed_in_the_cone(bottom, top, height, segments):
     polygon = 0.5 * segments * np.sin(2.0 * np.pi / segments)  # area, of the unit circle's polygon
     exact = polygon * height * (bottom**2 + bottom * top + top**2) / 3.0
-    assert shapes.frustum(bottom, top, height, segments).volume_m3 == pytest.approx(exact)
+    assert volume_m3(shapes.frustum(bottom, top, height, segments)) == pytest.approx(exact)
 
 
 def test_round_solids_converge_to_the_round_ones():
-    assert shapes.cylinder(0.7, 2.0, 4000).volume_m3 == pytest.approx(np.pi * 0.49 * 2.0, rel=1e-5)
+    assert volume_m3(shapes.cylinder(0.7, 2.0, 4000)) == pytest.approx(np.pi * 0.49 * 2.0, rel=1e-5)
     wall = np.pi * (0.5**2 - 0.4**2) * 0.3
-    assert shapes.ring(0.4, 0.5, 0.3, 4000).volume_m3 == pytest.approx(wall, rel=1e-5)
+    assert volume_m3(shapes.ring(0.4, 0.5, 0.3, 4000)) == pytest.approx(wall, rel=1e-5)
     bent = 0.5 * 0.8 * (1.45**2 - 1.42**2) * 0.4
-    assert shapes.curved_panel(1.45, 0.4, 0.8, 0.03, 800).volume_m3 == pytest.approx(bent, rel=1e-5)
+    assert volume_m3(shapes.curved_panel(1.45, 0.4, 0.8, 0.03, 800)) == pytest.approx(bent, rel=1e-5)
 
 
 def test_a_hood_is_a_box_less_its_hollow():
     mesh = shapes.hood((1.0, 2.0, 3.0), 0.1)
-    assert mesh.volume_m3 == pytest.approx(1.0 * 2.0 * 3.0 - 0.8 * 1.8 * 2.9)
+    assert volume_m3(mesh) == pytest.approx(1.0 * 2.0 * 3.0 - 0.8 * 1.8 * 2.9)
 
 
 @given(corner=st.tuples(*[st.floats(-1.0, 1.0)] * 3), radius=st.floats(0.01, 0.05))
@@ -90,7 +98,7 @@ def test_a_bent_rod_has_the_volume_of_its_legs(corner, radius):
     legs = np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
     segments = 12
     area = 0.5 * segments * np.sin(2.0 * np.pi / segments) * radius**2
-    assert shapes.tube(path, radius, segments).volume_m3 == pytest.approx(area * legs, rel=1e-9)
+    assert volume_m3(shapes.tube(path, radius, segments)) == pytest.approx(area * legs, rel=1e-9)
 
 
 @given(focal=st.floats(0.4, 3.0), offset=st.floats(0.0, 1.5))
@@ -109,6 +117,6 @@ def test_a_dish_sends_rays_along_its_axis_to_the_focus(focal, offset):
 def test_a_moved_mesh_keeps_its_volume_and_turns_its_normals():
     R = R_about((1.0, 2.0, 3.0), 0.7)
     moved = SOLIDS["box"].at((1.0, -2.0, 0.5), R)
-    assert moved.volume_m3 == pytest.approx(6.0)
+    assert volume_m3(moved) == pytest.approx(6.0)
     np.testing.assert_allclose(moved.normals, SOLIDS["box"].normals @ R.T, atol=1e-6)
     np.testing.assert_allclose(moved.vertices_m.mean(axis=0), (1.0, -2.0, 0.5), atol=1e-12)

@@ -28,9 +28,9 @@ from posse_core._trajectory.trajectory import frame_state
 Poses = Literal["random", "trajectory"]
 FIELD_SHARE = 0.5
 """The middle of the image, as a share of width and height, that random places are drawn from."""
-CLEARANCE = 1.1
+CLEARANCE_RADII = 1.1
 """Least range of a random pose over the craft's radius: else a part might be behind the camera."""
-LIT = 0.99
+SUNLIT_DISC_SHARE = 0.99
 """Share of the Sun's disc from which on a time may serve a random pose."""
 
 
@@ -112,11 +112,11 @@ def _random_frames(case: ScenarioCase, scene: Scene, trajectory: Trajectory) -> 
     Attitudes of craft and camera are drawn evenly from all rotations, the latter so that Sun and
     Earth stand anywhere about the craft; the craft's origin lies in the middle of the image.
     """
-    lit = np.flatnonzero(trajectory.sun_fraction_target >= LIT)
+    lit = np.flatnonzero(trajectory.sun_fraction_target >= SUNLIT_DISC_SHARE)
     if not len(lit):
         raise InputError(f"{case.name}: its target is never in full sunlight; take --poses trajectory")
     ranges_m = np.linalg.norm(trajectory.r_chaser_rtn_m, axis=-1)
-    low_m = max(float(ranges_m.min()), CLEARANCE * scene.spacecraft.radius_m)
+    low_m = max(float(ranges_m.min()), CLEARANCE_RADII * scene.spacecraft.radius_m)
     high_m = max(float(ranges_m.max()), low_m)
     frames = []
     for i in range(case.count):

@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -179,17 +180,23 @@ def _directions(random: np.random.Generator, count: int) -> np.ndarray:
     return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
+def start_dataset(folder: Path, crafts: Iterable[Spacecraft]) -> None:
+    """The folders of a dataset, its camera and its spacecraft: what a run writes before its frames."""
+    for name in ("images", "truth", "labels", "spacecraft"):
+        (folder / name).mkdir(parents=True)
+    write_camera(CAMERA, folder / "camera.json")
+    for craft in crafts:
+        write_spacecraft(craft, folder / "spacecraft")
+
+
 def write_dataset(folder: Path, crafts: tuple[tuple[str, np.ndarray], ...] = (("brick", HALF),)) -> Path:
     """Six frames of each craft: five in the image (the third cut by its border), the last out of it."""
     random = np.random.default_rng(7)
     places = [(0, 0, 8), (0.7, -0.4, 10), (4.5, 0, 9), (-1, 1, 12), (0.2, 0.2, 30), (20, 0, 10)]
-    for name in ("images", "truth", "labels", "spacecraft"):
-        (folder / name).mkdir(parents=True)
-    write_camera(CAMERA, folder / "camera.json")
+    start_dataset(folder, [cuboid(name, half) for name, half in crafts])
     lines, index = [], 0
     for name, half in crafts:
         craft = cuboid(name, half)
-        write_spacecraft(craft, folder / "spacecraft")
         for place in places:
             R = Rotation.random(random_state=random).as_matrix()
             t = np.array(place, dtype=float)

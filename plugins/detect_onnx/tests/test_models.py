@@ -7,13 +7,11 @@ import cv2
 import numpy as np
 import onnx
 import pytest
-from click.testing import CliRunner
+from command import run_posse
 from onnx import TensorProto, helper, numpy_helper
 from scipy.spatial.transform import Rotation
 
 from posse_core import Camera, Dataset, Detection, InputError, ModelCard, Square
-from posse_core._cli.detect import command
-from posse_core._cli.eval import command as eval_command
 from posse_core._dataset.dataset import write_camera
 from posse_core._detection.models import open_detector, open_keypoint_finder, open_models
 from posse_core._plugins.loading import load_plugins
@@ -162,16 +160,16 @@ def test_from_image_to_pose_by_the_command(tmp_path):
 
     names = {"--model": "m.onnx", "--keypoints": "k.onnx", "--camera": "camera.json"}
     options = [text for name, file in names.items() for text in (name, str(tmp_path / file))]
-    done = CliRunner().invoke(command, [str(tmp_path / "image.png"), *options, "--json"])
-    assert done.exit_code == 0, done.output
-    (found,) = json.loads(done.stdout)[0]["detections"]
+    code, out, error = run_posse("detect", tmp_path / "image.png", *options, "--json")
+    assert code == 0, error
+    (found,) = json.loads(out)[0]["detections"]
     assert found["label"] == "plate"
     np.testing.assert_allclose(found["pose"]["t_body_cam_m"], t, atol=1e-3)
     q = found["pose"]["q_cam_from_body"]
     turn = Rotation.from_quat([*q[1:], q[0]]) * attitude.inv()
     assert turn.magnitude() < 1e-3
     assert np.linalg.eigvalsh(found["pose"]["covariance"]).min() > 0
-    words = CliRunner().invoke(command, [str(tmp_path / "image.png"), *options]).stdout
+    _, words, _ = run_posse("detect", tmp_path / "image.png", *options)
     assert f"{np.linalg.norm(t):.2f} m away" in words
 
 
@@ -185,17 +183,17 @@ def test_a_page_of_an_evaluation_by_the_command(tmp_path):
         "labels": np.array([[0]], np.int64),
     }
     write_model(tmp_path / "m.onnx", "boxes", outputs)
-    arguments = [str(dataset.folder), "--model", str(tmp_path / "m.onnx"), "--part", "all", "--out"]
-    done = CliRunner().invoke(eval_command, [*arguments, str(tmp_path / "page.html")])
-    assert done.exit_code == 0, done.output
+    arguments = ("eval", dataset.folder, "--model", tmp_path / "m.onnx", "--part", "all", "--out")
+    code, out, error = run_posse(*arguments, tmp_path / "page.html")
+    assert code == 0, error
     page = (tmp_path / "page.html").read_text()
     assert "m.onnx on d, part all" in page
     assert f"SHA-256: {dataset.sha256}" in page
-    (found,) = [line.split() for line in done.stdout.splitlines() if line.startswith("all")]
+    (found,) = [line.split() for line in out.splitlines() if line.startswith("all")]
     assert found[1] == "6"
     assert (
         page.count("<figure>") == 6
     )  # five frames that show the craft, and the false alarm in the other
-    done = CliRunner().invoke(eval_command, [*arguments, str(tmp_path / "none" / "page.html")])
-    assert isinstance(done.exception, InputError)
-    assert "its folder does not exist" in str(done.exception)
+    code, _, error = run_posse(*arguments, tmp_path / "none" / "page.html")
+    assert code == 2
+    assert "its folder does not exist" in error

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import command
 import cuboid
 import cv2
 import numpy as np
@@ -12,8 +13,6 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from posse_core import Dataset
-from posse_core._dataset.dataset import write_camera, write_spacecraft
-from posse_core._selection.partition import write_partition
 
 HALVES = cuboid.HALF, np.array([1.4, 1.4, 0.1])
 
@@ -29,12 +28,8 @@ def write_dataset(
     """Frames of two crafts in turn, each face of another grey, before a dim sky."""
     random = np.random.default_rng(seed)
     halves = dict(zip(names, HALVES, strict=True))
-    for name in ("images", "labels", "spacecraft"):
-        (folder / name).mkdir(parents=True)
-    write_camera(cuboid.CAMERA, folder / "camera.json")
     crafts = {name: cuboid.cuboid(name, half) for name, half in halves.items()}
-    for craft in crafts.values():
-        write_spacecraft(craft, folder / "spacecraft")
+    cuboid.start_dataset(folder, crafts.values())
     lines = []
     for index in range(frames):
         name = names[index % 2]
@@ -50,7 +45,8 @@ def write_dataset(
         lines.append(labels)
     (folder / "trajectory.npz").write_bytes(b"")
     cuboid.write_lines(folder, lines)
-    write_partition(Dataset(folder), (80, 10, 10), 0, "frame")
+    code, _, error = command.run_posse("partition", folder)
+    assert code == 0, error
     return folder
 
 
@@ -65,19 +61,6 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 
 
 @pytest.fixture(scope="session")
-def posse(tmp_path_factory: pytest.TempPathFactory):
+def posse():
     """Run a command in this process: posse("eval", ...) → exit code, output, errors."""
-    from click.testing import CliRunner
-
-    from posse_core import PosseError
-    from posse_core._cli.main import posse as group
-
-    def call(*arguments: object) -> tuple[int, str, str]:
-        done = CliRunner().invoke(group, [str(a) for a in arguments])
-        if isinstance(done.exception, PosseError):
-            return done.exception.exit_code, done.stdout, str(done.exception)
-        if done.exception is not None and not isinstance(done.exception, SystemExit):
-            raise done.exception
-        return done.exit_code, done.stdout, done.stderr
-
-    return call
+    return command.run_posse

@@ -6,8 +6,7 @@ import torch
 import torch.nn.functional as F
 from safetensors.torch import save_file
 
-from posse_core import Dataset, InputError, ModelCard
-from posse_core._selection.partition import write_partition
+from posse_core import InputError, ModelCard
 from posse_detect_torch.imagenet import load_imagenet
 from posse_detect_torch.sdn import Backbone
 
@@ -128,7 +127,7 @@ def test_other_files_are_refused_in_one_line(tmp_path):
 def test_training_starts_there_and_the_model_tells_so(posse, make_dataset, tmp_path):
     save_file(checkpoint(18), tmp_path / "r18.safetensors")
     data = make_dataset(tmp_path / "d", 4)
-    write_partition(Dataset(data), (1, 0, 0), 0, "frame")
+    assert posse("partition", data, "--split", "1/0/0")[0] == 0
     arguments = ("train", data, "--detector", "sdn", "--out", tmp_path / "o")
     small = ("-o", "input_px=64", "-o", "epochs=1", "-o", "batch=8", "-o", "learning_rate=1e-12")
     weights = ("-o", f"backbone_weights={tmp_path / 'r18.safetensors'}")

@@ -14,9 +14,7 @@ import onnx
 import pytest
 import torch
 
-from posse_core import Dataset, ModelCard, NoOptions
-from posse_core._formats.coco import CocoWriter
-from posse_core._selection.partition import write_partition
+from posse_core import Dataset, ModelCard
 from posse_detect_torch.checkpoint import write_model
 from posse_detect_torch.learn import CURVES, LAST, MODEL, learn
 from posse_detect_torch.nano_detector import NanoLesson
@@ -161,12 +159,16 @@ def test_onnx_finds_what_torch_finds_without_torch(posse, dataset, trained, expo
             assert x["score"] == pytest.approx(y["score"], abs=2e-4)
             np.testing.assert_allclose(x["box_px"], y["box_px"], atol=0.1)
     code = (
-        "import sys; from posse_core._cli.main import _run;"
-        f" assert _run(['detect', {frames[0]!r}, '--model', {str(exported)!r}]) == 0;"
-        " print('torch' in sys.modules)"
+        "import sys\n"
+        "from importlib.metadata import entry_points\n"
+        "(posse,) = entry_points(group='console_scripts', name='posse')\n"
+        "try:\n"
+        f"    posse.load()(['detect', {frames[0]!r}, '--model', {str(exported)!r}])\n"
+        "except SystemExit as ended:\n"
+        "    print(ended.code, 'torch' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
-    assert done.stdout.splitlines()[-1] == "False", done.stdout + done.stderr
+    assert done.stdout.splitlines()[-1] == "0 False", done.stdout + done.stderr
 
 
 @pytest.mark.slow
@@ -283,11 +285,11 @@ def test_bad_input_is_told_in_one_line(posse, dataset, trained, exported, tmp_pa
 def test_parts_may_be_empty_but_not_the_train_part(make_dataset, posse, tmp_path):
     folder = make_dataset(tmp_path / "d", 10)
     arguments = ("train", folder, "--detector", "nano", "-o", "input_px=64", "-o", "epochs=1", "--out")
-    write_partition(Dataset(folder), (0, 1, 1), 0, "frame")
+    assert posse("partition", folder, "--split", "0/1/1")[0] == 0
     code, _, error = posse(*arguments, tmp_path / "a")
     assert code == 2
     assert "no spacecraft to learn from" in error
-    write_partition(Dataset(folder), (1, 0, 0), 0, "frame")
+    assert posse("partition", folder, "--split", "1/0/0")[0] == 0
     code, _, error = posse(*arguments, tmp_path / "b")
     assert code == 0, error
 
@@ -296,7 +298,7 @@ def test_coco_is_learned_from_and_measured_on(make_dataset, posse, tmp_path):
     folder = make_dataset(tmp_path / "d", 10)
     coco = tmp_path / "coco"
     shutil.copytree(folder / "images", coco / "images")
-    CocoWriter(NoOptions()).write(Dataset(folder), coco)
+    assert posse("export", folder, "--format", "coco", "--out", coco)[0] == 0
     (coco / "coco.json").rename(coco / "train.json")
     arguments = ("train", coco, "-o", "input_px=64", "-o", "epochs=1", "--out")
     code, out, error = posse(*arguments, tmp_path / "o", "--detector", "nano")

@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
-from posse_core import ComponentError, InputError, Material, PixelBox, RenderRequest, Scene, WorkerLost
-from posse_core._plugins.loading import load_plugins
+from posse_core import ComponentError, Material, PixelBox, RenderRequest, Scene, WorkerLost
 from posse_core.testing import scenes
 from posse_render_blender import child
 from posse_render_blender.interpreter import find_interpreter
@@ -131,9 +131,8 @@ def test_the_order_in_which_an_interpreter_is_sought(tmp_path: Path) -> None:
 
 
 def test_python_and_executable_exclude_each_other() -> None:
-    registry = load_plugins().registry
-    with pytest.raises(InputError, match="give python or executable, not both"):
-        registry.options("renderer", "blender", {"python": "a", "executable": "b"})
+    with pytest.raises(ValidationError, match="give python or executable, not both"):
+        BlenderOptions.model_validate({"python": "a", "executable": "b"})
 
 
 def test_a_gpu_that_is_absent(blender: None) -> None:

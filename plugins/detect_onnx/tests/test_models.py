@@ -12,10 +12,11 @@ from onnx import TensorProto, helper, numpy_helper
 from scipy.spatial.transform import Rotation
 
 from posse_core import Camera, Dataset, Detection, InputError, ModelCard, Square
-from posse_core._dataset.dataset import write_camera
-from posse_core._detection.models import open_detector, open_keypoint_finder, open_models
+from posse_core._detection.models import open_models
 from posse_core._plugins.loading import load_plugins
 from posse_core._plugins.registry import Registry
+from posse_detect_onnx.models import OnnxDetector, OnnxKeypoints
+from posse_detect_onnx.options import OnnxOptions
 
 CORNERS = {"A1": [0.0, 0, 0], "A2": [1.0, 0, 0]}
 
@@ -63,7 +64,8 @@ def boxes_model(path):
 
 
 def test_boxes_come_back_in_the_image_best_first(tmp_path):
-    detector = open_detector(boxes_model(tmp_path / "m.onnx"), load_plugins().registry, {})
+    detector = OnnxDetector(OnnxOptions())
+    detector.load(boxes_model(tmp_path / "m.onnx"))
     assert tuple(detector.classes) == ("brick", "plate")
     (found,) = detector.predict([np.zeros((96, 128), np.uint8)])  # padded by 16 rows, halved
     assert [(d.label, pytest.approx(d.score)) for d in found] == [("brick", 0.8), ("plate", 0.5)]
@@ -76,7 +78,8 @@ def test_keypoints_are_those_of_the_class_in_the_image(tmp_path):
     path = write_model(
         tmp_path / "k.onnx", "keypoints", {"points": points, "sigma": np.array([[1, 2, 3]], np.float32)}
     )
-    finder = open_keypoint_finder(path, load_plugins().registry, {})
+    finder = OnnxKeypoints(OnnxOptions())
+    finder.load(path)
     np.testing.assert_allclose(finder.keypoints_body_m["plate"], list(CORNERS.values()))
     image = np.zeros((300, 300), np.uint8)
     box = Detection("plate", 1.0, np.array([50.0, 60, 100, 40]))  # its square: 130 px about (100, 80)
@@ -91,7 +94,7 @@ def test_keypoints_are_those_of_the_class_in_the_image(tmp_path):
 
 def test_a_model_for_another_task_is_refused(tmp_path):
     with pytest.raises(InputError, match="finds boxes, where a model that finds keypoints"):
-        open_keypoint_finder(boxes_model(tmp_path / "m.onnx"), load_plugins().registry, {})
+        OnnxKeypoints(OnnxOptions()).load(boxes_model(tmp_path / "m.onnx"))
 
 
 def broken_by(path, change):
@@ -121,7 +124,7 @@ def test_a_file_that_cannot_be_run_is_told_with_the_reason_alone(write, reason, 
     path = tmp_path / "m.onnx"
     write(path)
     with pytest.raises(InputError, match=rf"m\.onnx: not an ONNX [a-z ]*: {reason}") as told:
-        open_detector(path, load_plugins().registry, {})
+        OnnxDetector(OnnxOptions()).load(path)
     assert "\n" not in str(told.value)
 
 
@@ -155,7 +158,8 @@ def test_from_image_to_pose_by_the_command(tmp_path):
     outputs = {"points": told.astype(np.float32), "sigma": np.ones((1, 9), np.float32)}
     plate = {f"P{i}": x.tolist() for i, x in enumerate(points)}
     write_model(tmp_path / "k.onnx", "keypoints", outputs, plate)
-    write_camera(camera, tmp_path / "camera.json")
+    intrinsics = {"Nu": 300, "Nv": 300, "ppx": 5e-6, "cameraMatrix": camera.matrix.tolist()}
+    (tmp_path / "camera.json").write_text(json.dumps(intrinsics))
     cv2.imwrite(str(tmp_path / "image.png"), np.zeros((300, 300), np.uint8))
 
     names = {"--model": "m.onnx", "--keypoints": "k.onnx", "--camera": "camera.json"}

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import cv2
 import numpy as np
+from markupsafe import Markup
 
 from posse_core._dataset.dataset import Dataset
 from posse_core._detection.draw import draw
@@ -15,7 +15,18 @@ from posse_core._detection.evaluate import Judged, PoseErrors
 from posse_core._detection.groups import Group, columns
 from posse_core._detection.square import to_grey
 from posse_core._evaluation.metrics import precision_by_recall
-from posse_core._evaluation.pages import Axis, Series, jpeg, number, page, plot, strip, table
+from posse_core._evaluation.pages import (
+    Axis,
+    Series,
+    heading,
+    jpeg,
+    number,
+    page,
+    paragraph,
+    plot,
+    strip,
+    table,
+)
 
 _WORST = 12
 _THUMBNAIL_PX = 320
@@ -32,17 +43,17 @@ def make_page(
         groups: of ``judged``, all frames first.
     """
     of_boxes, of_poses = columns(groups)
-    body = ["<h2>Boxes</h2>", _table(groups, of_boxes)]
+    body = [heading("Boxes"), _table(groups, of_boxes)]
     if of_poses:
-        body += ["<h2>Poses</h2>", _table(groups, of_poses)]
-    body += ["<h2>Precision by recall</h2>", *_precision(dataset, judged)]
+        body += [heading("Poses"), _table(groups, of_poses)]
+    body += [heading("Precision by recall"), *_precision(dataset, judged)]
     if "range_m" in judged[0].labels:
-        body += ["<h2>By range</h2>", *_by_range(judged)]
-    body += ["<h2>Worst frames</h2>", *_worst(dataset, judged)]
+        body += [heading("By range"), *_by_range(judged)]
+    body += [heading("Worst frames"), *_worst(dataset, judged)]
     return page(title, summary, body)
 
 
-def _table(groups: Sequence[Group], names: Sequence[str]) -> str:
+def _table(groups: Sequence[Group], names: Sequence[str]) -> Markup:
     rows = [
         [group.name, str(group.frames), *(number(group.metrics.get(name)) for name in names)]
         for group in groups
@@ -50,7 +61,7 @@ def _table(groups: Sequence[Group], names: Sequence[str]) -> str:
     return table(("", "frames", *names), rows)
 
 
-def _precision(dataset: Dataset, judged: Sequence[Judged]) -> Iterator[str]:
+def _precision(dataset: Dataset, judged: Sequence[Judged]) -> Iterator[Markup]:
     truths, detections = [j.truths for j in judged], [j.detections for j in judged]
     curves = precision_by_recall(truths, detections, sorted(dataset.spacecraft_by_name))
     recall = np.linspace(0, 1, 101).tolist()
@@ -62,7 +73,7 @@ def _precision(dataset: Dataset, judged: Sequence[Judged]) -> Iterator[str]:
         yield plot(name, Axis("recall", 0, 1), Axis("precision", 0, 1), series)
 
 
-def _by_range(judged: Sequence[Judged]) -> Iterator[str]:
+def _by_range(judged: Sequence[Judged]) -> Iterator[Markup]:
     ranges = Axis.over("range, m", [j.labels["range_m"] for j in judged])
     shown = [j for j in judged if j.truths]
     found = _by_class(shown, lambda j: j.overlaps[0])
@@ -94,9 +105,8 @@ def _by_class(judged: Sequence[Judged], value: Callable[[Judged], float]) -> lis
     ]
 
 
-def _worst(dataset: Dataset, judged: Sequence[Judged]) -> Iterator[str]:
-    legend = "White: the label. Colour: what was found. Pictures are to the power 1/2."
-    yield f"<p>{html.escape(legend)}</p>"
+def _worst(dataset: Dataset, judged: Sequence[Judged]) -> Iterator[Markup]:
+    yield paragraph("White: the label. Colour: what was found. Pictures are to the power 1/2.")
     shown = sorted((j for j in judged if j.truths), key=lambda j: min(j.overlaps))
     yield _strip(dataset, "least overlap", shown[:_WORST], lambda j: f"IoU {min(j.overlaps):.2f}")
     empty = [j for j in judged if not j.truths and j.detections]
@@ -117,10 +127,10 @@ def _worst(dataset: Dataset, judged: Sequence[Judged]) -> Iterator[str]:
 
 
 def _strip(
-    dataset: Dataset, heading: str, judged: Sequence[Judged], words: Callable[[Judged], str]
-) -> str:
+    dataset: Dataset, title: str, judged: Sequence[Judged], words: Callable[[Judged], str]
+) -> Markup:
     captions = [f"frame {j.labels['index']}, {words(j)}" for j in judged]
-    return strip(heading, captions, [_thumbnail(dataset, j) for j in judged])
+    return strip(title, captions, [_thumbnail(dataset, j) for j in judged])
 
 
 def _thumbnail(dataset: Dataset, judged: Judged) -> bytes:

@@ -1,30 +1,42 @@
-"""What pages of results share: one HTML file that needs nothing else, its tables, pictures and plots."""
+"""What pages of results share: one HTML file that needs nothing else, its tables, pictures and plots.
+
+The HTML stands in ``page.html`` and ``parts.html``; text is escaped where it is put in.
+"""
 
 from __future__ import annotations
 
 import base64
-import html
 import math
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
-from importlib import resources
-from string import Template
+from functools import cache
+from typing import Any
 
 import cv2
+import jinja2
+from markupsafe import Markup
 
 from posse_core._arrays import AnyArray
 from posse_core._errors import ComponentError
 
 COLOURS = ("#1667b5", "#d1495b", "#2e933c", "#8f5ab8", "#c77d0a", "#5c6b73")
-_WIDTH, _HEIGHT, _LEFT, _RIGHT, _TOP, _BOTTOM = 460, 310, 58, 14, 44, 38
 
 
-def page(title: str, summary: str, body: Iterable[str]) -> str:
+@dataclass(frozen=True)
+class _Area:
+    """A plot's size and the borders of what is between its axes, px; y is downward."""
+
+    width: int = 460
+    height: int = 310
+    left: int = 58
+    right: int = 446
+    top: int = 44
+    bottom: int = 272
+
+
+def page(title: str, summary: str, body: Iterable[Markup]) -> str:
     """The whole page; ``body`` is HTML, the rest plain text."""
-    template = Template((resources.files(__package__) / "page.html").read_text("utf-8"))
-    return template.substitute(
-        title=html.escape(title), summary=html.escape(summary), body="\n".join(body)
-    )
+    return _templates().get_template("page.html").render(title=title, summary=summary, body=body)
 
 
 def number(value: float | None) -> str:
@@ -32,26 +44,43 @@ def number(value: float | None) -> str:
     return "–" if value is None else f"{value:.4g}"
 
 
-def table(header: Sequence[str], rows: Sequence[Sequence[str]], broken: Collection[int] = ()) -> str:
+def heading(text: str) -> Markup:
+    """The heading of a section, from plain text."""
+    return Markup("<h2>{}</h2>").format(text)
+
+
+def paragraph(text: str, *, broken: bool = False) -> Markup:
+    """A paragraph of plain text; one that says what is ``broken`` stands out."""
+    return Markup('<p class="broken">{}</p>' if broken else "<p>{}</p>").format(text)
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[str]], broken: Collection[int] = ()) -> Markup:
     """A table; the rows whose places are ``broken`` stand out."""
-
-    def row(cells: Sequence[str], tag: str, mark: str = "") -> str:
-        inside = "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells)
-        return f"<tr{mark}>{inside}</tr>"
-
-    marks = (' class="broken"' if place in broken else "" for place in range(len(rows)))
-    lines = (row(cells, "td", mark) for cells, mark in zip(rows, marks, strict=True))
-    return f"<table>{row(header, 'th')}{''.join(lines)}</table>"
+    return _part("table", header=header, rows=rows, broken=broken)
 
 
-def strip(heading: str, captions: Sequence[str], jpegs: Sequence[bytes]) -> str:
+def strip(title: str, captions: Sequence[str], jpegs: Sequence[bytes]) -> Markup:
     """Pictures side by side, each over its caption."""
-    figures = [
-        f'<figure><img alt="{html.escape(caption)}" src="data:image/jpeg;base64,'
-        f'{base64.b64encode(jpeg).decode()}"><figcaption>{html.escape(caption)}</figcaption></figure>'
-        for caption, jpeg in zip(captions, jpegs, strict=True)
-    ]
-    return f'<p>{html.escape(heading)}</p><div class="strip">{"".join(figures)}</div>'
+    coded = (base64.b64encode(jpeg).decode() for jpeg in jpegs)
+    return _part("strip", title=title, pictures=zip(captions, coded, strict=True))
+
+
+@cache
+def _templates() -> jinja2.Environment:
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("posse_core._evaluation", ""),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+    )
+    environment.filters |= {"number": number, "px": "{:.1f}".format}
+    return environment
+
+
+def _part(name: str, **values: Any) -> Markup:
+    """The macro ``name`` of ``parts.html``."""
+    made: Markup = getattr(_templates().get_template("parts.html").module, name)(**values)
+    return made
 
 
 def jpeg(image_bgr: AnyArray) -> bytes:
@@ -112,37 +141,26 @@ class Axis:
         return [step * count for count in range(first, last + 1)]
 
 
-def plot(title: str, x: Axis, y: Axis, series: Sequence[Series]) -> str:
+def plot(title: str, x: Axis, y: Axis, series: Sequence[Series]) -> Markup:
     """An SVG of several series over the same axes, each in its own colour, with a legend."""
-    wide, tall = _WIDTH - _LEFT - _RIGHT, _HEIGHT - _TOP - _BOTTOM
+    area = _Area()
 
-    def at(px: float, py: float) -> tuple[float, float]:
-        return _LEFT + wide * x.share(px), _TOP + tall * (1 - y.share(py))
+    def across(value: float) -> float:
+        return area.left + (area.right - area.left) * x.share(value)
 
-    out = [
-        f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" width="{_WIDTH}" role="img">'
-        f'<text x="{_LEFT}" y="14" font-weight="600">{html.escape(title)}</text>'
-        f'<text x="{_WIDTH - _RIGHT}" y="{_HEIGHT - 4}" text-anchor="end">{html.escape(x.name)}</text>'
-        f'<text x="{_LEFT}" y="{_TOP - 12}">{html.escape(y.name)}</text>'
-    ]
-    legend = []
-    for value in x.ticks():
-        u, _ = at(value, y.low)
-        out.append(f'<path class="grid" d="M{u:.1f} {_TOP}V{_TOP + tall}"/>')
-        out.append(f'<text x="{u:.1f}" y="{_TOP + tall + 15}" text-anchor="middle">{value:.4g}</text>')
-    for value in y.ticks():
-        _, v = at(x.low, value)
-        out.append(f'<path class="grid" d="M{_LEFT} {v:.1f}H{_LEFT + wide}"/>')
-        out.append(f'<text x="{_LEFT - 6}" y="{v + 4:.1f}" text-anchor="end">{value:.4g}</text>')
-    for place, one in enumerate(series):
-        colour = COLOURS[place % len(COLOURS)]
-        places = [at(*point) for point in one.points]
-        if one.line:
-            path = " ".join(f"{u:.1f},{v:.1f}" for u, v in places)
-            out.append(f'<polyline points="{path}" fill="none" stroke="{colour}" stroke-width="2"/>')
-        else:
-            dots = "".join(f'<circle cx="{u:.1f}" cy="{v:.1f}" r="2.5"/>' for u, v in places)
-            out.append(f'<g fill="{colour}" fill-opacity=".6">{dots}</g>')
-        legend.append(f'<tspan fill="{colour}" dx="10">{html.escape(one.name)}</tspan>')
-    place_of_legend = f'x="{_WIDTH - _RIGHT}" y="{_TOP - 12}" text-anchor="end"'
-    return "".join(out) + f"<text {place_of_legend}>{''.join(legend)}</text></svg>"
+    def down(value: float) -> float:
+        return area.bottom + (area.top - area.bottom) * y.share(value)
+
+    return _part(
+        "plot",
+        title=title,
+        x=x,
+        y=y,
+        area=area,
+        columns=[(across(value), value) for value in x.ticks()],
+        rows=[(down(value), value) for value in y.ticks()],
+        drawn=[
+            (one, COLOURS[place % len(COLOURS)], [(across(u), down(v)) for u, v in one.points])
+            for place, one in enumerate(series)
+        ],
+    )

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import html
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
+from markupsafe import Markup
 
 from posse_core._evaluation.crosscheck.checks import Verdict
 from posse_core._evaluation.crosscheck.compare import Comparison, FrameMeasures
-from posse_core._evaluation.pages import number, page, strip, table
+from posse_core._evaluation.pages import heading, number, page, paragraph, strip, table
 
 RENDERER_COLUMNS = {
     "frames": "frames",
@@ -45,7 +45,7 @@ def make_page(comparisons: Sequence[Comparison], verdicts: Sequence[Verdict]) ->
     """HTML of all cases: verdicts, tables, and a strip of pictures a frame."""
     broken = [verdict for verdict in verdicts if not verdict.passed]
     summary = f"{len(verdicts) - len(broken)} of {len(verdicts)} thresholds hold."
-    body = [_verdicts(verdicts), *(_case(comparison) for comparison in comparisons)]
+    body = [_verdicts(verdicts), *(part for comparison in comparisons for part in _case(comparison))]
     title = "Crosscheck of " + ", ".join(comparison.name for comparison in comparisons)
     return page(title, summary, body)
 
@@ -60,7 +60,7 @@ def columns_in_use(
     }
 
 
-def _verdicts(verdicts: Sequence[Verdict]) -> str:
+def _verdicts(verdicts: Sequence[Verdict]) -> Markup:
     rows = [
         (v.case, v.who, v.what, number(v.value), number(v.limit), "holds" if v.passed else "broken")
         for v in verdicts
@@ -69,30 +69,29 @@ def _verdicts(verdicts: Sequence[Verdict]) -> str:
     return table(("case", "who", "what", "value", "limit", ""), rows, broken)
 
 
-def _case(comparison: Comparison) -> str:
-    out = [f"<h2>{html.escape(comparison.name)}</h2>"]
+def _case(comparison: Comparison) -> Iterator[Markup]:
+    yield heading(comparison.name)
     for name, cause in comparison.failures.items():
-        out.append(f'<p class="broken">{html.escape(f"{name} failed: {cause}")}</p>')
+        yield paragraph(f"{name} failed: {cause}", broken=True)
     for name, said in comparison.versions.items():
         words = ", ".join(f"{key} {value}" for key, value in said.items())
-        out.append(f"<p>{html.escape(f'{name}: {words}')}</p>")
-    out.append(_numbers("renderer, against geometry", comparison.renderers, RENDERER_COLUMNS))
+        yield paragraph(f"{name}: {words}")
+    yield _numbers("renderer, against geometry", comparison.renderers, RENDERER_COLUMNS)
     if comparison.pairs:
-        out.append(_numbers("pair", comparison.pairs, PAIR_COLUMNS))
+        yield _numbers("pair", comparison.pairs, PAIR_COLUMNS)
         for what, ratios in (("material", comparison.materials), ("part", comparison.parts)):
             names = list(next(iter(ratios.values())))
             rows = [[name, *(number(ratios[pair][name]) for pair in ratios)] for name in names]
-            out.append(table((f"radiance ratio by {what}", *ratios), rows))
-    out.append(
-        "<p>Pictures: each renderer, to the power 1/2.2, the brightest per cent white. Then light as a"
+            yield table((f"radiance ratio by {what}", *ratios), rows)
+    yield paragraph(
+        "Pictures: each renderer, to the power 1/2.2, the brightest per cent white. Then light as a"
         " ratio: blue half, red twice, grey too dark to say. Then coverage minus the exact one: blue a"
-        " quarter of a pixel too little, red too much.</p>"
+        " quarter of a pixel too little, red too much."
     )
-    out.extend(_strip(frame) for frame in comparison.frames)
-    return "\n".join(out)
+    yield from map(_strip, comparison.frames)
 
 
-def _strip(frame: FrameMeasures) -> str:
+def _strip(frame: FrameMeasures) -> Markup:
     words = f"frame {frame.index}: {frame.range_m:.1f} m, phase {np.degrees(frame.phase_rad):.0f}°"
     ratios = [
         f"{pair} {number(v['radiance_ratio'])} (SSIM {number(v['ssim'])})"
@@ -103,7 +102,7 @@ def _strip(frame: FrameMeasures) -> str:
 
 def _numbers(
     title: str, rows: Mapping[str, Mapping[str, float | None]], columns: Mapping[str, str]
-) -> str:
+) -> Markup:
     used = columns_in_use(rows.values(), columns)
     cells = [[name, *(number(row.get(key)) for key in used)] for name, row in rows.items()]
     return table((title, *used.values()), cells)

@@ -8,6 +8,8 @@ from posse_core._arrays import FloatArray
 from posse_core._model.camera import Camera
 from posse_core._model.scene import FrameState
 
+__all__ = ["directions", "disc_share", "lambertian_sphere", "polygon_area_and_centroid"]
+
 
 def directions(height: int) -> FloatArray:
     """(height, 2·height, 3) directions in camera axes of an environment map's pixels."""

@@ -11,6 +11,17 @@ from posse_core._model.camera import Camera
 from posse_core._model.scene import FrameState, Scene
 from posse_core._model.spacecraft import Material, Part, Spacecraft
 
+__all__ = [
+    "FACING",
+    "SOLAR_FLUX_W_M2",
+    "camera",
+    "frame",
+    "irradiance_rgb_w_m2",
+    "rectangle",
+    "scene",
+    "sphere",
+]
+
 AU_M = 149_597_870_700.0
 SUN_ANGULAR_RADIUS_RAD = 4.6525e-3
 SOLAR_FLUX_W_M2 = 1361.0

@@ -112,7 +112,8 @@ def _signature(of: Callable[..., Any]) -> str:
         for parameter in signature.parameters.values()
     ]
     result = _written(signature.return_annotation)
-    return str(signature.replace(parameters=parameters, return_annotation=result))
+    text = str(signature.replace(parameters=parameters, return_annotation=result))
+    return " ".join(text.split())  # an array that is a default is written on several lines
 
 
 def _written(annotation: object) -> object:

@@ -24,9 +24,9 @@ from posse_core._dynamics.roe import (
     rtn_from_equinoctial_roe,
     stream_rtn,
 )
-from posse_core._interfaces.propagator import PropagationProblem
 from posse_core._plugins.loading import load_plugins
 from posse_core._scenario.orbit import OrbitConfig, RelativeConfig
+from posse_core._trajectory.problem import resolve
 
 MU = Constants().mu_earth_m3_s2
 MILLION = 1_000_000
@@ -150,7 +150,7 @@ def main() -> None:
         "raan_deg": 10.0, "argp_deg": 20.0, "mean_anomaly_deg": 30.0,
     }  # fmt: skip
     design = {"name": "algorithm-3-1-repaired", "size_m": 10, "relative_orbits": 25}
-    problem = PropagationProblem(
+    problem = resolve(
         OrbitConfig.model_validate({"elements": elements}),
         RelativeConfig.model_validate({"design": design}),
         np.linspace(0, 5954, 101),

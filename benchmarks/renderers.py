@@ -39,9 +39,8 @@ from posse_core._interfaces.renderer import Renderer
 from posse_core._model.camera import PixelBox
 from posse_core._model.scene import Radiance, RenderRequest
 from posse_core._plugins.loading import load_plugins
-from posse_core._run.frame_maker import create
 from posse_core._run.light import BOX_MARGIN_PX
-from posse_core._scenario.component import ComponentChoice
+from posse_core._scenario.component import ComponentChoice, create
 from posse_core._scenario.load import load_scenario
 
 MEMORY_SPP = 4

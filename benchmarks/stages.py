@@ -19,11 +19,12 @@ import click
 from posse_core._geometry.raycast import RayCaster
 from posse_core._interfaces.executor import Executor, FrameResult, FrameWorker
 from posse_core._plugins.loading import Plugins, load_plugins
-from posse_core._run.plan import make_plan, make_trajectory
+from posse_core._run.plan import make_plan
 from posse_core._run.run import run
 from posse_core._scenario.load import load_scenario
 from posse_core._sensor.sensor import Sensor
 from posse_core._sky.sky import Sky
+from posse_core._trajectory.build import make_trajectory
 
 STAGES = ("geometry", "annotators", "render", "sky", "sensor")
 

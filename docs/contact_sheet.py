@@ -15,9 +15,10 @@ import numpy as np
 from posse_core._arrays import AnyArray
 from posse_core._dataset.dataset import Dataset
 from posse_core._plugins.loading import Plugins, load_plugins
-from posse_core._run.plan import make_plan, make_trajectory
+from posse_core._run.plan import make_plan
 from posse_core._run.run import run
 from posse_core._scenario.load import load_scenario
+from posse_core._trajectory.build import make_trajectory
 
 SHEET = Path(__file__).parent / "images" / "contact_sheet.jpg"
 WIDTH_PX, HEIGHT_PX, COLUMNS, STRIP_PX = 400, 300, 4, 22

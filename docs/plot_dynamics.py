@@ -14,9 +14,9 @@ import numpy as np
 from posse_core._constants import Constants
 from posse_core._dynamics.design import coverage
 from posse_core._evaluation.model_errors import cases, errors
-from posse_core._interfaces.propagator import PropagationProblem
 from posse_core._plugins.loading import load_plugins
 from posse_core._scenario.orbit import OrbitConfig, RelativeConfig
+from posse_core._trajectory.problem import resolve
 
 IMAGES = Path(__file__).with_name("images")
 CONSTANTS = Constants()
@@ -69,7 +69,7 @@ def positions(design: dict[str, Any], times: int) -> Any:
         "argp_deg": 52.44,
         "mean_anomaly_deg": 318.1,
     }
-    problem = PropagationProblem(
+    problem = resolve(
         OrbitConfig.model_validate({"elements": elements}),
         RelativeConfig.model_validate({"design": design}),
         np.linspace(0, 2 * np.pi * np.sqrt(7.08e6**3 / CONSTANTS.mu_earth_m3_s2), times),

@@ -14,6 +14,10 @@ from ._dataset.mesh import Mesh as Mesh
 from ._detection.card import ModelCard as ModelCard
 from ._detection.square import Square as Square
 from ._detection.square import to_grey as to_grey
+from ._dynamics.plan import Burn as Burn
+from ._dynamics.start import Start as Start
+from ._dynamics.start import Target as Target
+from ._environment.time import Epoch as Epoch
 from ._errors import CheckFailed as CheckFailed
 from ._errors import ComponentError as ComponentError
 from ._errors import InputError as InputError
@@ -38,6 +42,9 @@ from ._interfaces.executor import FrameMade as FrameMade
 from ._interfaces.executor import FrameResult as FrameResult
 from ._interfaces.executor import FrameWorker as FrameWorker
 from ._interfaces.executor import WorkerSetupError as WorkerSetupError
+from ._interfaces.propagator import Flight as Flight
+from ._interfaces.propagator import FlightPropagator as FlightPropagator
+from ._interfaces.propagator import ForcedMotion as ForcedMotion
 from ._interfaces.propagator import PropagationProblem as PropagationProblem
 from ._interfaces.propagator import Propagator as Propagator
 from ._interfaces.renderer import Renderer as Renderer

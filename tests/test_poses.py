@@ -20,9 +20,9 @@ from posse_core._formats.speed import SpeedWriter
 from posse_core._formats.urso import read_urso
 from posse_core._plugins.loading import load_plugins
 from posse_core._plugins.options import NoOptions
-from posse_core._run.plan import make_trajectory
 from posse_core._scenario.load import load_scenario
-from posse_core._trajectory.trajectory import frame_state
+from posse_core._trajectory.build import make_trajectory
+from posse_core._trajectory.state import frame_state
 
 
 def run(*arguments):

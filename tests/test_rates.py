@@ -8,7 +8,6 @@ from scipy.spatial.transform import Rotation
 
 from posse_core._constants import Constants
 from posse_core._frames import matrix_from_quaternion
-from posse_core._interfaces.propagator import PropagationProblem
 from posse_core._plugins.options import Options
 from posse_core._propagators.roe import RoePropagator
 from posse_core._scenario.attitude import (
@@ -20,7 +19,9 @@ from posse_core._scenario.attitude import (
     TumblingLaw,
 )
 from posse_core._scenario.orbit import OrbitConfig, RelativeConfig
-from posse_core._trajectory.trajectory import build_trajectory, frame_state
+from posse_core._trajectory.build import build_trajectory
+from posse_core._trajectory.problem import resolve
+from posse_core._trajectory.state import frame_state
 
 ORBIT = OrbitConfig(
     elements={
@@ -36,7 +37,7 @@ ORBIT = OrbitConfig(
 
 
 def build(attitude: AttitudeConfig, t_s: list[float]):
-    problem = PropagationProblem(
+    problem = resolve(
         orbit=ORBIT,
         relative=RelativeConfig(roe_m=(0, 100, 60, 0, 60, 0)),
         t_s=np.array(t_s),

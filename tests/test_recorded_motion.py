@@ -15,11 +15,11 @@ from posse_core._environment.time import Epoch
 from posse_core._errors import InputError
 from posse_core._files.tables import write_table
 from posse_core._frames import eci_from_rtn
-from posse_core._interfaces.propagator import PropagationProblem
 from posse_core._model.trajectory import Motion
 from posse_core._propagators.file import FilePropagator
 from posse_core._propagators.options import FileOptions
 from posse_core._scenario.orbit import OrbitConfig, RelativeConfig, StateEciConfig
+from posse_core._trajectory.problem import resolve
 
 EPOCH = "2022-01-31T02:02:00"
 T_S = np.array([0.0, 30.0, 60.0])
@@ -36,11 +36,12 @@ ECI = {"r_chaser_eci_m": R_CHASER_M, "v_chaser_eci_m_s": V_CHASER_M_S}
 
 def read(path: Path, chaser: Path | None = None) -> Motion:
     state = StateEciConfig(epoch_utc=EPOCH, r_m=tuple(R_M[0]), v_m_s=tuple(V_M_S[0]))
-    problem = PropagationProblem(
+    problem = resolve(
         orbit=OrbitConfig(state_eci=state),
         relative=RelativeConfig(roe_m=(0, 0, 1, 0, 1, 0)),
         t_s=np.zeros(1),
         constants=Constants(),
+        needs_starts=FilePropagator.needs_starts,
     )
     return FilePropagator(FileOptions(path=path, chaser_path=chaser)).propagate(problem)
 

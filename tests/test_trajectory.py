@@ -6,27 +6,31 @@ import csv
 import dataclasses
 import subprocess
 import sys
+import tempfile
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import erfa
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from posse_core._constants import WGS84_FLATTENING, Constants
 from posse_core._environment.time import Epoch
-from posse_core._errors import InputError
+from posse_core._errors import ComponentError, InputError
+from posse_core._files.trajectory import load_trajectory, save_trajectory
 from posse_core._frames import matrix_from_quaternion, unit
 from posse_core._interfaces.propagator import PropagationProblem, Propagator
 from posse_core._model.trajectory import Motion, Trajectory
 from posse_core._plugins.options import NoOptions
 from posse_core._scenario.attitude import AttitudeConfig, FileLaw, SpinLaw, TrackLaw
 from posse_core._scenario.orbit import ElementsConfig, OrbitConfig, RelativeConfig
-from posse_core._trajectory.trajectory import (
-    build_trajectory,
-    frame_state,
-    load_trajectory,
-    save_trajectory,
-)
+from posse_core._trajectory.build import GivenAttitude, build_trajectory, trajectory_of
+from posse_core._trajectory.problem import resolve
+from posse_core._trajectory.state import frame_state
 
 RADIUS_M = 7.08e6
 PERIOD_S = 2 * np.pi * np.sqrt(RADIUS_M**3 / Constants().mu_earth_m3_s2)
@@ -57,20 +61,21 @@ def build(
     attitude: AttitudeConfig | None = None,
     seed: int = 7,
     epoch_utc: str = "2022-03-20T15:33:00",
+    propagator: Propagator | None = None,
     **constants: float,
 ) -> Trajectory:
     # At the equinox the Sun is near ECI +x, so the orbit passes through the shadow's axis.
     elements = ElementsConfig(
         epoch_utc=epoch_utc, a_m=RADIUS_M, e=0, i_deg=90, raan_deg=0, argp_deg=0, mean_anomaly_deg=0
     )
-    problem = PropagationProblem(
+    problem = resolve(
         orbit=OrbitConfig(elements=elements),
         relative=RelativeConfig(roe_m=(0, 0, 10, 0, 5, 0)),
         t_s=t_s,
         constants=Constants(**constants),
     )
     return build_trajectory(
-        propagator=Circle(NoOptions()),
+        propagator=propagator or Circle(NoOptions()),
         problem=problem,
         attitude=attitude or AttitudeConfig(),
         seed=seed,
@@ -84,9 +89,9 @@ def trajectory() -> Trajectory:
 
 def assert_same_bits(a: Trajectory, b: Trajectory) -> None:
     assert a.epoch_utc == b.epoch_utc
-    for field in dataclasses.fields(Trajectory):
-        if field.name != "epoch_utc":
-            np.testing.assert_array_equal(getattr(a, field.name), getattr(b, field.name), field.name)
+    for name, array in {**a.arrays(), **a.extras}.items():
+        np.testing.assert_array_equal({**b.arrays(), **b.extras}[name], array, name)
+    assert a.extras.keys() == b.extras.keys()
 
 
 def test_shadow_lasts_as_geometry_says(trajectory: Trajectory) -> None:
@@ -176,9 +181,7 @@ def test_the_earth_fixed_axes_put_greenwich_under_the_sun_at_noon() -> None:
 def test_a_frame_does_not_depend_on_the_others(trajectory: Trajectory) -> None:
     attitude = AttitudeConfig(target=SpinLaw())
     whole, part = build(attitude=attitude), build(T_S[:50], attitude=attitude)
-    for field in dataclasses.fields(Trajectory):
-        if field.name != "epoch_utc":
-            np.testing.assert_array_equal(getattr(part, field.name), getattr(whole, field.name)[:50])
+    assert_same_bits(part, whole.rows(slice(50)))
 
 
 def test_the_same_bits_in_another_process(trajectory: Trajectory, tmp_path: Path) -> None:
@@ -188,7 +191,7 @@ def test_the_same_bits_in_another_process(trajectory: Trajectory, tmp_path: Path
         f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
         "from pathlib import Path\n"
         "from test_trajectory import build\n"
-        "from posse_core._trajectory.trajectory import save_trajectory\n"
+        "from posse_core._files.trajectory import save_trajectory\n"
         f"save_trajectory(build(), Path({str(tmp_path / 'b.npz')!r}))\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
@@ -234,7 +237,7 @@ def test_npz_holds_plain_arrays(trajectory: Trajectory, tmp_path: Path) -> None:
     path = tmp_path / "t.npz"
     save_trajectory(trajectory, path)
     with np.load(path, allow_pickle=False) as archive:
-        assert set(archive.files) == {field.name for field in dataclasses.fields(Trajectory)}
+        assert set(archive.files) == {"epoch_utc", *trajectory.arrays()}
         assert archive["q_eci_from_body"].shape == (200, 4)
 
 
@@ -308,3 +311,132 @@ def test_a_trajectory_of_another_kind_of_file_is_not_written(
     with pytest.raises(InputError, match=r"\.npz or \.csv"):
         save_trajectory(trajectory, tmp_path / "t.mat")
     assert list(tmp_path.iterdir()) == []
+
+
+EXTRA_NAMES = st.from_regex(r"[a-z][a-z0-9_]{0,8}", fullmatch=True)
+EXTRA_SHAPES = st.lists(st.integers(1, 3), max_size=3).map(lambda shape: (4, *shape))
+FINITE = st.floats(allow_nan=False, allow_infinity=False)
+EXTRAS = st.dictionaries(EXTRA_NAMES, arrays(np.float64, EXTRA_SHAPES, elements=FINITE), max_size=3)
+
+
+@settings(deadline=None)
+@given(extras=EXTRAS, suffix=st.sampled_from([".npz", ".csv"]))
+def test_extras_come_back_from_files_to_the_bit(extras: dict[str, np.ndarray], suffix: str) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        whole = dataclasses.replace(build(T_S[:4]), extras=extras)
+        path = Path(folder) / f"t{suffix}"
+        save_trajectory(whole, path)
+        back = load_trajectory(path)
+    assert_same_bits(back, whole)
+    assert {name: x.tobytes() for name, x in back.extras.items()} == {
+        name: x.tobytes() for name, x in extras.items()
+    }
+
+
+class WithExtras(Circle):
+    extras: Mapping[str, Any]
+
+    def propagate(self, problem: PropagationProblem) -> Motion:
+        return dataclasses.replace(super().propagate(problem), extras=self.extras)
+
+
+def built_with(extras: dict[str, Any]) -> Trajectory:
+    propagator = WithExtras(NoOptions())
+    propagator.extras = extras
+    return build(propagator=propagator)
+
+
+def test_extras_go_with_their_frames() -> None:
+    torque = np.arange(600.0).reshape(200, 3)
+    chosen = built_with({"torque_n_m": torque, "mode": np.arange(200)}).rows([3, 199])
+    np.testing.assert_array_equal(chosen.extras["torque_n_m"], torque[[3, 199]])
+    np.testing.assert_array_equal(chosen.extras["mode"], [3.0, 199.0])
+    assert chosen.t_s.tolist() == T_S[[3, 199]].tolist()
+
+
+@pytest.mark.parametrize(
+    ("extras", "words"),
+    [
+        ({"Torque": np.zeros(200)}, "'Torque' needs a name"),
+        ({"a/b": np.zeros(200)}, "'a/b' needs a name"),
+        ({"mode": np.zeros(199)}, r"'mode' is float64 of shape \(199,\); it has to be"),
+        ({"mode": 3.0}, r"'mode' is float64 of shape \(\)"),
+        ({"mode": np.zeros((200, 0))}, r"'mode' is float64 of shape \(200, 0\)"),
+        ({"mode": ["on"] * 200}, "'mode' is <U2"),
+        ({"mode": np.full(200, np.nan)}, "'mode' has a value that is no finite number"),
+    ],
+)
+def test_extras_that_no_file_could_hold_are_refused(extras: dict[str, Any], words: str) -> None:
+    with pytest.raises(ComponentError, match=words):
+        built_with(extras)
+
+
+def test_a_csv_that_lacks_a_column_of_an_extra(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    save_trajectory(built_with({"torque_n_m": np.zeros((200, 3))}), path)
+    path.write_text(path.read_text().replace("extra_torque_n_m[1]", "other", 1))
+    with pytest.raises(InputError, match=r"no column 'extra_torque_n_m\[1\]'"):
+        load_trajectory(path)
+
+
+def motion_rows(trajectory: Trajectory, rows: list[int]) -> Motion:
+    chosen = trajectory.rows(rows)
+    return Motion(
+        chosen.t_s,
+        chosen.r_target_eci_m,
+        chosen.v_target_eci_m_s,
+        chosen.r_chaser_rtn_m,
+        chosen.v_chaser_rtn_m_s,
+        chosen.sequence,
+    )
+
+
+def at_one(trajectory: Trajectory, index: int, given: GivenAttitude | None = None) -> Trajectory:
+    return trajectory_of(
+        motion_rows(trajectory, [index]),
+        epoch=Epoch.from_iso(trajectory.epoch_utc),
+        attitude=AttitudeConfig(),
+        constants=Constants(),
+        seed=7,
+        indices=np.array([index]),
+        given=given,
+    )
+
+
+@pytest.mark.parametrize("index", [0, 57, 199])
+def test_one_frame_alone_is_its_row_of_the_whole(trajectory: Trajectory, index: int) -> None:
+    assert_same_bits(at_one(trajectory, index), trajectory.rows([index]))
+    given = GivenAttitude(
+        q_eci_from_body=trajectory.q_eci_from_body[[index]],
+        q_eci_from_camera=trajectory.q_eci_from_camera[[index]],
+        omega_body_rad_s=trajectory.omega_body_rad_s[[index]],
+        omega_camera_rad_s=trajectory.omega_camera_rad_s[[index]],
+    )
+    assert_same_bits(at_one(trajectory, index, given), trajectory.rows([index]))
+
+
+def test_an_attitude_that_is_given_is_at_rest_and_leaves_the_other_to_its_law(
+    trajectory: Trajectory,
+) -> None:
+    q = np.array([[-0.5, 0.5, -0.5, 0.5 + 1e-6]])
+    one = at_one(trajectory, 12, GivenAttitude(q_eci_from_camera=q))
+    np.testing.assert_allclose(one.q_eci_from_camera, -q / np.linalg.norm(q), rtol=0, atol=1e-16)
+    np.testing.assert_array_equal(one.omega_camera_rad_s, np.zeros((1, 3)))
+    np.testing.assert_array_equal(one.q_eci_from_body, trajectory.q_eci_from_body[[12]])
+    np.testing.assert_array_equal(one.omega_body_rad_s, trajectory.omega_body_rad_s[[12]])
+
+
+def test_a_law_that_has_no_answer_is_not_asked_where_the_attitude_is_given(
+    trajectory: Trajectory,
+) -> None:
+    at_target = dataclasses.replace(trajectory, r_chaser_rtn_m=np.zeros((200, 3)))
+    with pytest.raises(InputError, match="at the target at frame 31"):
+        at_one(at_target, 31)
+    q = np.array([[1.0, 0.0, 0.0, 0.0]])
+    assert len(at_one(at_target, 31, GivenAttitude(q_eci_from_camera=q))) == 1
+
+
+@pytest.mark.parametrize("q", [[1.0, 1.0, 0.0, 0.0], [0.0] * 4, [np.nan, 0.0, 0.0, 1.0]])
+def test_a_given_attitude_that_is_no_rotation(trajectory: Trajectory, q: list[float]) -> None:
+    with pytest.raises(InputError, match="q_eci_from_body: a quaternion is not of length one"):
+        at_one(trajectory, 0, GivenAttitude(q_eci_from_body=np.array([q])))

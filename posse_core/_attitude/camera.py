@@ -6,7 +6,7 @@ from typing import assert_never
 
 import numpy as np
 
-from posse_core._arrays import FloatArray
+from posse_core._arrays import FloatArray, IntArray
 from posse_core._attitude.recorded import recorded_attitude
 from posse_core._attitude.sight import R_rtn_by_sight
 from posse_core._attitude.target import Surroundings
@@ -28,7 +28,7 @@ def R_eci_from_camera(law: CameraLaw, around: Surroundings, seed: int) -> FloatA
     """The camera's attitude by the law that the scenario names: (F, 3, 3).
 
     Args:
-        seed: of the run; a frame's draw depends on it and the frame's number alone.
+        seed: of the run; a frame's draw depends on it and the frame's index alone.
 
     Raises:
         InputError: the camera is at the target, or a file of attitudes cannot be used.
@@ -36,22 +36,24 @@ def R_eci_from_camera(law: CameraLaw, around: Surroundings, seed: int) -> FloatA
     if isinstance(law, FileLaw):
         return recorded_attitude(law.path, "q_eci_from_camera", around.epoch, around.t_s)
     R_eci_rtn = R_eci_from_rtn(around.r_target_eci_m, around.v_target_eci_m_s)
-    return R_eci_rtn @ R_rtn_from_camera(law, around.r_chaser_rtn_m, seed)
+    return R_eci_rtn @ R_rtn_from_camera(law, around.r_chaser_rtn_m, around.indices, seed)
 
 
 def R_rtn_from_camera(
-    law: TrackLaw | PointingErrorLaw, r_chaser_rtn_m: FloatArray, seed: int
+    law: TrackLaw | PointingErrorLaw, r_chaser_rtn_m: FloatArray, indices: IntArray, seed: int
 ) -> FloatArray:
     """Attitude of a camera that looks for the target, in RTN axes: (F, 3) → (F, 3, 3).
 
     Args:
-        r_chaser_rtn_m: the camera's place relative to the target.
+        r_chaser_rtn_m: the camera's position relative to the target.
+        indices: (F,) of the frames; a frame's draw depends on the seed and its index alone.
+        seed: of the run.
 
     Raises:
         InputError: the camera is at the target.
     """
-    aimed = looking_at_target(r_chaser_rtn_m)
-    draws = [random_generator(seed, index, "pointing") for index in range(len(aimed))]
+    aimed = looking_at_target(r_chaser_rtn_m, indices)
+    draws = [random_generator(seed, int(index), "pointing") for index in indices]
     match law:
         case TrackLaw():
             influence = np.array([1 - law.offset * draw.uniform() for draw in draws])
@@ -65,10 +67,10 @@ def R_rtn_from_camera(
     return np.asarray(start @ matrix_from_rotation_vector(turn))
 
 
-def looking_at_target(r_chaser_rtn_m: FloatArray) -> FloatArray:
+def looking_at_target(r_chaser_rtn_m: FloatArray, indices: IntArray) -> FloatArray:
     """Boresight at the target's origin, the image's top nearest to N (see ``sight``), (F, 3, 3).
 
     Raises:
         InputError: the camera is at the target.
     """
-    return R_rtn_by_sight(-r_chaser_rtn_m, _BORESIGHT_CAM, _UP_CAM)
+    return R_rtn_by_sight(-r_chaser_rtn_m, _BORESIGHT_CAM, _UP_CAM, indices)

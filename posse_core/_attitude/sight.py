@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from posse_core._arrays import FloatArray
+from posse_core._arrays import FloatArray, IntArray
 from posse_core._errors import InputError
 from posse_core._frames import R_a_from_b_by_directions, unit
 
@@ -13,7 +13,9 @@ _POLE_ANGLE_RAD = 1e-6
 _R_RTN, _N_RTN = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 
-def R_rtn_by_sight(sight_rtn: FloatArray, axis: FloatArray, up: FloatArray) -> FloatArray:
+def R_rtn_by_sight(
+    sight_rtn: FloatArray, axis: FloatArray, up: FloatArray, indices: IntArray
+) -> FloatArray:
     """A body's ``axis`` along the line of sight, its ``up`` nearest to N: (F, 3) → (F, 3, 3).
 
     Where the line is along N within 1e-6 rad, ``up`` is nearest to R: every rule about the turn
@@ -22,6 +24,7 @@ def R_rtn_by_sight(sight_rtn: FloatArray, axis: FloatArray, up: FloatArray) -> F
     Args:
         sight_rtn: (F, 3) any length but 0, RTN axes.
         axis, up: (3,) in the body's axes, square to each other.
+        indices: (F,) of the frames, for messages.
 
     Raises:
         InputError: a line of sight has no length, as chaser and target are at one place.
@@ -29,8 +32,8 @@ def R_rtn_by_sight(sight_rtn: FloatArray, axis: FloatArray, up: FloatArray) -> F
     lost = ~(np.linalg.norm(sight_rtn, axis=-1) > 0)
     if np.any(lost):
         raise InputError(
-            f"the chaser is at the target at frame {np.argmax(lost)}, so there is no line of sight;"
-            " change the relative motion"
+            f"the chaser is at the target at frame {indices[np.argmax(lost)]}, so there is no line of"
+            " sight; change the relative motion"
         )
     sight = unit(sight_rtn)
     along_normal = np.hypot(sight[:, 0], sight[:, 1]) < _POLE_ANGLE_RAD

@@ -7,7 +7,7 @@ from typing import assert_never
 
 import numpy as np
 
-from posse_core._arrays import FloatArray
+from posse_core._arrays import FloatArray, IntArray
 from posse_core._attitude.recorded import recorded_attitude
 from posse_core._attitude.sight import R_rtn_by_sight
 from posse_core._attitude.tumbling import torque_free_attitude
@@ -46,6 +46,7 @@ class Surroundings:
     Attributes:
         epoch: of t_s = 0.
         t_s: (F,).
+        indices: (F,) of int, the number of each frame; what a law draws at random is drawn by it.
         r_target_eci_m, v_target_eci_m_s: (F, 3).
         r_sun_eci_m: (F, 3).
         r_sun_epoch_eci_m: (3,) at t_s = 0.
@@ -54,6 +55,7 @@ class Surroundings:
 
     epoch: Epoch
     t_s: FloatArray
+    indices: IntArray
     r_target_eci_m: FloatArray
     v_target_eci_m_s: FloatArray
     r_sun_eci_m: FloatArray
@@ -135,8 +137,8 @@ def ned(law: NedLaw, around: Surroundings) -> FloatArray:
     lost = np.hypot(down[:, 0], down[:, 1]) < _POLE_ANGLE_RAD
     if np.any(lost):
         raise InputError(
-            f"attitude.target.law ned has no north at frame {np.argmax(lost)}, over the pole;"
-            " take law nadir"
+            f"attitude.target.law ned has no north at frame {around.indices[np.argmax(lost)]}, over"
+            " the pole; take law nadir"
         )
     pole = np.array([0.0, 0.0, 1.0])
     return R_a_from_b_by_directions(down, pole, np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]))
@@ -149,7 +151,7 @@ def tracking(law: TrackingLaw, around: Surroundings) -> FloatArray:
         InputError: the chaser is at the target.
     """
     R_eci_rtn = R_eci_from_rtn(around.r_target_eci_m, around.v_target_eci_m_s)
-    return R_eci_rtn @ R_rtn_by_sight(around.r_chaser_rtn_m, *body_axes(law.body_axis))
+    return R_eci_rtn @ R_rtn_by_sight(around.r_chaser_rtn_m, *body_axes(law.body_axis), around.indices)
 
 
 def body_axes(name: BodyAxis) -> tuple[FloatArray, FloatArray]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from posse_core._arrays import evenly_spread
 from posse_core._cli.common import net_options, options_from
 from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
@@ -68,13 +69,11 @@ def command(model: Path, dataset: Path, out: Path, int8: bool, overrides: tuple[
 
 def _spread(source: Dataset, count: int) -> Sequence[int]:
     """So many indices of frames, evenly spread."""
-    import numpy as np
 
     from posse_core._detection.evaluate import frames_of
 
     indices = frames_of(source, "all")
-    places = np.linspace(0, len(indices) - 1, min(count, len(indices))).round().astype(int)
-    return [indices[place] for place in places]
+    return [indices[k] for k in evenly_spread(len(indices), count)]
 
 
 def _write_int8(

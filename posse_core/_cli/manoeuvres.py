@@ -16,17 +16,14 @@ def command(
     scenario: str, as_json: bool, seed: int | None, frames: int | None, overrides: tuple[str, ...]
 ) -> None:
     """List the impulses of SCENARIO's relative.plan with their sum and the least possible."""
-    from posse_core._interfaces.propagator import PropagationProblem
-    from posse_core._propagators.flight import planned, starts_of
-    from posse_core._run.plan import times_s
+    from posse_core._trajectory.problem import planned, starts_of, target_at_epoch
 
     checked = read_scenario(scenario, overrides, seed=seed, frames=frames)
     if checked.relative.plan is None:
         raise InputError(f"{scenario}: has no relative.plan; add burns or a transfer")
     with naming(scenario):
-        t_s = times_s(checked)
-        problem = PropagationProblem(checked.orbit, checked.relative, t_s, checked.constants)
-        plan = planned(problem, starts_of(problem)[0])
+        target = target_at_epoch(checked.orbit, checked.constants)
+        plan = planned(checked.relative.plan, starts_of(target, checked.relative)[0])
     if as_json:
         burns = [{"t_s": b.t_s, "dv_rtn_m_s": b.dv_rtn_m_s.tolist()} for b in plan.burns]
         echo_json({"burns": burns, "dv_m_s": plan.dv_m_s, "least_dv_m_s": plan.least_dv_m_s})

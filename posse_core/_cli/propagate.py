@@ -21,8 +21,8 @@ def command(
     scenario: str, out: Path, seed: int | None, frames: int | None, overrides: tuple[str, ...]
 ) -> None:
     """Write the trajectory of SCENARIO: target and chaser, attitudes, Sun, eclipse, flux."""
-    from posse_core._run.plan import make_trajectory
-    from posse_core._trajectory.trajectory import save_trajectory
+    from posse_core._files.trajectory import save_trajectory
+    from posse_core._trajectory.build import make_trajectory
 
     if out.suffix not in (".npz", ".csv"):
         raise InputError(f"--out {out}: the file's name must end in .npz or .csv")

@@ -1,6 +1,6 @@
 """Relative orbits by name: natural ones as initial conditions, forced ones as paths.
 
-Sizes are metres; rows of ROE are a·(δa, δλ, δex, δey, δix, δiy).
+Sizes are metres, angles radians; rows of ROE are a·(δa, δλ, δex, δey, δix, δiy).
 """
 
 from __future__ import annotations
@@ -9,70 +9,49 @@ import math
 
 import numpy as np
 
-from posse_core._arrays import FloatArray, IntArray
-from posse_core._scenario.design import (
-    Algorithm31,
-    Algorithm31Repaired,
-    DesignConfig,
-    FlyAround,
-    HoldPoint,
-    RBarApproach,
-    SafeEllipse,
-    VBarApproach,
-    VBarHop,
-    ViewSphere,
-)
+from posse_core._arrays import FloatArray
 
 GOLDEN = (1 + math.sqrt(5)) / 2
 COVERAGE_BINS = (12, 24)
 """Bands in N and sectors around N: 288 bins of equal area."""
 
 
-def natural_roe_m(design: DesignConfig) -> FloatArray | None:
-    """(H, 6) initial ROE of the relative orbits, or None where the design is not made of ROE."""
-    if isinstance(design, FlyAround):
-        phase = math.radians(design.phase_deg)
-        e, i = design.range_m / 2, design.range_m * math.sqrt(3) / 2
-        return np.array([_vectors(e, phase, i, phase + math.pi / 2)])
-    if isinstance(design, SafeEllipse):
-        phase = math.radians(design.phase_deg)
-        row = _vectors(design.radial_m, phase, design.normal_m, phase)
-        row[1] = design.along_m
-        return np.array([row])
-    if isinstance(design, Algorithm31):
-        start = np.array([0.0, 0.0, *design.delta_e_m, *design.delta_i_m])
-        return algorithm_3_1(start, design.relative_orbits)
-    if isinstance(design, Algorithm31Repaired):
-        turn = 2 * math.pi * np.arange(design.relative_orbits) / design.relative_orbits
-        size = design.size_m
-        # δe turns once, δi three times while it grows to 4 sizes and shrinks to nothing.
-        return np.array([_vectors(size, s, size * 2 * (1 - math.cos(s)), 3 * s) for s in turn])
-    return None
+def fly_around(range_m: float, phase_rad: float) -> FloatArray:
+    """(6,) ROE of a natural circle about the target; R is lowest at latitude argument ``phase_rad``."""
+    e, i = range_m / 2, range_m * math.sqrt(3) / 2
+    return np.array(_vectors(e, phase_rad, i, phase_rad + math.pi / 2))
 
 
-def hop_rtn(design: VBarHop, period_s: float) -> FloatArray:
+def safe_ellipse(radial_m: float, normal_m: float, along_m: float, phase_rad: float) -> FloatArray:
+    """(6,) ROE with parallel vectors of eccentricity and inclination, of these amplitudes and offset."""
+    row = _vectors(radial_m, phase_rad, normal_m, phase_rad)
+    row[1] = along_m
+    return np.array(row)
+
+
+def v_bar_hop(start_m: float, end_m: float, period_s: float) -> FloatArray:
     """(6,) RTN state at the hop's start: Hill's equations drift −3 T v in T per orbit of period T."""
-    speed = -(design.end_m - design.start_m) / (3 * period_s)
-    return np.array([0.0, design.start_m, 0.0, 0.0, speed, 0.0])
+    speed = -(end_m - start_m) / (3 * period_s)
+    return np.array([0.0, start_m, 0.0, 0.0, speed, 0.0])
 
 
-def forced_rtn(design: DesignConfig, t_s: FloatArray) -> tuple[FloatArray, IntArray] | None:
-    """(F, 6) RTN states at the times and (F,) sequence numbers, or None for a natural design."""
-    if isinstance(design, ViewSphere):
-        return view_sphere(design, len(t_s)), np.arange(len(t_s))
-    if isinstance(design, HoldPoint):
-        out = np.zeros((len(t_s), 6))
-        out[:, :3] = design.r_rtn_m
-    elif isinstance(design, VBarApproach | RBarApproach):
-        axis, sign = (1, 1.0) if isinstance(design, VBarApproach) else (0, -1.0)
-        speed = sign * (design.end_m - design.start_m) / design.duration_s
-        moving = (t_s >= 0) & (t_s < design.duration_s)
-        out = np.zeros((len(t_s), 6))
-        out[:, axis] = sign * design.start_m + speed * np.clip(t_s, 0, design.duration_s)
-        out[:, 3 + axis] = np.where(moving, speed, 0.0)
-    else:
-        return None
-    return out, np.zeros(len(t_s), dtype=np.int64)
+def hold(r_rtn_m: FloatArray, t_s: FloatArray) -> FloatArray:
+    """(3,) → (F, 6) RTN states at rest, for (F,) times."""
+    out = np.zeros((len(t_s), 6))
+    out[:, :3] = r_rtn_m
+    return out
+
+
+def straight_line(
+    axis: int, start_m: float, end_m: float, duration_s: float, t_s: FloatArray
+) -> FloatArray:
+    """(F, 6) RTN states at (F,) times: along one axis at constant speed from t = 0, then at rest."""
+    speed = (end_m - start_m) / duration_s
+    moving = (t_s >= 0) & (t_s < duration_s)
+    out = np.zeros((len(t_s), 6))
+    out[:, axis] = start_m + speed * np.clip(t_s, 0, duration_s)
+    out[:, 3 + axis] = np.where(moving, speed, 0.0)
+    return out
 
 
 def algorithm_3_1(roe_m: FloatArray, count: int) -> FloatArray:
@@ -97,20 +76,32 @@ def algorithm_3_1(roe_m: FloatArray, count: int) -> FloatArray:
     return np.array(rows)
 
 
-def view_sphere(design: ViewSphere, count: int) -> FloatArray:
-    """(count, 6) RTN states, at rest: a Fibonacci lattice of directions, distances by the additive
-    recurrence of 1/√2, which is out of step with the lattice's golden angle (González 2010,
-    Mathematical Geosciences 42, 49)."""
+def algorithm_3_1_repaired(size_m: float, count: int) -> FloatArray:
+    """(count, 6) ROE: δe turns once, δi three times while it grows to 4 sizes and shrinks to nothing."""
+    turn = 2 * math.pi * np.arange(count) / count
+    return np.array([_vectors(size_m, s, size_m * 2 * (1 - math.cos(s)), 3 * s) for s in turn])
+
+
+def view_sphere(
+    nearest_m: float, farthest_m: float, count: int, *, logarithmic: bool = False
+) -> FloatArray:
+    """(count, 6) RTN states at rest, in directions spread evenly over the sphere.
+
+    A Fibonacci lattice of directions, distances by the additive recurrence of 1/√2, which is out of
+    step with the lattice's golden angle (González 2010, Mathematical Geosciences 42, 49).
+
+    Args:
+        logarithmic: as many below the geometric mean of the distances as above; else even.
+    """
     k = np.arange(count)
     z = 1 - (2 * k + 1) / count
     angle = 2 * math.pi * k / GOLDEN
     rho = np.sqrt(1 - z**2)
     share = (0.5 + k / math.sqrt(2)) % 1
-    near, far = design.range_m
-    if design.range_law == "logarithmic":
-        distance = near * (far / near) ** share
+    if logarithmic:
+        distance = nearest_m * (farthest_m / nearest_m) ** share
     else:
-        distance = near + (far - near) * share
+        distance = nearest_m + (farthest_m - nearest_m) * share
     out = np.zeros((count, 6))
     out[:, :3] = distance[:, None] * np.stack([rho * np.cos(angle), rho * np.sin(angle), z], axis=-1)
     return out

@@ -21,15 +21,39 @@ SINGULAR_SIN_I = 1e-6
 class Target:
     """A target at one instant; several chasers may share it.
 
+    Args:
+        r_eci_m, v_eci_m_s: (3,) geocentric position and velocity, GCRF axes.
+        constants: gravity and radii.
+        t_s: seconds from the epoch of the problem to this instant.
+        where: what messages call it, such as the key of a scenario.
+
     Attributes:
-        r_eci_m, v_eci_m_s: (3,) GCRF axes.
+        mu_m3_s2: the Earth's gravitational parameter; the others are the arguments.
     """
 
-    def __init__(self, r_eci_m: FloatArray, v_eci_m_s: FloatArray, constants: Constants) -> None:
-        self.r_eci_m, self.v_eci_m_s = r_eci_m, v_eci_m_s
+    def __init__(
+        self,
+        r_eci_m: FloatArray,
+        v_eci_m_s: FloatArray,
+        constants: Constants,
+        *,
+        t_s: float = 0.0,
+        where: str = "the target",
+    ) -> None:
+        self.r_eci_m = np.asarray(r_eci_m, dtype=np.float64)
+        self.v_eci_m_s = np.asarray(v_eci_m_s, dtype=np.float64)
         self.constants = constants
         self.mu_m3_s2 = constants.mu_earth_m3_s2
+        self.t_s, self.where = t_s, where
         self._flown: tuple[FloatArray, tuple[FloatArray, FloatArray]] | None = None
+
+    def check(self, *, elliptic: bool) -> None:
+        """Refuse what is no orbit, meets the Earth, or, where ``elliptic``, escapes.
+
+        Raises:
+            InputError: one line that begins with :attr:`where`.
+        """
+        check_orbit(self.r_eci_m, self.v_eci_m_s, self.constants, self.where, elliptic=elliptic)
 
     @cached_property
     def sign(self) -> float:
@@ -38,12 +62,21 @@ class Target:
 
     @cached_property
     def equinoctial(self) -> FloatArray:
-        """(6,) osculating equinoctial elements."""
+        """(6,) osculating equinoctial elements.
+
+        Raises:
+            InputError: the orbit is not elliptic.
+        """
+        self.check(elliptic=True)
         return elements.equinoctial_from_state(self.r_eci_m, self.v_eci_m_s, self.sign, self.mu_m3_s2)
 
     @cached_property
     def qns(self) -> FloatArray:
-        """(6,) osculating quasi-nonsingular elements."""
+        """(6,) osculating quasi-nonsingular elements: a (m), ω + M (rad), ex, ey, i, Ω (rad).
+
+        Raises:
+            InputError: the orbit is not elliptic.
+        """
         return elements.qns_from_equinoctial(self.equinoctial, self.sign)
 
     def two_body(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -69,72 +102,133 @@ class Target:
 
 
 class Start:
-    """A target, and a chaser given by one of the keyword arguments.
+    """A target, and the chaser beside it at the same instant.
 
-    Args:
-        where: key of the scenario that messages name.
-        elliptic: refuse hyperbolic orbits.
-        rtn: (6,) RTN position (m) and velocity (m/s, rotating frame).
-        apart_eci: (6,) chaser minus target, GCRF axes, m and m/s.
-        roe_m, roe_equinoctial_m: (6,) a times quasi-nonsingular, equinoctial ROE.
+    Made by :meth:`from_rtn`, :meth:`from_eci`, :meth:`from_roe` or :meth:`from_equinoctial_roe`. The
+    form that was given is kept as it is, to the bit; the others are computed from it when they are
+    first asked for.
 
     Attributes:
-        dr_eci_m, dv_eci_m_s: (3,) chaser minus target, GCRF axes.
-
-    Raises:
-        InputError: an orbit that :func:`posse_core._dynamics.orbit.check_orbit` refuses, of the
-            chaser; or ``roe_m`` at an inclination of 0° or 180°.
+        target: see :class:`Target`; its instant is the start's.
+        dr_eci_m, dv_eci_m_s: (3,) chaser minus target, GCRF axes, m and m/s.
+        where: what messages call the chaser, such as the key of a scenario.
     """
 
     def __init__(
-        self,
-        target: Target,
-        where: str,
-        *,
-        elliptic: bool = True,
-        rtn: FloatArray | None = None,
-        apart_eci: FloatArray | None = None,
-        roe_m: FloatArray | None = None,
-        roe_equinoctial_m: FloatArray | None = None,
+        self, target: Target, dr_eci_m: FloatArray, dv_eci_m_s: FloatArray, *, where: str = "the chaser"
     ) -> None:
-        self.target = target
-        self._given_roe_m, self._given_equinoctial_m = roe_m, roe_equinoctial_m
-        if rtn is not None:
-            self.rtn = rtn
-        if apart_eci is None:
-            R, r_rtn, v_rtn = target.R_eci_from_rtn, self.rtn[:3], self.rtn[3:]
-            apart_eci = np.concatenate(
-                [R @ r_rtn, R @ (v_rtn + target.spin_rad_s * np.array([-r_rtn[1], r_rtn[0], 0.0]))]
-            )
-        self.dr_eci_m, self.dv_eci_m_s = apart_eci[:3], apart_eci[3:]
+        self.target, self.where = target, where
+        self.dr_eci_m, self.dv_eci_m_s = dr_eci_m, dv_eci_m_s
+        self.check(elliptic=False)
+
+    @classmethod
+    def from_eci(
+        cls,
+        target: Target,
+        r_eci_m: FloatArray,
+        v_eci_m_s: FloatArray,
+        *,
+        where: str = "the chaser",
+    ) -> Start:
+        """From the chaser's own geocentric state, (3,) and (3,), GCRF axes, m and m/s.
+
+        Raises:
+            InputError: this is not an orbit, or it meets the Earth.
+        """
+        return cls(target, r_eci_m - target.r_eci_m, v_eci_m_s - target.v_eci_m_s, where=where)
+
+    @classmethod
+    def from_rtn(
+        cls,
+        target: Target,
+        r_rtn_m: FloatArray,
+        v_rtn_m_s: FloatArray,
+        *,
+        where: str = "the chaser",
+    ) -> Start:
+        """From the relative state in the target's RTN axes, (3,) m and (3,) m/s.
+
+        The velocity is the derivative in the frame that turns with the target.
+
+        Raises:
+            InputError: this is not an orbit, or it meets the Earth.
+        """
+        r_rtn, v_rtn = np.asarray(r_rtn_m, dtype=np.float64), np.asarray(v_rtn_m_s, dtype=np.float64)
+        R = target.R_eci_from_rtn
+        turning = target.spin_rad_s * np.array([-r_rtn[1], r_rtn[0], 0.0])
+        start = cls(target, R @ r_rtn, R @ (v_rtn + turning), where=where)
+        start.rtn = np.concatenate([r_rtn, v_rtn])
+        return start
+
+    @classmethod
+    def from_roe(cls, target: Target, roe_m: FloatArray, *, where: str = "the chaser") -> Start:
+        """From quasi-nonsingular relative orbital elements times the target's semi-major axis.
+
+        Args:
+            roe_m: (6,) a·(δa, δλ, δex, δey, δix, δiy), m.
+
+        Raises:
+            InputError: an orbit is not elliptic or meets the Earth, or the target's inclination is 0°
+                or 180°, where these elements mean nothing.
+        """
+        given = np.asarray(roe_m, dtype=np.float64)
+        chief = target.qns
+        _refuse_singular(chief)
+        small = given / chief[0]
+        rtn = roe.rtn_from_roe(chief, small, target.mu_m3_s2, 0.0)
+        start = cls.from_rtn(target, rtn[:3], rtn[3:], where=where)
+        start.roe_m, start.roe = given, small
+        start.roe_equinoctial = roe.equinoctial_roe_from_roe(chief, small, target.sign)
+        return start
+
+    @classmethod
+    def from_equinoctial_roe(
+        cls, target: Target, roe_m: FloatArray, *, where: str = "the chaser"
+    ) -> Start:
+        """From equinoctial relative orbital elements times the target's semi-major axis.
+
+        Args:
+            roe_m: (6,) a·(δa, δl, δex, δey, δp, δq), m; they mean something at every inclination.
+
+        Raises:
+            InputError: an orbit is not elliptic or meets the Earth.
+        """
+        chief = target.equinoctial
+        small = np.asarray(roe_m, dtype=np.float64) / chief[0]
+        rtn = roe.rtn_from_equinoctial_roe(chief, target.sign, small, target.mu_m3_s2, 0.0)
+        start = cls.from_rtn(target, rtn[:3], rtn[3:], where=where)
+        start.roe_equinoctial = small
+        return start
+
+    def check(self, *, elliptic: bool) -> None:
+        """Refuse a chaser whose orbit is none, meets the Earth, or, where ``elliptic``, escapes.
+
+        Raises:
+            InputError: one line that begins with :attr:`where`.
+        """
         check_orbit(
-            target.r_eci_m + self.dr_eci_m,
-            target.v_eci_m_s + self.dv_eci_m_s,
-            target.constants,
-            where,
+            self.target.r_eci_m + self.dr_eci_m,
+            self.target.v_eci_m_s + self.dv_eci_m_s,
+            self.target.constants,
+            self.where,
             elliptic=elliptic,
         )
 
     @cached_property
     def rtn(self) -> FloatArray:
-        """(6,) chaser's RTN position (m) and velocity (m/s, rotating frame)."""
-        t = self.target
-        if self._given_roe_m is not None:
-            return roe.rtn_from_roe(t.qns, self.roe, t.mu_m3_s2, 0.0)
-        if self._given_equinoctial_m is not None:
-            return roe.rtn_from_equinoctial_roe(
-                t.equinoctial, t.sign, self.roe_equinoctial, t.mu_m3_s2, 0.0
-            )
-        r, v = t.r_eci_m, t.v_eci_m_s
+        """(6,) the chaser's RTN position (m) and velocity (m/s, in the frame that turns)."""
+        r, v = self.target.r_eci_m, self.target.v_eci_m_s
         return np.concatenate(frames.rtn_from_eci(r, v, r + self.dr_eci_m, v + self.dv_eci_m_s))
 
     @cached_property
     def roe_equinoctial(self) -> FloatArray:
-        """(6,) dimensionless equinoctial ROE."""
-        if self._given_equinoctial_m is not None:
-            return np.asarray(self._given_equinoctial_m / self.target.equinoctial[0])
-        if self._given_roe_m is not None:
-            return roe.equinoctial_roe_from_roe(self.target.qns, self.roe, self.target.sign)
+        """(6,) dimensionless equinoctial ROE.
+
+        Raises:
+            InputError: an orbit is not elliptic.
+        """
+        self.target.check(elliptic=True)
+        self.check(elliptic=True)
         return roe.equinoctial_roe_from_states(
             self.target.r_eci_m,
             self.target.v_eci_m_s,
@@ -149,21 +243,31 @@ class Start:
         """(6,) dimensionless quasi-nonsingular ROE.
 
         Raises:
-            InputError: the target's inclination is 0° or 180°.
+            InputError: an orbit is not elliptic, or the target's inclination is 0° or 180°.
         """
-        i_rad = float(self.target.qns[4])
-        if math.sin(i_rad) < SINGULAR_SIN_I:
-            raise InputError(
-                f"quasi-nonsingular relative elements mean nothing at an inclination of"
-                f" {math.degrees(i_rad):.6g}°; give relative.roe_equinoctial_m, state_rtn or"
-                " state_eci, with propagator roe or nonlinear"
-            )
-        if self._given_roe_m is not None:
-            return np.asarray(self._given_roe_m / self.target.qns[0])
+        chief = self.target.qns
+        _refuse_singular(chief)
         deputy = self.target.equinoctial + self.roe_equinoctial
         deputy[0] = self.target.equinoctial[0] * (1 + self.roe_equinoctial[0])
-        result = roe.roe_from_qns(
-            self.target.qns, elements.qns_from_equinoctial(deputy, self.target.sign)
-        )
+        result = roe.roe_from_qns(chief, elements.qns_from_equinoctial(deputy, self.target.sign))
         result[0] = self.roe_equinoctial[0]
         return result
+
+    @cached_property
+    def roe_m(self) -> FloatArray:
+        """(6,) quasi-nonsingular ROE times the target's semi-major axis, m.
+
+        Raises:
+            InputError: as :attr:`roe`.
+        """
+        return np.asarray(self.roe * self.target.qns[0])
+
+
+def _refuse_singular(chief_qns: FloatArray) -> None:
+    i_rad = float(chief_qns[4])
+    if math.sin(i_rad) < SINGULAR_SIN_I:
+        raise InputError(
+            f"quasi-nonsingular relative elements mean nothing at an inclination of"
+            f" {math.degrees(i_rad):.6g}°; give relative.roe_equinoctial_m, state_rtn or"
+            " state_eci, with propagator roe or nonlinear"
+        )

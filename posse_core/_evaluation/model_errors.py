@@ -78,7 +78,7 @@ def errors(case: Case, constants: Constants) -> Errors:
     period_s = 2 * math.pi * math.sqrt(case.keplerian[0] ** 3 / mu)
     t_s = orbits * period_s
     r, v = elements.state_from_keplerian(case.keplerian, mu)
-    start = Start(Target(r, v, constants), "model errors", roe_m=case.roe_m)
+    start = Start.from_roe(Target(r, v, constants), case.roe_m)
     truth = _integrated(start, t_s, case.gravity)
     return Errors(
         orbits,

@@ -11,8 +11,8 @@ from posse_core import _frames as frames
 from posse_core._dataset.dataset import Dataset
 from posse_core._errors import InputError
 from posse_core._evaluation.result import Fault, Result
+from posse_core._files.trajectory import load_trajectory
 from posse_core._model.trajectory import Trajectory
-from posse_core._trajectory.trajectory import load_trajectory
 
 ANGLE_ERROR_RAD = 1e-9
 """Of rotations and of the Sun's direction, rad."""

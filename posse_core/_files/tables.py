@@ -4,15 +4,19 @@ Names say the shape: ``r_…``, ``v_…`` and ``omega_…`` are vectors (F, 3), 
 the scalar first, all others (F,). In a CSV file, with a row an instant, a vector's columns end in
 ``_x _y _z`` and a quaternion's in ``_w _x _y _z``. ``epoch_utc`` is the instant of t_s = 0; a CSV has
 it in each row.
+
+Extras are arrays (F, ...) of any shape. They stand under ``extra_`` and their name; in a CSV file each
+number of a row has a column of its own, such as ``extra_torque_n_m[0]``.
 """
 
 from __future__ import annotations
 
 import csv
 import io
+import re
 import zipfile
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +28,8 @@ from posse_core._files.atomic import atomic_file
 
 _VECTOR = ("_x", "_y", "_z")
 _SUFFIXES = {"q": ("_w", *_VECTOR), "r": _VECTOR, "v": _VECTOR, "omega": _VECTOR}
+_EXTRA = "extra_"
+_EXTRA_COLUMN = re.compile(rf"{_EXTRA}(\w+?)((?:\[\d+\])*)")
 
 
 @dataclass(frozen=True)
@@ -33,11 +39,13 @@ class Table:
     Attributes:
         epoch_utc: ISO 8601, or None where the file has none.
         arrays: by name; all of F ≥ 1 rows, finite.
+        extras: the file's extras by name, where they were asked for; (F, ...), finite.
     """
 
     path: Path
     epoch_utc: str | None
     arrays: Mapping[str, FloatArray]
+    extras: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> FloatArray:
         if name not in self.arrays:
@@ -45,8 +53,11 @@ class Table:
         return self.arrays[name]
 
 
-def read_table(path: Path, names: Collection[str]) -> Table:
+def read_table(path: Path, names: Collection[str], *, extras: bool = False) -> Table:
     """Read those of ``names`` that a file has, and leave the rest of it alone.
+
+    Args:
+        extras: read all extras too.
 
     Raises:
         InputError: the file is missing or of another kind, has none of the names, or an array has
@@ -55,9 +66,9 @@ def read_table(path: Path, names: Collection[str]) -> Table:
     try:
         match path.suffix:
             case ".npz":
-                epoch_utc, raw = _read_npz(path, names)
+                epoch_utc, raw, found = _read_npz(path, names, extras)
             case ".csv":
-                epoch_utc, raw = _read_csv(path, names)
+                epoch_utc, raw, found = _read_csv(path, names, extras)
             case _:
                 raise _unknown_suffix(path)
     except FileNotFoundError:
@@ -66,34 +77,60 @@ def read_table(path: Path, names: Collection[str]) -> Table:
         raise InputError(f"{path} cannot be read as {path.suffix[1:].upper()}: {error}") from None
     if not raw:
         raise InputError(f"{path} has none of {', '.join(names)}")
-    arrays: dict[str, FloatArray] = {}
-    for name, array in raw.items():
-        frames = len(next(iter(raw.values())))
-        shape = (frames, len(_columns(name))) if len(_columns(name)) > 1 else (frames,)
-        if array.shape != shape or array.dtype.kind not in "fiu":
-            raise InputError(f"{path}: {name} has shape {array.shape}; {shape} of numbers is needed")
-        arrays[name] = array.astype(np.float64)
-        if frames == 0 or not np.all(np.isfinite(arrays[name])):
-            raise InputError(f"{path}: {name} is empty or has a value that is no finite number")
-    return Table(path, epoch_utc, arrays)
+    frames = len(next(iter(raw.values())))
+    return Table(
+        path,
+        epoch_utc,
+        {name: _checked(array, _shape(name, frames), name, path) for name, array in raw.items()},
+        {
+            name: _checked(array, (frames, *array.shape[1:]), f"{_EXTRA}{name}", path)
+            for name, array in found.items()
+        },
+    )
 
 
-def write_table(path: Path, epoch_utc: str, arrays: Mapping[str, AnyArray]) -> None:
+def _shape(name: str, frames: int) -> tuple[int, ...]:
+    columns = len(_columns(name))
+    return (frames, columns) if columns > 1 else (frames,)
+
+
+def _checked(array: AnyArray, shape: tuple[int, ...], name: str, path: Path) -> FloatArray:
+    if array.shape != shape or array.dtype.kind not in "fiu":
+        raise InputError(f"{path}: {name} has shape {array.shape}; {shape} of numbers is needed")
+    numbers = array.astype(np.float64)
+    if numbers.size == 0 or not np.all(np.isfinite(numbers)):
+        raise InputError(f"{path}: {name} is empty or has a value that is no finite number")
+    return numbers
+
+
+def write_table(
+    path: Path,
+    epoch_utc: str,
+    arrays: Mapping[str, AnyArray],
+    extras: Mapping[str, FloatArray] | None = None,
+) -> None:
     """Write arrays of F rows, atomically; every number is read back to the bit.
+
+    Args:
+        arrays: their names say their shapes.
+        extras: (F, ...) each.
 
     Raises:
         InputError: the file's name ends in neither ``.npz`` nor ``.csv``.
     """
+    more = {_EXTRA + name: array for name, array in (extras or {}).items()}
     match path.suffix:
         case ".npz":
-            members: dict[str, Any] = {"epoch_utc": np.array(epoch_utc), **arrays}
+            members: dict[str, Any] = {"epoch_utc": np.array(epoch_utc), **arrays, **more}
             with atomic_file(path) as stream:
                 np.savez(stream, **members)
         case ".csv":
             text = io.StringIO()
             rows = csv.writer(text, lineterminator="\n")
-            rows.writerow(["epoch_utc", *(column for name in arrays for column in _columns(name))])
-            flat = [part for x in arrays.values() for part in x.reshape(len(x), -1).T]
+            header = [column for name in arrays for column in _columns(name)]
+            header += [name + suffix for name, x in more.items() for suffix in _suffixes(x.shape[1:])]
+            rows.writerow(["epoch_utc", *header])
+            flat = [part for x in [*arrays.values(), *more.values()] for part in x.reshape(len(x), -1).T]
             for row in zip(*(part.tolist() for part in flat), strict=True):
                 rows.writerow([epoch_utc, *row])
             with atomic_file(path) as stream:
@@ -107,24 +144,56 @@ def _columns(name: str) -> list[str]:
     return [name + suffix for suffix in _SUFFIXES.get(name.split("_")[0], ("",))]
 
 
-def _read_npz(path: Path, names: Collection[str]) -> tuple[str | None, dict[str, AnyArray]]:
+def _suffixes(shape: tuple[int, ...]) -> list[str]:
+    """What an extra of this shape in each row adds to its name, for each of its columns."""
+    return ["".join(f"[{k}]" for k in index) for index in np.ndindex(shape)]
+
+
+_Read = tuple[str | None, dict[str, AnyArray], dict[str, AnyArray]]
+"""The epoch, the arrays by name, and the extras by name."""
+
+
+def _read_npz(path: Path, names: Collection[str], extras: bool) -> _Read:
     with np.load(path, allow_pickle=False) as archive:
         epoch_utc = str(archive["epoch_utc"]) if "epoch_utc" in archive else None
-        return epoch_utc, {name: np.atleast_1d(archive[name]) for name in names if name in archive}
+        arrays = {name: np.atleast_1d(archive[name]) for name in names if name in archive}
+        more = [name for name in archive.files if extras and name.startswith(_EXTRA)]
+        return epoch_utc, arrays, {name[len(_EXTRA) :]: np.atleast_1d(archive[name]) for name in more}
 
 
-def _read_csv(path: Path, names: Collection[str]) -> tuple[str | None, dict[str, AnyArray]]:
+def _read_csv(path: Path, names: Collection[str], extras: bool) -> _Read:
     with open(path, newline="", encoding="utf-8") as stream:
         header, *rows = [row for row in csv.reader(stream, skipinitialspace=True) if row] or [[]]
     places = {column: place for place, column in enumerate(header)}
-    out: dict[str, AnyArray] = {}
+
+    def column_of(name: str) -> FloatArray:
+        return _numbers(rows, name, places[name], path)
+
+    arrays: dict[str, AnyArray] = {}
     for name in names:
-        if not all(column in places for column in _columns(name)):
-            continue
-        parts = [_numbers(rows, column, places[column], path) for column in _columns(name)]
-        out[name] = np.stack(parts, axis=-1) if len(parts) > 1 else parts[0]
+        columns = _columns(name)
+        if all(column in places for column in columns):
+            parts = [column_of(column) for column in columns]
+            arrays[name] = np.stack(parts, axis=-1) if len(parts) > 1 else parts[0]
+    more: dict[str, AnyArray] = {}
+    for name, shape in (_extra_shapes(header) if extras else {}).items():
+        wanted = [_EXTRA + name + suffix for suffix in _suffixes(shape)]
+        missing = next((column for column in wanted if column not in places), None)
+        if missing is not None:
+            raise InputError(f"{path} has no column {missing!r}, and others of {_EXTRA + name}")
+        parts = [column_of(column) for column in wanted]
+        more[name] = np.stack(parts, axis=-1).reshape(len(rows), *shape)
     epoch_utc = rows[0][places["epoch_utc"]] if rows and "epoch_utc" in places else None
-    return epoch_utc, out
+    return epoch_utc, arrays, more
+
+
+def _extra_shapes(header: list[str]) -> dict[str, tuple[int, ...]]:
+    """By the names of a CSV file's columns: each extra's shape in a row, which its last index tells."""
+    shapes: dict[str, tuple[int, ...]] = {}
+    for column in header:
+        if match := _EXTRA_COLUMN.fullmatch(column):
+            shapes[match[1]] = tuple(int(k) + 1 for k in re.findall(r"\d+", match[2]))
+    return shapes
 
 
 def _numbers(rows: list[list[str]], column: str, place: int, path: Path) -> FloatArray:

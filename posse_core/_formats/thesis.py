@@ -14,10 +14,10 @@ import numpy as np
 from posse_core import _frames as frames
 from posse_core._dataset.dataset import Dataset
 from posse_core._files.text import text_file, write_csv, write_members
+from posse_core._files.trajectory import load_trajectory
 from posse_core._formats.needs import labels_with
 from posse_core._interfaces.writer import Writer
 from posse_core._model.trajectory import Trajectory
-from posse_core._trajectory.trajectory import load_trajectory
 
 NEEDS_POSE = {"q_cam_from_body": "pose", "t_body_cam_m": "pose"}
 NEEDS = {**NEEDS_POSE, "keypoints": "keypoints", "box_visible_px": "box"}

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 
-from posse_core._arrays import FloatArray, IntArray
+from posse_core._arrays import AnyArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -17,6 +18,9 @@ class Motion:
         r_chaser_rtn_m: (F, 3) the chaser's position relative to the target, target's RTN axes.
         v_chaser_rtn_m_s: (F, 3) its derivative in the rotating RTN frame.
         sequence: (F,) int; frames of one continuous relative orbit have one number.
+        extras: what else the propagator knows of each frame, by name: (F, ...) finite numbers, such as
+            ``{"drag_m_s2": (F, 3)}``. Names are lower-case letters, digits and underscores. They stand
+            in the trajectory's file as ``extra_`` and the name.
     """
 
     t_s: FloatArray
@@ -25,6 +29,7 @@ class Motion:
     r_chaser_rtn_m: FloatArray
     v_chaser_rtn_m_s: FloatArray
     sequence: IntArray
+    extras: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -46,6 +51,7 @@ class Trajectory:
         earth_albedo_w_m2, earth_infrared_w_m2: (F,) the Earth's reflected and own light on a plate
             at the target that faces the Earth's centre.
         earth_rotation_rad: (F,) Earth rotation angle, 0 … 2π.
+        extras: of the propagator, see :class:`Motion`.
     """
 
     epoch_utc: str
@@ -69,6 +75,27 @@ class Trajectory:
     earth_albedo_w_m2: FloatArray
     earth_infrared_w_m2: FloatArray
     earth_rotation_rad: FloatArray
+    extras: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.t_s)
+
+    def arrays(self) -> dict[str, AnyArray]:
+        """The arrays (F, ...) by name, without the extras."""
+        return {name: getattr(self, name) for name in TRAJECTORY_ARRAYS}
+
+    def rows(self, indices: AnyArray | slice) -> Trajectory:
+        """The frames of these indices alone, in their order.
+
+        Args:
+            indices: (K,) of int, 0 … F − 1, or a slice.
+        """
+        arrays = {name: array[indices] for name, array in self.arrays().items()}
+        extras = {name: array[indices] for name, array in self.extras.items()}
+        return Trajectory(epoch_utc=self.epoch_utc, **arrays, extras=extras)
+
+
+TRAJECTORY_ARRAYS = tuple(
+    part.name for part in fields(Trajectory) if part.name not in ("epoch_utc", "extras")
+)
+"""Names of the arrays that every trajectory has."""

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from posse_core._dynamics.orbit import orbit_epoch
 from posse_core._environment.time import Epoch
 from posse_core._errors import InputError
 from posse_core._files.oem import read_oem
@@ -27,15 +26,16 @@ class FilePropagator(Propagator[FileOptions]):
     """NPZ and CSV with the names of ``posse propagate``; or two CCSDS OEM, target's and chaser's.
 
     NPZ and CSV need ``t_s``, the target's state, and the chaser's in RTN or ECI. t_s counts from
-    ``epoch_utc`` where the file has it, else from the scenario's epoch.
+    ``epoch_utc`` where the file has it, else from the scenario's epoch. Their extras come along.
     """
+
+    needs_starts = False
 
     def propagate(self, problem: PropagationProblem) -> Motion:
         path = self.options.path
-        epoch = orbit_epoch(problem.orbit)
         if path.suffix not in (".npz", ".csv"):
-            return self._from_oem(epoch)
-        table = read_table(path, (*_TARGET, *_RTN, *_ECI, "sequence"))
+            return self._from_oem(problem.epoch)
+        table = read_table(path, (*_TARGET, *_RTN, *_ECI, "sequence"), extras=True)
         t_s, r_target, v_target = (table[name] for name in _TARGET)
         names = _ECI if _RTN[0] not in table.arrays and _ECI[0] in table.arrays else _RTN
         r, v = (table[name] for name in names)
@@ -43,8 +43,8 @@ class FilePropagator(Propagator[FileOptions]):
             r, v = rtn_from_eci(r_target, v_target, r, v)
         sequence = table.arrays.get("sequence", np.zeros(len(t_s)))
         if table.epoch_utc is not None:
-            t_s = t_s + epoch.seconds_until(Epoch.from_iso(table.epoch_utc))
-        return Motion(t_s, r_target, v_target, r, v, sequence.astype(np.int64))
+            t_s = t_s + problem.epoch.seconds_until(Epoch.from_iso(table.epoch_utc))
+        return Motion(t_s, r_target, v_target, r, v, sequence.astype(np.int64), table.extras)
 
     def _from_oem(self, epoch: Epoch) -> Motion:
         target_path, chaser_path = self.options.path, self.options.chaser_path

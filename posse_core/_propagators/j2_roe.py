@@ -11,8 +11,7 @@ from posse_core._dynamics.j2 import j2_secular, j2_stm, mean_from_osculating, os
 from posse_core._dynamics.roe import qns_from_roe, roe_from_qns, rtn_from_roe
 from posse_core._dynamics.start import Start
 from posse_core._errors import InputError
-from posse_core._interfaces.propagator import PropagationProblem
-from posse_core._propagators.flight import Flight, FlightPropagator
+from posse_core._interfaces.propagator import Flight, FlightPropagator, PropagationProblem
 from posse_core._propagators.options import J2RoeOptions
 
 _CRITICAL_RAD = math.radians(1.0)
@@ -25,9 +24,7 @@ class J2RoePropagator(FlightPropagator[J2RoeOptions]):
     Lyddane's mean elements not within 1° of 63.43° or 116.57°.
     """
 
-    def fly(
-        self, problem: PropagationProblem, start: Start, start_s: float, after_s: FloatArray
-    ) -> Flight:
+    def fly(self, problem: PropagationProblem, start: Start, after_s: FloatArray) -> Flight:
         constants, mu = problem.constants, start.target.mu_m3_s2
         theory = self.options.mean_elements
         if theory == "brouwer-lyddane":

@@ -15,8 +15,7 @@ from posse_core._arrays import FloatArray
 from posse_core._dynamics.domain import warn_if_far_off
 from posse_core._dynamics.linear import hcw_stm, near_circular_map, yamanaka_ankersen_stm
 from posse_core._dynamics.start import Start
-from posse_core._interfaces.propagator import PropagationProblem
-from posse_core._propagators.flight import Flight, FlightPropagator
+from posse_core._interfaces.propagator import Flight, FlightPropagator, PropagationProblem
 from posse_core._propagators.roe import exact_rtn, two_body_flight
 
 
@@ -30,9 +29,7 @@ class LinearPropagator(FlightPropagator):
     def rtn(self, start: Start, t_s: FloatArray) -> FloatArray:
         """(F,) → (F, 6) the chaser's RTN state by the model."""
 
-    def fly(
-        self, problem: PropagationProblem, start: Start, start_s: float, after_s: FloatArray
-    ) -> Flight:
+    def fly(self, problem: PropagationProblem, start: Start, after_s: FloatArray) -> Flight:
         rtn = self.rtn(start, after_s)
         e = float(np.hypot(*start.target.equinoctial[2:4]))
         exact = exact_rtn([start], after_s)[0]

@@ -8,13 +8,11 @@ import numpy as np
 
 from posse_core._arrays import FloatArray
 from posse_core._dynamics.nonlinear import Body, ForceModel, integrate
-from posse_core._dynamics.orbit import orbit_epoch
 from posse_core._dynamics.start import Start
 from posse_core._environment.ephemeris import moon_eci_m, sun_eci_m
 from posse_core._environment.time import Epoch
 from posse_core._frames import R_eci_from_rtn, rtn_rate_rad_s
-from posse_core._interfaces.propagator import PropagationProblem
-from posse_core._propagators.flight import Flight, FlightPropagator
+from posse_core._interfaces.propagator import Flight, FlightPropagator, PropagationProblem
 from posse_core._propagators.options import NonlinearOptions
 
 
@@ -23,10 +21,8 @@ class NonlinearPropagator(FlightPropagator[NonlinearOptions]):
 
     elliptic = False
 
-    def fly(
-        self, problem: PropagationProblem, start: Start, start_s: float, after_s: FloatArray
-    ) -> Flight:
-        epoch = orbit_epoch(problem.orbit).shifted(start_s)
+    def fly(self, problem: PropagationProblem, start: Start, after_s: FloatArray) -> Flight:
+        epoch = problem.epoch.shifted(start.target.t_s)
         r, v, dr, dv = integrate(
             (start.target.r_eci_m, start.target.v_eci_m_s, start.dr_eci_m, start.dv_eci_m_s),
             after_s,

@@ -2,31 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from posse_core._arrays import FloatArray
 from posse_core._dynamics.roe import rtn_from_equinoctial_roe
 from posse_core._dynamics.start import Start
-from posse_core._interfaces.propagator import PropagationProblem
-from posse_core._propagators.flight import Flight, FlightPropagator
+from posse_core._interfaces.propagator import Flight, FlightPropagator, PropagationProblem
 
 
 class RoePropagator(FlightPropagator):
     """Both orbits by Kepler's equation, differenced in the target's RTN axes; any e < 1, any i."""
 
-    def fly(
-        self, problem: PropagationProblem, start: Start, start_s: float, after_s: FloatArray
-    ) -> Flight:
+    def fly(self, problem: PropagationProblem, start: Start, after_s: FloatArray) -> Flight:
         return self.fly_together(problem, [start], after_s)[0]
 
     def fly_together(
-        self, problem: PropagationProblem, starts: list[Start], t_s: FloatArray
+        self, problem: PropagationProblem, starts: Sequence[Start], t_s: FloatArray
     ) -> list[Flight]:
         states = exact_rtn(starts, t_s)
         return [two_body_flight(start, t_s, rtn) for start, rtn in zip(starts, states, strict=True)]
 
 
-def exact_rtn(starts: list[Start], t_s: FloatArray) -> FloatArray:
+def exact_rtn(starts: Sequence[Start], t_s: FloatArray) -> FloatArray:
     """(F,) → (S, F, 6) RTN states of S chasers of one target, two-body motion without approximation.
 
     All in one evaluation: a call costs about as much as the states of an orbit.

@@ -9,8 +9,7 @@ from posse_core._dynamics.start import Start
 from posse_core._dynamics.tle import Tle
 from posse_core._errors import InputError
 from posse_core._frames import rtn_from_eci
-from posse_core._interfaces.propagator import PropagationProblem
-from posse_core._propagators.flight import Flight, FlightPropagator
+from posse_core._interfaces.propagator import Flight, FlightPropagator, PropagationProblem
 
 
 class Sgp4Propagator(FlightPropagator):
@@ -19,12 +18,10 @@ class Sgp4Propagator(FlightPropagator):
     SGP4's own rounding and its dated constants leave the relative state uncertain by some mm.
     """
 
-    def fly(
-        self, problem: PropagationProblem, start: Start, start_s: float, after_s: FloatArray
-    ) -> Flight:
-        if problem.orbit.tle is None:
+    def fly(self, problem: PropagationProblem, start: Start, after_s: FloatArray) -> Flight:
+        if problem.tle is None:
             raise InputError("propagator sgp4 starts from orbit.tle; give it, or take propagator roe")
-        tle = Tle(problem.orbit.tle)
+        tle, start_s = Tle(problem.tle), start.target.t_s
         r_chaser = start.target.r_eci_m + start.dr_eci_m
         v_chaser = start.target.v_eci_m_s + start.dv_eci_m_s
         chaser = tle.neighbour(r_chaser, v_chaser, start_s)

@@ -21,7 +21,6 @@ import numpy as np
 from posse_core._arrays import FloatArray
 from posse_core._dynamics.design import algorithm_3_1
 from posse_core._dynamics.elements import keplerian_from_state
-from posse_core._dynamics.orbit import target_state
 from posse_core._dynamics.tle import Tle
 from posse_core._errors import InputError
 from posse_core._frames import R_eci_from_perifocal
@@ -34,6 +33,7 @@ class ThesisPropagator(Propagator[ThesisOptions]):
     """N instances × H relative orbits (Algorithm 3.1)."""
 
     def propagate(self, problem: PropagationProblem) -> Motion:
+        first_m = _initial_roe_m(problem)
         t_s = np.asarray(problem.t_s, dtype=np.float64)
         mu = problem.constants.mu_earth_m3_s2
         a, e, i, raan, argp, mean_anomaly = _elements(problem)
@@ -42,7 +42,7 @@ class ThesisPropagator(Propagator[ThesisOptions]):
         )
         r_target, v_target = perifocal_state(a, e, true_anomaly, mu)
         R = R_eci_from_perifocal(raan, i, argp)
-        orbits_m = algorithm_3_1(_initial_roe_m(problem), self.options.relative_orbits)
+        orbits_m = algorithm_3_1(first_m, self.options.relative_orbits)
         states = np.einsum("kij,hj->hki", roe_to_rtn(math.sqrt(mu / a**3), t_s), orbits_m)
         count, times = len(orbits_m), len(t_s)
         flat = states.reshape(-1, 6)
@@ -118,24 +118,29 @@ def roe_to_rtn(mean_motion_rad_s: float, t_s: FloatArray) -> FloatArray:
 def _elements(problem: PropagationProblem) -> tuple[float, float, float, float, float, float]:
     """a, e, i, Ω, ω, M: a TLE's mean elements as they stand, else the osculating ones."""
     mu = problem.constants.mu_earth_m3_s2
-    state = target_state(problem.orbit, problem.constants)
-    if problem.orbit.tle is None:
+    if problem.tle is None:
+        state = (problem.target.r_eci_m, problem.target.v_eci_m_s)
         a, e, i, raan, argp, M = keplerian_from_state(*state, mu).tolist()
         return a, e, i, raan, argp, M
-    m = Tle(problem.orbit.tle).mean
+    m = Tle(problem.tle).mean
     a = (mu / m.mean_motion_rad_s**2) ** (1 / 3)
     return a, m.e, m.i_rad, m.raan_rad, m.argp_rad, m.mean_anomaly_rad
 
 
 def _initial_roe_m(problem: PropagationProblem) -> FloatArray:
-    roe_m = problem.relative.roe_m
-    if problem.relative.plan is not None:
+    """(6,) a·δα of the one natural relative orbit that the problem begins with.
+
+    Raises:
+        InputError: there are impulses, no such orbit, or its δa or δλ are not 0.
+    """
+    if problem.burns:
         raise InputError("relative.plan: propagator thesis knows no manoeuvres; take propagator roe")
-    if roe_m is None:
+    if problem.forced is not None or len(problem.starts) != 1:
         raise InputError("propagator thesis starts from relative.roe_m; give it, or take propagator roe")
+    roe_m = problem.starts[0].roe_m
     if roe_m[0] != 0 or roe_m[1] != 0:
         raise InputError(
-            "relative.roe_m: Algorithm 3.1 has δa = δλ = 0; set the first two to 0, or take"
-            " propagator roe"
+            "propagator thesis starts from relative.roe_m, and Algorithm 3.1 has δa = δλ = 0; set its"
+            " first two to 0, or take propagator roe"
         )
-    return np.array(roe_m)
+    return roe_m

@@ -17,6 +17,7 @@ from posse_core._arrays import AnyArray
 from posse_core._environment.time import Epoch
 from posse_core._errors import ComponentError
 from posse_core._files.store import open_store
+from posse_core._files.trajectory import load_trajectory
 from posse_core._geometry.raycast import RayCaster
 from posse_core._interfaces.annotator import Annotator
 from posse_core._interfaces.executor import FrameMade
@@ -26,14 +27,13 @@ from posse_core._model.label_line import LabelLine, first_fault
 from posse_core._model.labels import View
 from posse_core._model.scene import FrameState, Radiance, Scene
 from posse_core._plugins.loading import load_plugins
-from posse_core._plugins.registry import Registry
 from posse_core._run.light import CraftLight
-from posse_core._scenario.component import ComponentChoice
+from posse_core._scenario.component import create
 from posse_core._scenario.load import load_scenario
 from posse_core._sensor.lens import LensRenderer
 from posse_core._sensor.sensor import Sensor
 from posse_core._sky.sky import Sky, SkyView
-from posse_core._trajectory.trajectory import frame_state, load_trajectory
+from posse_core._trajectory.state import frame_state
 
 RENDERER_FILE = "renderer.json"
 """What the renderer says of itself, for the manifest."""
@@ -147,12 +147,6 @@ class FrameMaker:
     def close(self) -> None:
         """Free the renderer."""
         self._renderer.close()
-
-
-def create(registry: Registry, kind: str, choice: ComponentChoice) -> Any:
-    """Make the component that a scenario chose."""
-    options = registry.options(kind, choice.name, choice.options)
-    return registry.create(kind, choice.name, options)
 
 
 def _full_size(array: AnyArray, view: View, camera: Camera) -> AnyArray:

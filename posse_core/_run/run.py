@@ -15,16 +15,17 @@ from posse_core._dataset.dataset import Dataset, write_camera, write_spacecraft
 from posse_core._errors import ComponentError, InputError, PosseError, StoreError
 from posse_core._files.atomic import PARTIAL, write_bytes, write_json
 from posse_core._files.store import is_remote
+from posse_core._files.trajectory import save_trajectory
 from posse_core._interfaces.executor import Executor, FrameMade, FrameResult
 from posse_core._plugins.loading import Plugins
 from posse_core._plugins.registry import Registry
-from posse_core._run.frame_maker import FrameMaker, create
+from posse_core._run.frame_maker import FrameMaker
 from posse_core._run.manifest import COMPLETE, make_manifest
 from posse_core._run.place import Place, place_at
 from posse_core._run.plan import Plan
 from posse_core._run.shards import LabelLog
+from posse_core._scenario.component import create
 from posse_core._scenario.load import dump_scenario
-from posse_core._trajectory.trajectory import save_trajectory
 
 Progress = Callable[[Iterable[FrameResult[FrameMade]], int, int], Iterable[FrameResult[FrameMade]]]
 """Wraps the results of a run to show them: (results, frames in all, frames done before)."""

@@ -8,6 +8,7 @@ from typing import Any
 from pydantic import Field, model_serializer, model_validator
 
 from posse_core._plugins.options import Options
+from posse_core._plugins.registry import Registry
 
 
 class ComponentChoice(Options):
@@ -40,6 +41,12 @@ class TargetChoice(ComponentChoice):
                 raise ValueError("give exactly one of name, mesh, package")
             return _gathered({"name": kinds[0], **raw})
         return raw
+
+
+def create(registry: Registry, kind: str, choice: ComponentChoice) -> Any:
+    """Make the component that a scenario chose."""
+    options = registry.options(kind, choice.name, choice.options)
+    return registry.create(kind, choice.name, options)
 
 
 def _gathered(raw: Any) -> Any:

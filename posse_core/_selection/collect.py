@@ -6,7 +6,7 @@ from __future__ import annotations
 import shutil
 import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,15 +17,13 @@ from posse_core._dataset.dataset import Dataset
 from posse_core._environment.time import SECONDS_PER_DAY, Epoch
 from posse_core._errors import InputError
 from posse_core._files.atomic import sha256, write_json
+from posse_core._files.trajectory import load_trajectory, save_trajectory
 from posse_core._formats.images import place
 from posse_core._model.label_line import LabelLine
 from posse_core._model.trajectory import Trajectory
 from posse_core._run.shards import CHECKSUMS, LabelLog
 from posse_core._selection.balance import Balance, Bin, balanced
 from posse_core._selection.rules import Rule, first_that_drops
-from posse_core._trajectory.trajectory import load_trajectory, save_trajectory
-
-_ARRAYS = tuple(field.name for field in fields(Trajectory) if field.name != "epoch_utc")
 
 Progress = Callable[[Iterable[dict[str, Any]], int], Iterable[dict[str, Any]]]
 """Wraps the labels of a dataset's frames to show how far it is: (labels, how many)."""
@@ -156,7 +154,7 @@ def _build(sources: Sequence[Dataset], choice: Choice, folder: Path, progress: P
         sequences = trajectory.sequence + first_sequence
         first_sequence = int(sequences.max()) + 1
         moved = replace(trajectory, t_s=trajectory.t_s + later_s, sequence=sequences)
-        trajectories.append(_rows(moved, kept))
+        trajectories.append(moved.rows(np.array(kept, dtype=np.int64)))
         records.append(_record(dataset, number, folder))
     save_trajectory(_joined(trajectories), folder / "trajectory.npz")
     shutil.copyfile(sources[0].folder / "camera.json", folder / "camera.json")
@@ -197,18 +195,18 @@ def _seconds_between(start: Epoch, end: Epoch) -> float:
     return float(((b1 - a1) + (b2 - a2)) * SECONDS_PER_DAY)
 
 
-def _rows(trajectory: Trajectory, rows: Sequence[int]) -> Trajectory:
-    arrays = {
-        f.name: getattr(trajectory, f.name)[list(rows)]
-        for f in fields(trajectory)
-        if f.name != "epoch_utc"
-    }
-    return replace(trajectory, **arrays)
-
-
 def _joined(trajectories: Sequence[Trajectory]) -> Trajectory:
-    arrays = {name: np.concatenate([getattr(each, name) for each in trajectories]) for name in _ARRAYS}
-    return Trajectory(epoch_utc=trajectories[0].epoch_utc, **arrays)
+    """One trajectory of all frames, with those of the extras that every one of them has."""
+    first, *others = trajectories
+    arrays = {
+        name: np.concatenate([each.arrays()[name] for each in trajectories]) for name in first.arrays()
+    }
+    extras = {
+        name: np.concatenate([each.extras[name] for each in trajectories])
+        for name, array in first.extras.items()
+        if all(name in x.extras and x.extras[name].shape[1:] == array.shape[1:] for x in others)
+    }
+    return Trajectory(epoch_utc=first.epoch_utc, **arrays, extras=extras)
 
 
 def _record(dataset: Dataset, number: int, folder: Path) -> dict[str, Any]:

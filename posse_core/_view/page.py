@@ -13,11 +13,11 @@ from urllib.parse import quote
 
 import numpy as np
 
-from posse_core._arrays import IntArray
+from posse_core._arrays import IntArray, evenly_spread
 from posse_core._dataset.dataset import Dataset
 from posse_core._errors import InputError
 from posse_core._files.atomic import atomic_file
-from posse_core._trajectory.trajectory import load_trajectory
+from posse_core._files.trajectory import load_trajectory
 from posse_core._view.columns import label_columns, motion_columns
 from posse_core._view.previews import preview
 
@@ -56,7 +56,7 @@ def write_page(
     lines = dataset.frames
     if not len(lines):
         raise InputError(f"{dataset.folder}: has no frames to show")
-    places = _spread(len(lines), len(lines) if frames is None else frames)
+    places = evenly_spread(len(lines), len(lines) if frames is None else frames).tolist()
     blocks = [len(_frame_block(lines[place], None)) for place in places]
     head, tail = _page_halves(_dataset_block(dataset, out, places))
     room = max_bytes - len(head) - len(tail) - sum(blocks)
@@ -83,17 +83,12 @@ def write_page(
     return Page(len(places), previews, size)
 
 
-def _spread(count: int, wanted: int) -> list[int]:
-    """``wanted`` of the places 0 … count − 1, evenly spread, the first and the last among them."""
-    return [int(place) for place in np.unique(np.linspace(0, count - 1, min(wanted, count)).round())]
-
-
 def _previewed(dataset: Dataset, places: list[int], room: int) -> set[int]:
     """Places of as many evenly spread frames as have room for previews, by the mean of a few."""
-    sample = [places[i] for i in _spread(len(places), _SAMPLES)]
+    sample = [places[i] for i in evenly_spread(len(places), _SAMPLES)]
     lines = (dataset.frames[place] for place in sample)
     mean = np.mean([len(json.dumps(preview(dataset, labels))) for labels in lines])
-    return {places[i] for i in _spread(len(places), int(room / mean))}
+    return {places[i] for i in evenly_spread(len(places), int(room / mean))}
 
 
 def _dataset_block(dataset: Dataset, out: Path, places: list[int]) -> bytes:

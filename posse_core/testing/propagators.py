@@ -9,10 +9,12 @@ from scipy.integrate import solve_ivp
 
 from posse_core._arrays import FloatArray
 from posse_core._constants import Constants
+from posse_core._dynamics.elements import state_from_keplerian
+from posse_core._dynamics.start import Start, Target
+from posse_core._environment.time import Epoch
 from posse_core._frames import eci_from_rtn, rtn_from_eci
 from posse_core._interfaces.propagator import PropagationProblem, Propagator
 from posse_core._model.trajectory import Motion
-from posse_core._scenario.orbit import ElementsConfig, OrbitConfig, RelativeConfig
 from posse_core.testing.conformance import Conformance
 
 PERIOD_S = 5900.0
@@ -32,21 +34,13 @@ class PropagatorConformance(Conformance):
 
     def problem(self, t_s: FloatArray) -> PropagationProblem:
         """The motion to propagate at the times ``t_s`` (F,)."""
-        elements = ElementsConfig(
-            epoch_utc="2022-01-31T02:02:27.58",
-            a_m=7.1e6,
-            e=1e-4,
-            i_deg=98.2,
-            raan_deg=334.0,
-            argp_deg=52.0,
-            mean_anomaly_deg=318.0,
-        )
-        return PropagationProblem(
-            orbit=OrbitConfig(elements=elements),
-            relative=RelativeConfig(roe_m=(0.0, 0.0, 15.0, -4.0, 12.0, 7.0)),
-            t_s=t_s,
-            constants=Constants(),
-        )
+        a_e_i_raan_argp_mean = np.array([7.1e6, 1e-4, *np.radians([98.2, 334.0, 52.0, 318.0])])
+        constants = Constants()
+        state = state_from_keplerian(a_e_i_raan_argp_mean, constants.mu_earth_m3_s2)
+        target = Target(*state, constants)
+        start = Start.from_roe(target, np.array([0.0, 0.0, 15.0, -4.0, 12.0, 7.0]))
+        epoch = Epoch.from_iso("2022-01-31T02:02:27.58")
+        return PropagationProblem(epoch=epoch, target=target, starts=(start,), t_s=t_s)
 
     def test_shapes_and_numbers(self) -> None:
         t_s = np.linspace(0.0, PERIOD_S, 7)

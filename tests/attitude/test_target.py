@@ -39,6 +39,7 @@ def surroundings(
     return Surroundings(
         epoch=Epoch.from_iso("2022-01-31T02:02:27.58"),
         t_s=t_s,
+        indices=np.arange(len(t_s)),
         r_target_eci_m=r,
         v_target_eci_m_s=v,
         r_sun_eci_m=np.broadcast_to(sun_m, r.shape),

@@ -17,8 +17,8 @@ from posse_core._dynamics.linear import any_eccentricity_map
 from posse_core._frames import rtn_from_eci
 from posse_core._interfaces.propagator import PropagationProblem
 from posse_core._plugins.loading import load_plugins
-from posse_core._propagators.flight import starts_of
 from posse_core._scenario.orbit import OrbitConfig, RelativeConfig
+from posse_core._trajectory.problem import resolve
 
 FIGURES = json.loads(Path(__file__).with_name("dynamics.json").read_text())
 CONSTANTS = Constants()
@@ -31,7 +31,7 @@ def problem_of(case: dict[str, Any], relative: RelativeConfig | None = None) -> 
 
     orbit = {"state_eci": {"epoch_utc": "2022-01-31T02:02:27.58", **two_vectors(case["chief"])}}
     deputy = RelativeConfig.model_validate({"state_eci": two_vectors(case["deputy"])})
-    return PropagationProblem(
+    return resolve(
         OrbitConfig.model_validate(orbit), relative or deputy, np.array(case["t_s"]), CONSTANTS
     )
 
@@ -90,7 +90,7 @@ def test_each_model_errs_by_what_is_known_of_it(
 
 def test_the_linear_map_for_any_eccentricity_errs_by_what_is_known_of_it() -> None:
     case = FIGURES["aqua"]
-    (start,) = starts_of(problem_of(case))
+    (start,) = problem_of(case).starts
     linear = any_eccentricity_map(start.target.qns, MU, np.array(case["t_s"])) @ start.roe
     assert worst_m(linear[:, :3], case["two-body"]) == pytest.approx(0.0023, rel=0.05)
 
@@ -112,7 +112,7 @@ def test_canonical_mean_elements_are_more_exact() -> None:
 
 def test_relative_elements_are_those_that_the_state_was_made_of() -> None:
     case = FIGURES["aqua"]
-    (start,) = starts_of(problem_of(case))
+    (start,) = problem_of(case).starts
     assert start.target.qns[0] * start.roe == pytest.approx(np.array(case["roe_m"]), abs=1e-6)
 
 

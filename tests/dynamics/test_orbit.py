@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from posse_core._constants import Constants
-from posse_core._dynamics.orbit import orbit_epoch, orbit_period_s, target_state
 from posse_core._dynamics.tle import Tle
 from posse_core._errors import InputError
 from posse_core._interfaces.propagator import PropagationProblem
-from posse_core._propagators.flight import starts_of
+from posse_core._plugins.options import NoOptions
+from posse_core._propagators.roe import RoePropagator
 from posse_core._scenario.orbit import OrbitConfig, RelativeConfig
+from posse_core._trajectory.problem import orbit_epoch, orbit_period_s, resolve, target_at_epoch
 
 CONSTANTS = Constants()
 # The 2006 verification set's first case (Vallado et al. 2006): state at the epoch in TEME, km.
@@ -34,7 +35,7 @@ ELEMENTS = {
 
 
 def problem(orbit: dict[str, Any], relative: dict[str, Any]) -> PropagationProblem:
-    return PropagationProblem(
+    return resolve(
         OrbitConfig.model_validate(orbit),
         RelativeConfig.model_validate(relative),
         np.zeros(1),
@@ -50,7 +51,7 @@ def mended(line: str) -> str:
 def test_a_tle_is_flown_from_its_own_epoch() -> None:
     orbit = OrbitConfig(tle=VANGUARD)
     assert orbit_epoch(orbit).iso().startswith("2000-06-27T18:50:19.7")
-    r, _ = target_state(orbit, CONSTANTS)
+    r = target_at_epoch(orbit, CONSTANTS).r_eci_m
     # Only the axes differ: precession from J2000 to mid-2000 is below 30″.
     assert np.linalg.norm(r) == pytest.approx(np.linalg.norm(VANGUARD_KM) * 1e3, abs=0.02)
     assert np.linalg.norm(r - VANGUARD_KM * 1e3) < 30 / 206265 * 7.2e6
@@ -121,15 +122,15 @@ MANY = {
 )
 def test_what_is_no_orbit_is_refused_in_one_line(orbit: Any, relative: Any, words: str) -> None:
     with pytest.raises(InputError) as caught:
-        starts_of(problem(orbit, relative))
+        RoePropagator(NoOptions()).propagate(problem(orbit, relative))
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
 def test_equinoctial_relative_elements_work_on_the_equator() -> None:
-    (start,) = starts_of(
-        problem({"elements": {**ELEMENTS, "i_deg": 0}}, {"roe_equinoctial_m": [0, 0, 0, 0, 50, 0]})
-    )
+    (start,) = problem(
+        {"elements": {**ELEMENTS, "i_deg": 0}}, {"roe_equinoctial_m": [0, 0, 0, 0, 50, 0]}
+    ).starts
     # δp tilts the plane by 2 δp about the x axis of the elements' frame: N = −2 a δp cos L.
     r = start.target.r_eci_m / np.linalg.norm(start.target.r_eci_m)
     assert start.rtn[2] == pytest.approx(-100 * r[0], abs=0.1)

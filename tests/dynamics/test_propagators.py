@@ -12,7 +12,6 @@ import pytest
 from posse_core._constants import Constants
 from posse_core._dynamics.design import algorithm_3_1, coverage
 from posse_core._dynamics.domain import DomainWarning
-from posse_core._dynamics.orbit import orbit_period_s
 from posse_core._environment.ephemeris import sun_eci_m
 from posse_core._environment.time import Epoch
 from posse_core._errors import InputError
@@ -20,8 +19,9 @@ from posse_core._frames import eci_from_rtn
 from posse_core._interfaces.propagator import PropagationProblem
 from posse_core._model.trajectory import Motion
 from posse_core._plugins.loading import load_plugins
-from posse_core._propagators.flight import planned, starts_of
+from posse_core._scenario.design import PlanConfig
 from posse_core._scenario.orbit import OrbitConfig, RelativeConfig
+from posse_core._trajectory.problem import orbit_period_s, planned, resolve
 
 CONSTANTS = Constants()
 REGISTRY = load_plugins().registry
@@ -44,7 +44,7 @@ PERIOD_S = 2 * np.pi * np.sqrt(7.1e6**3 / CONSTANTS.mu_earth_m3_s2)
 def problem(relative: Any, orbit: Any = None, t_s: Any = None) -> PropagationProblem:
     orbit = orbit or {"elements": LEO}
     times = np.linspace(0, PERIOD_S, 101) if t_s is None else np.asarray(t_s, dtype=np.float64)
-    return PropagationProblem(
+    return resolve(
         OrbitConfig.model_validate(orbit), RelativeConfig.model_validate(relative), times, CONSTANTS
     )
 
@@ -274,9 +274,9 @@ def test_a_transfer_arrives(e: float, a_m: float, off_m: float) -> None:
     arrived = {"r_m": m.r_chaser_rtn_m[1].tolist(), "v_m_s": m.v_chaser_rtn_m_s[1].tolist()}
     state = {"r_m": m.r_target_eci_m[1].tolist(), "v_m_s": m.v_target_eci_m_s[1].tolist()}
     orbit = {"state_eci": {"epoch_utc": "2022-01-31", **state}}
-    (start,) = starts_of(problem({"state_rtn": arrived}, orbit))
+    (start,) = problem({"state_rtn": arrived}, orbit).starts
     assert start.roe * a_m == pytest.approx(np.array(TRANSFER["to_roe_m"]), abs=off_m)
-    plan_made = planned(asked, starts_of(asked)[0])
+    plan_made = planned(PlanConfig.model_validate(plan), asked.starts[0])
     assert plan_made.least_dv_m_s <= plan_made.dv_m_s < 2 * plan_made.least_dv_m_s
 
 
@@ -284,7 +284,7 @@ def test_a_pure_change_of_eccentricity_costs_its_least() -> None:
     # na |δe|/2: D'Amico's closed form for two tangential impulses; the third holds δλ.
     plan = {"transfer": {"to_roe_m": [0, 0, 130, 0, 0, 0], "end_s": 3 * PERIOD_S}}
     asked = problem({"roe_m": [0, 0, 100, 0, 0, 0], "plan": plan})
-    made = planned(asked, starts_of(asked)[0])
+    made = planned(PlanConfig.model_validate(plan), asked.starts[0])
     n = 2 * np.pi / PERIOD_S
     assert made.dv_m_s == pytest.approx(n * 30 / 2, rel=1e-6)
     assert made.least_dv_m_s == pytest.approx(n * 30 / 2, rel=1e-6)

@@ -19,7 +19,7 @@ from posse_core._dataset.dataset import Dataset
 from posse_core._errors import CheckFailed, InputError
 from posse_core._evaluation.result import Report
 from posse_core._evaluation.validate import validate
-from posse_core._trajectory.trajectory import save_trajectory
+from posse_core._files.trajectory import save_trajectory
 
 FRAME = 3
 

@@ -17,11 +17,11 @@ from scipy.spatial.transform import Rotation
 from posse_core._cli.export import command
 from posse_core._dataset.dataset import Dataset
 from posse_core._errors import InputError
+from posse_core._files.trajectory import load_trajectory
 from posse_core._formats.coco import CocoWriter
 from posse_core._formats.speed import SpeedWriter
 from posse_core._formats.thesis import ThesisWriter
 from posse_core._plugins.options import NoOptions
-from posse_core._trajectory.trajectory import load_trajectory
 
 # pycocotools' own, with numpy 2
 pytestmark = pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")

@@ -195,6 +195,7 @@ def test_doctor_names_what_cannot_be_used(site: Path) -> None:
 def test_the_added_components_work(site: Path) -> None:
     code = """
 import numpy as np
+from posse_core import Constants, Epoch, PropagationProblem, Start, Target
 from posse_core._model.camera import PixelBox
 from posse_core._model.scene import RenderRequest
 from posse_core._plugins.loading import load_plugins
@@ -206,9 +207,11 @@ renderer = registry.create("renderer", "plain", options)
 frame = scenes.frame(t_body_cam_m=(0, 0, 5), sun_direction_body=(0, 0, 1))
 image = renderer.render(RenderRequest(frame.craft, PixelBox(1, 2, 3, 4), None, 0))
 assert image.radiance_rgb.shape == (4, 3, 3) and (image.radiance_rgb == 2.5).all()
-motion = registry.create("propagator", "still").propagate(
-    __import__("types").SimpleNamespace(t_s=np.arange(3.0)))
-assert motion.r_chaser_rtn_m.shape == (3, 3)
+target = Target(np.array([7.1e6, 0, 0]), np.array([0, 7500.0, 0]), Constants())
+start = Start.from_rtn(target, np.array([1.0, -20.0, 3.0]), np.ones(3))
+problem = PropagationProblem(Epoch.from_iso("2022-01-31"), target, (start,), np.arange(3.0))
+motion = registry.create("propagator", "still").propagate(problem)
+assert (motion.r_chaser_rtn_m == [1.0, -20.0, 3.0]).all()
 """
     process = python(site, code)
     assert process.returncode == 0, process.stderr

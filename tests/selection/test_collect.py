@@ -14,7 +14,7 @@ from posse_core._cli.collect import command
 from posse_core._dataset.dataset import Dataset
 from posse_core._errors import InputError
 from posse_core._evaluation.validate import validate
-from posse_core._trajectory.trajectory import load_trajectory, save_trajectory
+from posse_core._files.trajectory import load_trajectory, save_trajectory
 
 
 @pytest.fixture

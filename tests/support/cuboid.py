@@ -6,7 +6,6 @@ corner of a convex body is seen where one of its faces looks at the camera, and 
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import json
 from collections.abc import Iterable
@@ -19,10 +18,10 @@ from pycocotools import mask as coco_mask
 from scipy.spatial.transform import Rotation
 
 from posse_core._dataset.dataset import write_camera, write_spacecraft
+from posse_core._files.trajectory import load_trajectory, save_trajectory
 from posse_core._model.camera import Camera
 from posse_core._model.spacecraft import Material, Part, Spacecraft
 from posse_core._model.trajectory import Trajectory
-from posse_core._trajectory.trajectory import load_trajectory, save_trajectory
 
 HALF = np.array([1.5, 0.8, 0.5])
 """Half sides of the cuboid, metres."""
@@ -217,12 +216,7 @@ def repeat(folder: Path, frames: int) -> Path:
     lines = read_lines(folder)
     rows = np.arange(frames) % len(lines)
     old = load_trajectory(folder / "trajectory.npz")
-    longer = {
-        field.name: getattr(old, field.name)[rows]
-        for field in dataclasses.fields(old)
-        if field.name != "epoch_utc"
-    }
-    save_trajectory(dataclasses.replace(old, **longer), folder / "trajectory.npz")
+    save_trajectory(old.rows(rows), folder / "trajectory.npz")
     write_lines(folder, [{**lines[row], "index": index} for index, row in enumerate(rows)])
     return folder
 

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
 from posse_core._arrays import FloatArray
+from posse_core._constants import Constants
 from posse_core._dynamics.domain import DomainWarning
 from posse_core._interfaces.propagator import PropagationProblem, Propagator
 from posse_core._plugins.loading import load_plugins
 from posse_core._plugins.registry import Registry
-from posse_core._scenario.orbit import OrbitConfig
+from posse_core._scenario.orbit import OrbitConfig, RelativeConfig
+from posse_core._trajectory.problem import resolve
 from posse_core.testing import PropagatorConformance
 
 AQUA = (
@@ -68,7 +68,8 @@ class TestSgp4(BuiltIn):
     name = "sgp4"
 
     def problem(self, t_s: FloatArray) -> PropagationProblem:
-        return replace(super().problem(t_s), orbit=OrbitConfig(tle=AQUA))
+        roe_m = (0.0, 0.0, 15.0, -4.0, 12.0, 7.0)
+        return resolve(OrbitConfig(tle=AQUA), RelativeConfig(roe_m=roe_m), t_s, Constants())
 
 
 def test_all_are_here() -> None:

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from posse_core._dataset.dataset import Dataset
 from posse_core._errors import InputError
-from posse_core._trajectory.trajectory import load_trajectory
+from posse_core._files.trajectory import load_trajectory
 
 MIB = 2**20
 

@@ -12,18 +12,18 @@ from typing import Literal, Protocol
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from posse_core._arrays import FloatArray
+from posse_core._arrays import FloatArray, evenly_spread
 from posse_core._errors import InputError
 from posse_core._model.camera import Camera
 from posse_core._model.scene import EnvironmentMap, FrameState, Scene
 from posse_core._model.trajectory import Trajectory
 from posse_core._plugins.loading import load_plugins
 from posse_core._randomness import random_generator
-from posse_core._run.frame_maker import create
-from posse_core._run.plan import evenly_spread, make_trajectory
+from posse_core._scenario.component import create
 from posse_core._scenario.model import Scenario
 from posse_core._sky.sky import Sky
-from posse_core._trajectory.trajectory import frame_state
+from posse_core._trajectory.build import make_trajectory
+from posse_core._trajectory.state import frame_state
 
 Poses = Literal["random", "trajectory"]
 FIELD_SHARE = 0.5
@@ -99,7 +99,7 @@ class ScenarioCase:
         if self.poses == "random":
             frames = _random_frames(self, scene, trajectory)
         else:
-            chosen = evenly_spread(trajectory, self.count)
+            chosen = trajectory.rows(evenly_spread(len(trajectory), self.count))
             every = range(len(chosen))
             frames = tuple(frame_state(chosen, i, scenario.constants) for i in every)
         sky = Sky(scenario.sky, camera, scenario.seed)

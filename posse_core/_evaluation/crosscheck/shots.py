@@ -19,8 +19,7 @@ from posse_core._interfaces.renderer import Renderer
 from posse_core._model.scene import RenderRequest
 from posse_core._plugins.loading import load_plugins
 from posse_core._randomness import derived_seed
-from posse_core._run.frame_maker import create
-from posse_core._scenario.component import ComponentChoice
+from posse_core._scenario.component import ComponentChoice, create
 from posse_core._sensor.lens import LensRenderer
 
 NOISE_FRAMES = 3

@@ -6,14 +6,15 @@ from pydantic import Field
 
 from posse_core import (
     ComponentSpec,
-    Motion,
+    Flight,
+    FlightPropagator,
     Options,
     PropagationProblem,
-    Propagator,
     Radiance,
     Renderer,
     RenderRequest,
     Scene,
+    Start,
     hookimpl,
 )
 
@@ -58,14 +59,9 @@ class PlainRenderer(Renderer):
         pass
 
 
-class StillPropagator(Propagator):
-    def propagate(self, problem: PropagationProblem) -> Motion:
-        frames = len(problem.t_s)
-        return Motion(
-            t_s=problem.t_s,
-            r_target_eci_m=np.tile([7.0e6, 0.0, 0.0], (frames, 1)),
-            v_target_eci_m_s=np.tile([0.0, 7546.0, 0.0], (frames, 1)),
-            r_chaser_rtn_m=np.tile([0.0, -20.0, 0.0], (frames, 1)),
-            v_chaser_rtn_m_s=np.zeros((frames, 3)),
-            sequence=np.zeros(frames, dtype=np.int64),
-        )
+class StillPropagator(FlightPropagator):
+    """The target by Kepler's laws, and a chaser that stays where it starts in RTN axes."""
+
+    def fly(self, problem: PropagationProblem, start: Start, after_s: np.ndarray) -> Flight:
+        stays = np.concatenate([start.rtn[:3], np.zeros(3)])
+        return Flight(*start.target.two_body(after_s), np.tile(stays, (len(after_s), 1)))

@@ -1,0 +1,36 @@
+"""Files of trajectories."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from posse_core._arrays import AnyArray
+from posse_core._errors import InputError
+from posse_core._files.tables import read_table, write_table
+from posse_core._model.trajectory import TRAJECTORY_ARRAYS, Trajectory
+
+
+def save_trajectory(trajectory: Trajectory, path: Path) -> None:
+    """Write ``.npz`` or ``.csv`` with the fields of :class:`Trajectory` by name (see ``tables``).
+
+    Raises:
+        InputError: the name ends otherwise.
+    """
+    write_table(path, trajectory.epoch_utc, trajectory.arrays(), trajectory.extras)
+
+
+def load_trajectory(path: Path) -> Trajectory:
+    """Read what :func:`save_trajectory` wrote, to the bit.
+
+    Raises:
+        InputError: the file is missing, of another kind, lacks a field, or has a value that is no
+            finite number; the message names the file and the field.
+    """
+    table = read_table(path, TRAJECTORY_ARRAYS, extras=True)
+    if table.epoch_utc is None:
+        raise InputError(f"{path} has no 'epoch_utc'; files of 'posse propagate' have")
+    arrays: dict[str, AnyArray] = {name: table[name] for name in TRAJECTORY_ARRAYS}
+    arrays["sequence"] = arrays["sequence"].astype(np.int64)
+    return Trajectory(epoch_utc=table.epoch_utc, **arrays, extras=table.extras)

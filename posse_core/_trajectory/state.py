@@ -1,0 +1,51 @@
+"""The state of one frame of a trajectory: what a renderer and the sky need."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from posse_core._constants import Constants
+from posse_core._environment.earth import R_itrf_from_gcrf
+from posse_core._environment.eclipse import sun_angular_radius_rad
+from posse_core._environment.time import Epoch
+from posse_core._frames import R_eci_from_rtn, matrix_from_quaternion, rtn_rate_rad_s
+from posse_core._model.scene import FrameState, Rates
+from posse_core._model.trajectory import Trajectory
+
+
+def frame_state(trajectory: Trajectory, index: int, constants: Constants) -> FrameState:
+    """What a renderer and the sky need of frame ``index``, 0 … F−1."""
+    t_s = trajectory.t_s[index]
+    epoch = Epoch.from_iso(trajectory.epoch_utc)
+    tt = epoch.tt(t_s)
+    r_target, r_sun = trajectory.r_target_eci_m[index], trajectory.r_sun_eci_m[index]
+    R_eci_from_cam = matrix_from_quaternion(trajectory.q_eci_from_camera[index])
+    v_target, r_rtn = trajectory.v_target_eci_m_s[index], trajectory.r_chaser_rtn_m[index]
+    R_cam_from_rtn = R_eci_from_cam.T @ R_eci_from_rtn(r_target, v_target)
+    omega_rtn = np.array([0.0, 0.0, float(rtn_rate_rad_s(r_target, v_target))])
+    v_rtn = trajectory.v_chaser_rtn_m_s[index] + np.cross(omega_rtn, r_rtn)
+    return FrameState.of(
+        index=index,
+        sequence=int(trajectory.sequence[index]),
+        t_s=float(t_s),
+        epoch_jd_tt=float(tt[0] + tt[1]),
+        R_cam_from_body=R_eci_from_cam.T @ matrix_from_quaternion(trajectory.q_eci_from_body[index]),
+        # Not from the difference of the ECI positions, whose rounding is planetary.
+        t_body_cam_m=-R_cam_from_rtn @ r_rtn,
+        R_cam_from_eci=R_eci_from_cam.T,
+        R_ecef_from_eci=R_itrf_from_gcrf(*tt, *epoch.ut1(t_s)),
+        r_camera_eci_m=trajectory.r_chaser_eci_m[index],
+        v_camera_eci_m_s=trajectory.v_chaser_eci_m_s[index],
+        r_target_eci_m=r_target,
+        r_sun_eci_m=r_sun,
+        r_moon_eci_m=trajectory.r_moon_eci_m[index],
+        solar_flux_w_m2=float(trajectory.solar_flux_w_m2[index]),
+        sun_fraction_target=float(trajectory.sun_fraction_target[index]),
+        sun_fraction_camera=float(trajectory.sun_fraction_camera[index]),
+        sun_angular_radius_rad=float(sun_angular_radius_rad(r_target, r_sun, constants.sun_radius_m)),
+        rates=Rates(
+            v_body_cam_m_s=-R_cam_from_rtn @ v_rtn,
+            omega_body_rad_s=trajectory.omega_body_rad_s[index],
+            omega_camera_rad_s=trajectory.omega_camera_rad_s[index],
+        ),
+    )

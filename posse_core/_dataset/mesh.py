@@ -37,7 +37,7 @@ class Mesh:
     Attributes:
         vertices_body_m: (V, 3) float64.
         faces: (T, 3) int32.
-        part_id: (T,) int16, place in :attr:`posse_core._dataset.dataset.SpacecraftInfo.parts`.
+        part_id: (T,) int16, place in :attr:`posse_core.SpacecraftInfo.parts`.
     """
 
     vertices_body_m: FloatArray

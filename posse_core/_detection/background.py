@@ -32,7 +32,7 @@ def backgrounds(dataset: Dataset, lines: Sequence[Mapping[str, Any]]) -> list[st
     the horizon for most of the places that they meet.
 
     Raises:
-        posse_core._errors.InputError: the trajectory or a scenario cannot be read.
+        posse_core.InputError: the trajectory or a scenario cannot be read.
     """
     files = [_scenario_file(dataset, line) for line in lines]
     has_earth = {file: _earth_in(file) for file in set(files) if file is not None}

@@ -45,7 +45,7 @@ class Model(Component[OptionsT]):
         """Take the weights from a model file.
 
         Raises:
-            posse_core._errors.InputError: not a file of this net.
+            posse_core.InputError: not a file of this net.
         """
 
     def train(self, dataset: Dataset, folder: Path) -> Path:
@@ -60,7 +60,7 @@ class Model(Component[OptionsT]):
             Name → greatest difference found.
 
         Raises:
-            posse_core._errors.ComponentError: they differ by more than they may; no file is left.
+            posse_core.ComponentError: they differ by more than they may; no file is left.
         """
         raise NotImplementedError
 

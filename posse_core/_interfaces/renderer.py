@@ -27,7 +27,7 @@ class Renderer(Component[OptionsT]):
         """Load the scene; called once, before the first frame.
 
         Raises:
-            posse_core._errors.ComponentError: this machine lacks what the renderer needs.
+            posse_core.ComponentError: this machine lacks what the renderer needs.
         """
 
     @abstractmethod
@@ -35,8 +35,8 @@ class Renderer(Component[OptionsT]):
         """Render one frame's box.
 
         Raises:
-            posse_core._errors.ComponentError: it failed; the frame is given up.
-            posse_core._errors.WorkerLost: a process that the renderer works in has died; the renderer
+            posse_core.ComponentError: it failed; the frame is given up.
+            posse_core.WorkerLost: a process that the renderer works in has died; the renderer
                 is made anew and the frame tried again.
         """
 

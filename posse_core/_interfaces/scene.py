@@ -16,5 +16,5 @@ class SceneSource(Component[OptionsT]):
         """The spacecraft, in metres, its origin at the centre of mass.
 
         Raises:
-            posse_core._errors.InputError: a file that the options name cannot be used.
+            posse_core.InputError: a file that the options name cannot be used.
         """

@@ -20,5 +20,5 @@ class Writer(Component[OptionsT]):
         Image paths in the files are relative to the dataset's own folder.
 
         Raises:
-            posse_core._errors.InputError: the dataset lacks labels that the format needs.
+            posse_core.InputError: the dataset lacks labels that the format needs.
         """

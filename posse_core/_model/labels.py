@@ -56,7 +56,7 @@ class Labels:
     Attributes:
         values: label by key, of plain JSON types. In the frame's line they stand under the annotator's
             own name; those of the core's annotators are fields of
-            :class:`posse_core._model.label_line.LabelLine`.
+            :class:`posse_core.LabelLine`.
         arrays: merged into the frame's file of arrays (``truth/NNNNNN.npz``).
     """
 

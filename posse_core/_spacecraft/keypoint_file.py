@@ -31,7 +31,7 @@ class Corner(Options):
 
 @dataclass(frozen=True)
 class Keypoints:
-    """What :class:`~posse_core._model.spacecraft.Spacecraft` holds besides its mesh.
+    """What :class:`~posse_core.Spacecraft` holds besides its mesh.
 
     Attributes:
         places: a point (3,) in metres in the body frame, or a part's corner.

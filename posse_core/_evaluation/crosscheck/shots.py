@@ -28,7 +28,7 @@ NOISE_FRAMES = 3
 
 @dataclass(frozen=True)
 class Shot:
-    """One picture; arrays as in :class:`posse_core._model.scene.Radiance`.
+    """One picture; arrays as in :class:`posse_core.Radiance`.
 
     Attributes:
         seconds: that the renderer took.

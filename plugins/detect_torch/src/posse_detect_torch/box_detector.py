@@ -37,7 +37,7 @@ from posse_detect_torch.pictures import Pictures, cut_pictures
 
 OUTPUTS = ("boxes", "scores", "labels", "raw")
 _ZOOM, _SHIFT = (0.7, 1.4), 0.2
-_LEAST_SIDE = 3.0  # pixels that a box must keep after a shift to be learned
+_LEAST_SIDE_PX = 3.0  # that a box must keep after a shift to be learned
 
 BoxOptionsT = TypeVar("BoxOptionsT", bound=BoxOptions)
 
@@ -80,7 +80,7 @@ class BoxLesson(Lesson):
             view = random_view(random, size, _ZOOM, _SHIFT, angle)
             picture = look(warp(picture, view), random)
             box = move_boxes(box, view, size)
-            if (box[0, 2:] - box[0, :2]).min() < _LEAST_SIDE:
+            if (box[0, 2:] - box[0, :2]).min() < _LEAST_SIDE_PX:
                 label[:] = -1
         draw = np.array(random.integers(2**31), np.int64)  # a seed for what the losses draw
         return {"picture": picture[None], "boxes": box.astype(np.float32), "labels": label, "draw": draw}

@@ -16,7 +16,7 @@ from torch import nn
 
 from posse_core import AnyArray, ComponentError, Float32Array, ModelCard, atomic_file
 
-_SCORE = 1e-4  # by which raw tensors and scores may differ
+_SCORE_ERROR = 1e-4  # by which raw tensors and scores may differ
 OPSET = 18  # above it, some runtimes have no RoiAlign or fall back to the CPU
 Outputs = Mapping[str, AnyArray]
 Compare = Callable[[Outputs, Outputs], Mapping[str, tuple[float, float]]]
@@ -142,11 +142,11 @@ def compare_detections(
     Where a tie decides whether there is a detection, a last digit does: those whose scores are among the
     ``tied_scores`` need have no other.
     """
-    result = {"raw": (raw_difference(ours["raw"], theirs["raw"]), _SCORE)}
+    result = {"raw": (raw_difference(ours["raw"], theirs["raw"]), _SCORE_ERROR)}
     box_px, score = 0.0, 0.0
     for a, b in ((ours, theirs), (theirs, ours)):
         for box, label, value in zip(a["boxes"][0], a["labels"][0], a["scores"][0], strict=True):
-            if label < 0 or value <= _SCORE:  # padding, and what is as good as nothing
+            if label < 0 or value <= _SCORE_ERROR:  # padding, and what is as good as nothing
                 continue
             if np.isclose(value, tied_scores, rtol=0, atol=1e-6).any():
                 continue
@@ -156,4 +156,4 @@ def compare_detections(
             best = int(np.argmin(away))
             box_px = max(box_px, float(away[best]))
             score = max(score, abs(float(value - b["scores"][0][best])))
-    return {**result, "boxes, px": (box_px, 0.1), "scores": (score, _SCORE)}
+    return {**result, "boxes, px": (box_px, 0.1), "scores": (score, _SCORE_ERROR)}

@@ -15,7 +15,7 @@ from posse_detect_torch.nano import STRIDE, WIDTH, Pyramid
 
 SPREAD = 0.7 * STRIDE
 """Deviation of what is to be told, in pixels."""
-_LEAST_SIGMA = 0.5  # pixels
+_LEAST_SIGMA_PX = 0.5
 
 
 class SimCC(nn.Module):
@@ -59,7 +59,7 @@ class Decoded(nn.Module):
             variances.append((share * (at - mean[..., None]) ** 2).sum(dim=-1))
         # What the net is taught has a spread of its own, which says nothing of the point.
         variance = (variances[0] + variances[1]) / 2 - SPREAD**2
-        deviation = variance.clamp(min=_LEAST_SIGMA**2).sqrt()
+        deviation = variance.clamp(min=_LEAST_SIGMA_PX**2).sqrt()
         return torch.stack(means, dim=-1), deviation, torch.cat(logits, dim=-1)
 
 

@@ -15,7 +15,7 @@ from posse_render_blender.options import BlenderOptions
 from posse_render_blender.worker.wire import Message
 
 TEXTURES = ("base_color_texture", "metallic_roughness_texture", "normal_texture")
-CLIP_MARGIN = 1.01
+CLIP_RADII = 1.01
 
 
 class BlenderRenderer(Renderer[BlenderOptions]):
@@ -154,7 +154,7 @@ def frame_message(request: RenderRequest, radius_m: float, adaptive_threshold: f
     root of such a plate's in the light of this frame.
     """
     craft, box = request.craft, request.box
-    nearest_m = craft.range_m - CLIP_MARGIN * radius_m
+    nearest_m = craft.range_m - CLIP_RADII * radius_m
     arrays: dict[str, AnyArray] = {
         "R_cam_from_body": craft.R_cam_from_body,
         "t_body_cam_m": craft.t_body_cam_m,
@@ -169,7 +169,7 @@ def frame_message(request: RenderRequest, radius_m: float, adaptive_threshold: f
         "adaptive_threshold": adaptive_threshold * math.sqrt(_white(request)),
         "sun_angular_radius_rad": craft.sun_angular_radius_rad,
         # The near plane must be before the craft at any angle of view: half the nearest distance is.
-        "clip_m": [max(1e-3, nearest_m / 2), craft.range_m + CLIP_MARGIN * radius_m],
+        "clip_m": [max(1e-3, nearest_m / 2), craft.range_m + CLIP_RADII * radius_m],
     }
     return Message("render", values, arrays)
 

@@ -33,10 +33,10 @@ Map = moderngl.Texture | moderngl.TextureArray
 
 TILE_SAMPLES = 1536
 """Width and height of the sample buffer: 47 MB, whatever the image."""
-MARGIN = 1.01
-"""Of the craft's radius, so that rounding clips nothing."""
-NEAREST = 1e-3
-"""Near plane in radii of the craft, where the camera is inside its sphere."""
+SPHERE_RADII = 1.01
+"""Radius of the sphere that holds the craft, over the craft's radius, so that rounding clips nothing."""
+NEAR_PLANE_RADII = 1e-3
+"""Depth of the near plane, over the radius of that sphere, where the camera is inside its sphere."""
 
 
 @dataclass(frozen=True)
@@ -151,8 +151,8 @@ class RasterRenderer(Renderer[RasterOptions]):
     def _set_frame(self, stage: _Stage, request: RenderRequest) -> list[Map]:
         """Hand over what all tiles share; the textures that live for this frame."""
         craft, light = request.craft, stage.craft.light
-        radius_m = MARGIN * stage.spacecraft.radius_m
-        nearest_m = max(float(craft.t_body_cam_m[2]) - radius_m, NEAREST * radius_m)
+        radius_m = SPHERE_RADII * stage.spacecraft.radius_m
+        nearest_m = max(float(craft.t_body_cam_m[2]) - radius_m, NEAR_PLANE_RADII * radius_m)
         for target in (stage.craft.depth, light):
             _set_matrix(target, "R_cam_from_body", craft.R_cam_from_body)
             target["t_body_cam_m"] = tuple(craft.t_body_cam_m)
@@ -261,7 +261,7 @@ def _shadow_from_body(spacecraft: Spacecraft, sun_direction_body: FloatArray) ->
     low = np.min(bounds, axis=0)
     high = np.max([(part.vertices_body_m @ axes.T).max(axis=0) for part in spacecraft.parts], axis=0)
     # A margin keeps the border texels empty, so that beyond the map there is no shadow.
-    half = np.maximum((high - low) / 2, 1e-6) * MARGIN + 1e-3 * spacecraft.radius_m
+    half = np.maximum((high - low) / 2, 1e-6) * SPHERE_RADII + 1e-3 * spacecraft.radius_m
     out = np.eye(4)
     out[:3, :3] = axes / half[:, None]
     out[:3, 3] = -(low + high) / 2 / half

@@ -16,9 +16,12 @@ from posse_core._errors import InputError
 from posse_core._files.tables import write_table
 from posse_core._frames import eci_from_rtn
 from posse_core._model.trajectory import Motion
+from posse_core._plugins.loading import load_plugins
 from posse_core._propagators.file import FilePropagator
 from posse_core._propagators.options import FileOptions
+from posse_core._scenario.load import load_scenario
 from posse_core._scenario.orbit import OrbitConfig, RelativeConfig, StateEciConfig
+from posse_core._trajectory.build import make_trajectory
 from posse_core._trajectory.problem import resolve
 
 EPOCH = "2022-01-31T02:02:00"
@@ -138,3 +141,23 @@ def test_one_oem_is_not_enough(tmp_path: Path) -> None:
     target, _ = two(tmp_path, oem(R_M, V_M_S), "")
     with pytest.raises(InputError, match=r"propagator\.chaser_path"):
         read(target)
+
+
+def test_extras_of_a_table_come_along(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    extras = {"torque_n_m": np.arange(9.0).reshape(3, 3) / 7}
+    write_table(path, EPOCH, {**TARGET, **RTN}, extras)
+    np.testing.assert_array_equal(read(path).extras["torque_n_m"], extras["torque_n_m"])
+
+
+@pytest.mark.parametrize("i_deg", [0, 180])
+def test_a_recorded_motion_needs_no_orbit_that_could_be_flown(tmp_path: Path, i_deg: int) -> None:
+    """Quasi-nonsingular relative elements mean nothing on the equator; the file has the motion."""
+    path = tmp_path / "t.npz"
+    write_table(path, EPOCH, {**TARGET, **RTN})
+    elements = {"epoch_utc": EPOCH, "a_m": 4.2164e7, "e": 0, "i_deg": i_deg}
+    angles = {"raan_deg": 0, "argp_deg": 0, "mean_anomaly_deg": 0}
+    registry = load_plugins().registry
+    asked = {"orbit": {"elements": {**elements, **angles}}, "relative": {"roe_m": [0, 0, 20, 0, 20, 0]}}
+    scenario = load_scenario("aqua", registry, {**asked, "propagator": {"name": "file", "path": path}})
+    np.testing.assert_array_equal(make_trajectory(scenario, registry).r_chaser_rtn_m, R_RTN_M)

@@ -54,8 +54,8 @@ def recorded_attitude(path: Path, name: str, epoch: Epoch, t_s: FloatArray) -> F
     outside = (t_s < times[0] - _EXTRAPOLATION_S) | (t_s > times[-1] + _EXTRAPOLATION_S)
     if np.any(outside):
         raise InputError(
-            f"{path}: reaches from {times[0]:.6g} s to {times[-1]:.6g} s after the epoch, and frame"
-            f" {np.argmax(outside)} is at {t_s[np.argmax(outside)]:.6g} s; choose times within it"
+            f"{path}: reaches from {times[0]:.6g} s to {times[-1]:.6g} s after the epoch, and a"
+            f" frame is at {t_s[np.argmax(outside)]:.6g} s; choose times within it"
         )
     before = np.clip(np.searchsorted(times, t_s, side="right") - 1, 0, max(len(times) - 2, 0))
     after = np.minimum(before + 1, len(times) - 1)

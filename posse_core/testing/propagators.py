@@ -56,6 +56,9 @@ class PropagatorConformance(Conformance):
             assert array.shape == (frames, 3), name
             assert array.dtype == np.float64, name
             assert np.isfinite(array).all(), name
+        for name, array in motion.extras.items():
+            assert array.shape[:1] == (frames,), name
+            assert np.isfinite(array).all(), name
         assert motion.sequence.shape == (frames,)
         assert np.issubdtype(motion.sequence.dtype, np.integer)
         if "own-frames" in self.capabilities:

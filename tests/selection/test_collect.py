@@ -177,3 +177,19 @@ def test_frames_that_could_not_be_made_are_told(two, tmp_path):
     manifest["state"] = "incomplete"
     (two[0] / "manifest.json").write_text(json.dumps(manifest))
     assert_refused(run(two[0], "--out", tmp_path / "new"), "could not be made", tmp_path)
+
+
+def test_extras_that_all_sources_have_are_kept(two, tmp_path):
+    brick, plate = two
+    shared = np.arange(12.0).reshape(6, 2)
+    for folder, extras in (
+        (brick, {"own": np.zeros(6), "shared": shared}),
+        (plate, {"shared": -shared}),
+    ):
+        trajectory = load_trajectory(folder / "trajectory.npz")
+        path = folder / "trajectory.npz"
+        save_trajectory(dataclasses.replace(trajectory, extras=extras), path)
+    run(*two, "--out", tmp_path / "all")
+    joined = load_trajectory(tmp_path / "all/trajectory.npz").extras
+    assert joined.keys() == {"shared"}
+    np.testing.assert_array_equal(joined["shared"], np.concatenate([shared, -shared]))

@@ -331,7 +331,7 @@ def _wing(craft: Assembly, angle_rad: float) -> None:
     # Outline in (z, y) of the yoke's plane; x is its normal.
     outline = [(-0.25, neck), (0.25, neck), (hips, shoulder), (hips, WING_ROOT + PANEL_GAP)]
     outline += [(-hips, WING_ROOT + PANEL_GAP), (-hips, shoulder)]
-    face = np.column_stack([(0.0, 0.0, -1.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)])  # x, y, z → −z, y, x
+    face = R_from_z((1.0, 0.0, 0.0), (0.0, 0.0, -1.0))  # y stays
     yoke = shapes.prism(np.array(outline)[::-1], t).at((0.0, 0.0, 0.0), face)
     shaft = shapes.tube([(0.0, -HALF_WIDTH - 0.3, 0.0), (0.0, neck, 0.0)], 0.07, 20)
     craft.add("yoke", "foil_amber", place(yoke), place(shaft))

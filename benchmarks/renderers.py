@@ -39,9 +39,9 @@ from posse_core._interfaces.renderer import Renderer
 from posse_core._model.camera import PixelBox
 from posse_core._model.scene import Radiance, RenderRequest
 from posse_core._plugins.loading import load_plugins
-from posse_core._run.light import BOX_MARGIN_PX
 from posse_core._scenario.component import ComponentChoice, create
 from posse_core._scenario.load import load_scenario
+from posse_core._simulator.light import BOX_MARGIN_PX
 
 MEMORY_SPP = 4
 CANDIDATES: tuple[tuple[str, str, dict[str, Any]], ...] = (

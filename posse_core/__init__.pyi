@@ -1,5 +1,10 @@
 # The public names by the module that each is imported from when it is first used.
 from . import testing as testing
+from ._api import create as create
+from ._api import detector as detector
+from ._api import open as open
+from ._api import pose as pose
+from ._api import run as run
 from ._arrays import AnyArray as AnyArray
 from ._arrays import BoolArray as BoolArray
 from ._arrays import Float32Array as Float32Array
@@ -12,6 +17,8 @@ from ._dataset.dataset import SpacecraftInfo as SpacecraftInfo
 from ._dataset.dataset import read_image as read_image
 from ._dataset.mesh import Mesh as Mesh
 from ._detection.card import ModelCard as ModelCard
+from ._detection.pnp import PoseEstimate as PoseEstimate
+from ._detection.pose_detector import PoseDetector as PoseDetector
 from ._detection.square import Square as Square
 from ._detection.square import to_grey as to_grey
 from ._dynamics.plan import Burn as Burn
@@ -85,5 +92,9 @@ from ._run.attempts import FrameAttempts as FrameAttempts
 from ._run.attempts import PoolOptions as PoolOptions
 from ._run.attempts import make_frame_in_process as make_frame_in_process
 from ._scenario.camera import preset_camera as preset_camera
+from ._scenario.model import Scenario as Scenario
+from ._simulator.frame import Frame as Frame
+from ._simulator.simulator import Simulator as Simulator
+from ._sky.view import SkyView as SkyView
 
 __version__: str

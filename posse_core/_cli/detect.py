@@ -14,7 +14,8 @@ from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
 
 if TYPE_CHECKING:
-    from posse_core._interfaces.detector import Detection, KeypointFinder
+    from posse_core._detection.pose_detector import PoseDetector
+    from posse_core._interfaces.detector import Detection
     from posse_core._model.camera import Camera
 
 _SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
@@ -50,6 +51,7 @@ def command(
     from posse_core._dataset.dataset import read_camera, read_image
     from posse_core._detection.draw import draw
     from posse_core._detection.models import open_models
+    from posse_core._detection.pose_detector import PoseDetector
     from posse_core._files.atomic import write_bytes
 
     if camera is not None and model is not None and keypoints is None:
@@ -57,17 +59,16 @@ def command(
     files = _files(images)
     registry = load_plugins().registry
     given = options_from(overrides)
-    detector, finder = open_models(model, keypoints, registry, given)
+    boxes, finder = open_models(model, keypoints, registry, given)
+    detector = PoseDetector(boxes, finder, score)
     intrinsics = None if camera is None else read_camera(camera)
     if out is not None:
         _make_folder(out, files)
     results = []
     for path in files:
         image = read_image(path)
-        found: Sequence[Detection] = [d for d in detector.predict([image])[0] if d.score >= score]
-        if finder is not None:
-            found = finder.find(image, found)
-        rows = [_as_json(d, finder, intrinsics) for d in found]
+        found = detector.detect(image)
+        rows = [_as_json(d, detector, intrinsics) for d in found]
         results.append({"image": str(path), "detections": rows})
         if out is not None:
             drawn = draw(image, found, detector.classes)
@@ -103,24 +104,20 @@ def _files(images: Sequence[Path]) -> list[Path]:
     return files
 
 
-def _as_json(found: Detection, finder: KeypointFinder | None, camera: Camera | None) -> dict[str, Any]:
-    from posse_core._detection.pnp import solve_pose
-    from posse_core._frames import quaternion_from_matrix
-
+def _as_json(found: Detection, detector: PoseDetector, camera: Camera | None) -> dict[str, Any]:
     row: dict[str, Any] = {
         "label": found.label,
         "score": round(float(found.score), 4),
         "box_px": [round(float(v), 2) for v in found.box_px],
     }
-    if finder is None or found.keypoints_px is None or found.keypoints_sigma_px is None:
+    if found.keypoints_px is None or found.keypoints_sigma_px is None:
         return row
     row["keypoints_px"] = [[round(float(v), 2) for v in point] for point in found.keypoints_px]
     row["keypoints_sigma_px"] = [round(float(v), 2) for v in found.keypoints_sigma_px]
     if camera is not None:
-        points = finder.keypoints_body_m[found.label]
-        pose = solve_pose(points, found.keypoints_px, found.keypoints_sigma_px, camera)
+        pose = detector.pose_of(found, camera)
         row["pose"] = pose and {
-            "q_cam_from_body": quaternion_from_matrix(pose.R_cam_from_body).tolist(),
+            "q_cam_from_body": pose.q_cam_from_body.tolist(),
             "t_body_cam_m": pose.t_body_cam_m.tolist(),
             "covariance": pose.covariance.tolist(),
         }

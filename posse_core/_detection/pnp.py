@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 
 from posse_core._arrays import BoolArray, FloatArray
-from posse_core._frames import cross_matrix, matrix_from_rotation_vector
+from posse_core._frames import cross_matrix, matrix_from_rotation_vector, quaternion_from_matrix
+from posse_core._interfaces.detector import Detection
 from posse_core._model.camera import Camera
 
 MIN_POINTS = 4
@@ -28,6 +29,7 @@ class PoseEstimate:
         covariance: (6, 6) of a small turn in camera axes (rad) and of the place (m), in this order.
         inliers: (K,) points within three standard deviations.
         residual: root mean square of the inliers' residuals, in standard deviations.
+        detection: what the keypoints belong to, where they were found in an image.
     """
 
     R_cam_from_body: FloatArray
@@ -35,6 +37,17 @@ class PoseEstimate:
     covariance: FloatArray
     inliers: BoolArray
     residual: float
+    detection: Detection | None = None
+
+    @property
+    def q_cam_from_body(self) -> FloatArray:
+        """(4,) unit quaternion of :attr:`R_cam_from_body`, scalar first, w ≥ 0."""
+        return quaternion_from_matrix(self.R_cam_from_body)
+
+    @property
+    def range_m(self) -> float:
+        """Distance between the camera and the body's origin."""
+        return float(np.linalg.norm(self.t_body_cam_m))
 
 
 def solve_pose(

@@ -11,7 +11,7 @@ from typing import Any
 import cv2
 from pydantic import Field
 
-from posse_core._errors import StoreError, WorkerLost
+from posse_core._errors import StoreError
 from posse_core._interfaces.executor import FrameResult, FrameWorker, WorkerSetupError
 from posse_core._plugins.options import Options
 
@@ -35,9 +35,8 @@ class PoolOptions(Options):
 class FrameAttempts:
     """Counts how often each frame has been tried, and says whether it is to be tried again.
 
-    An exception that a frame raises is its result: only the loss of a worker, or of a process that its
-    renderer works in, is worth another try. Each method returns the frame's result, or None where the
-    executor is to try the frame again.
+    An exception that a frame raises is its result: only the loss of a worker is worth another try. Each
+    method returns the frame's result, or None where the executor is to try the frame again.
     """
 
     def __init__(self, options: PoolOptions) -> None:
@@ -61,8 +60,6 @@ class FrameAttempts:
         Raises:
             WorkerSetupError, StoreError, OSError: ``error`` itself, where it ends the run.
         """
-        if isinstance(error, WorkerLost):
-            return self.lost(index, str(error))
         if isinstance(error, WorkerSetupError | StoreError) or (
             isinstance(error, OSError) and error.errno in _STORE_FAILED
         ):
@@ -94,9 +91,4 @@ def make_frame_in_process(make_worker: Callable[[], FrameWorker[Any]], index: in
             raise
         except Exception as error:
             raise WorkerSetupError(str(error)) from error
-    try:
-        return _worker.make(index)
-    except WorkerLost:
-        _worker.close()
-        _worker = None
-        raise
+    return _worker.make(index)

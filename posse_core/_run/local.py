@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, TimeoutError, wait
 from itertools import islice
-from multiprocessing import get_context
+from multiprocessing.context import SpawnContext, SpawnProcess
+from threading import Lock
+from types import ModuleType
 from typing import Any
 
 from pebble import ProcessExpired, ProcessPool
@@ -29,7 +32,7 @@ class LocalExecutor(Executor[PoolOptions]):
         pool: Any = ProcessPool(
             max_workers=workers,
             max_tasks=self.options.frames_per_worker,
-            context=get_context("spawn"),
+            context=_SpawnContext(),
         )
 
         def submit(index: int) -> None:
@@ -57,6 +60,30 @@ class LocalExecutor(Executor[PoolOptions]):
             raise
         finally:
             pool.join()
+
+
+class _WithoutMain(SpawnProcess):
+    """A spawned process that does not run the program's main module again.
+
+    A worker needs nothing of it, and a script without ``if __name__ == "__main__"`` would begin anew in
+    every worker.
+    """
+
+    def start(self) -> None:
+        with _starting:
+            main = sys.modules["__main__"]
+            sys.modules["__main__"] = ModuleType("__main__")
+            try:
+                super().start()
+            finally:
+                sys.modules["__main__"] = main
+
+
+class _SpawnContext(SpawnContext):
+    Process = _WithoutMain
+
+
+_starting = Lock()
 
 
 def _result(future: Future[Any], index: int, attempts: FrameAttempts) -> FrameResult[Any] | None:

@@ -11,10 +11,10 @@ from typing import Any
 from posse_core import __version__
 from posse_core._files.atomic import sha256
 from posse_core._plugins.loading import Plugins
-from posse_core._run.frame_maker import RENDERER_FILE
 from posse_core._run.place import Place
 from posse_core._run.plan import Plan
 from posse_core._run.shards import CHECKSUMS
+from posse_core._run.worker import RENDERER_FILE
 
 COMPLETE, INCOMPLETE = "complete", "incomplete"
 

@@ -19,11 +19,11 @@ from posse_core._files.trajectory import save_trajectory
 from posse_core._interfaces.executor import Executor, FrameMade, FrameResult
 from posse_core._plugins.loading import Plugins
 from posse_core._plugins.registry import Registry
-from posse_core._run.frame_maker import FrameMaker
 from posse_core._run.manifest import COMPLETE, make_manifest
 from posse_core._run.place import Place, place_at
 from posse_core._run.plan import Plan
 from posse_core._run.shards import LabelLog
+from posse_core._run.worker import RunWorker
 from posse_core._scenario.component import create
 from posse_core._scenario.load import dump_scenario
 
@@ -132,7 +132,7 @@ class _Run:
             (self._folder / "manifest.json").unlink(missing_ok=True)
             self._place.save()
             self._plugins.notify("posse_run_started", dataset=self._folder, frames=frames)
-            results = executor.run(partial(FrameMaker, self._place.store.name), todo)
+            results = executor.run(partial(RunWorker, self._place.store.name), todo)
             for result in progress(results, frames, len(done)):
                 self._enter(result)
             self._finish()

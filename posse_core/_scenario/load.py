@@ -46,22 +46,25 @@ def scenario_members(source: str) -> list[str]:
 
 
 def load_scenario(
-    source: str, registry: Registry, overrides: Mapping[str, Any] | None = None
+    source: str | Mapping[str, Any],
+    registry: Registry,
+    overrides: Mapping[str, Any] | None = None,
 ) -> Scenario:
     """Read a scenario and check all of it, options of components too.
 
     Args:
-        source: path of a YAML file, or the name of a built-in scenario.
+        source: path of a YAML file, the name of a built-in scenario, or the keys of a scenario, whose
+            paths are then relative to the working directory.
         overrides: dotted key → value, put in place of the file's, as in ``renderer.spp``.
 
     Raises:
         InputError: one line with file, line, key, value and the way out.
     """
-    text = _read(source)
+    text = YamlText.of(source, "scenario") if isinstance(source, Mapping) else _read(source)
     raw = text.value
     if not isinstance(raw, dict):
         raise InputError(f"{text.name}: a scenario is a mapping of keys; see 'posse describe scenario'")
-    base = Path(source).parent if text.name == source else Path()
+    base = Path(text.name).parent if text.name == source else Path()
     given = {tuple(key.split(".")): value for key, value in (overrides or {}).items()}
     for path, value in sorted(given.items(), key=lambda item: item[0][-1] != "name"):
         _put(raw, path, value)

@@ -7,6 +7,8 @@ a word, and a date stays the text that it is.
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +73,13 @@ class YamlText:
             raise InputError(f"{path}: cannot be read: {error.strerror}") from None
         except UnicodeDecodeError:
             raise InputError(f"{path}: not a text in UTF-8; a scenario is a YAML file") from None
+
+    @classmethod
+    def of(cls, value: Mapping[str, Any], name: str) -> YamlText:
+        """The same for keys that come from a program and so have no lines; they are copied."""
+        text = cls("", name)
+        text.value = deepcopy(dict(value))
+        return text
 
     def where(self, path: KeyPath) -> str:
         """``"file.yaml, line 7: orbit.tle"`` for a key, or for the nearest key above it."""

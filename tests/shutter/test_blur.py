@@ -12,8 +12,8 @@ from moving_plate import (
 )
 
 from posse_core._geometry.raycast import RayCaster
-from posse_core._run.light import CraftLight
 from posse_core._scenario.sky import SkyConfig
+from posse_core._simulator.light import CraftLight
 from posse_core._sky.sky import Sky
 
 MIDDLE = camera().matrix[:2, 2]

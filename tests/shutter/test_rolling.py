@@ -6,8 +6,8 @@ from moving_plate import DISTANCE_M, FOCAL_PX, HEIGHT, PlateRenderer, camera, mo
 from scipy.optimize import brentq
 
 from posse_core._geometry.raycast import RayCaster
-from posse_core._run.light import CraftLight
 from posse_core._scenario.sky import SkyConfig
+from posse_core._simulator.light import CraftLight
 from posse_core._sky.sky import Sky
 
 LINE_S = 1e-3

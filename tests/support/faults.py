@@ -89,7 +89,7 @@ class Round:
         assert code in codes, f"exit code {code}, not {codes}:\n{said}"
 
     def workers_die(self) -> None:
-        kinds = [f"{kind} at {stage}" for kind in ("killed", "lost") for stage in (0, 1, 2)]
+        kinds = [f"killed at {stage}" for stage in (0, 1, 2)]
         frames = self._draw.sample(range(FRAMES), self._draw.randint(1, 4))
         self.end(self.start({frame: self._draw.choice(kinds) for frame in frames}), 0)
 

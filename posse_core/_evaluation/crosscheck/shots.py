@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -21,6 +21,7 @@ from posse_core._plugins.loading import load_plugins
 from posse_core._randomness import derived_seed
 from posse_core._scenario.component import ComponentChoice, create
 from posse_core._sensor.lens import LensRenderer
+from posse_core._simulator.reopening import ReopeningRenderer
 
 NOISE_FRAMES = 3
 """Frames that are rendered with a second seed too."""
@@ -64,8 +65,8 @@ class Shooter:
         self._setting = case.build()
         self._geometry = Geometry(self._setting.scene)
         start = time.perf_counter()
-        renderer: Renderer = create(load_plugins().registry, "renderer", choice)
-        self._renderer = LensRenderer(renderer)
+        make: Callable[[], Renderer[Any]] = partial(create, load_plugins().registry, "renderer", choice)
+        self._renderer = LensRenderer(ReopeningRenderer(make))
         self._renderer.open(self._setting.scene)
         self._opening_s: float | None = time.perf_counter() - start
 

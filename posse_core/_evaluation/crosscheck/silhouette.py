@@ -11,7 +11,7 @@ from posse_core._arrays import AnyArray, BoolArray, Float32Array, FloatArray, In
 from posse_core._geometry.raycast import RayCaster
 from posse_core._model.camera import Camera, PixelBox
 from posse_core._model.scene import FrameState, Scene
-from posse_core._run.light import BOX_MARGIN_PX
+from posse_core._simulator.light import BOX_MARGIN_PX
 
 FINE = 8
 """Rays across a pixel, and down it, that exact coverage is counted with."""

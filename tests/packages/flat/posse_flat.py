@@ -51,7 +51,8 @@ class FlatOptions(Options):
 class Flat(Renderer):
     """Environment: FLAT_KILL=FRAME dies there each time; FLAT_KILL_ONCE=FRAME,FILE once, by the file;
     FLAT_RAISE=FRAME raises there; FLAT_HANG_ONCE=FRAME,FILE never comes back from there, once;
-    FLAT_LOSE_ONCE=FRAME,FILE says once that a process of its own has died."""
+    FLAT_LOSE=FRAME says there each time that a process of its own has died, FLAT_LOSE_ONCE=FRAME,FILE
+    once."""
 
     def open(self, scene):
         self.scene = scene
@@ -65,7 +66,7 @@ class Flat(Renderer):
             os.kill(os.getpid(), signal.SIGKILL)
         if self._first_time("FLAT_HANG_ONCE", index):
             time.sleep(3600)
-        if self._first_time("FLAT_LOSE_ONCE", index):
+        if os.environ.get("FLAT_LOSE") == index or self._first_time("FLAT_LOSE_ONCE", index):
             raise WorkerLost("the lamp's process has died")
         if os.environ.get("FLAT_RAISE") == index:
             raise RuntimeError("the lamp is broken")

@@ -1,0 +1,92 @@
+"""Labels and arrays of a frame, by the annotators of a scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from posse_core._arrays import AnyArray
+from posse_core._environment.time import Epoch
+from posse_core._errors import ComponentError
+from posse_core._interfaces.annotator import Annotator
+from posse_core._model.camera import Camera
+from posse_core._model.label_line import LabelLine, first_fault
+from posse_core._model.labels import View
+from posse_core._model.scene import FrameState, Scene
+from posse_core._plugins.registry import Registry
+from posse_core._scenario.component import ComponentChoice, create
+
+
+class Annotation:
+    """Asks every annotator for its labels of a frame, and puts them together.
+
+    What the core's annotators make are labels of the line itself; what another annotator makes stands
+    under the annotator's own name.
+    """
+
+    def __init__(
+        self, choices: Sequence[ComponentChoice], registry: Registry, scene: Scene, epoch: Epoch
+    ) -> None:
+        """epoch: of t_s = 0.
+
+        Raises:
+            ComponentError: an annotator cannot be made, or has the name of a label of the core.
+        """
+        self._scene = scene
+        self._epoch = epoch
+        self._annotators: Mapping[str, Annotator[Any]] = {
+            choice.name: create(registry, "annotator", choice) for choice in choices
+        }
+        self._core = {name for name in self._annotators if registry.is_core("annotator", name)}
+        for name in self._annotators.keys() & LabelLine.model_fields.keys():
+            if name not in self._core:
+                raise ComponentError(f"annotator {name!r}: a label of POSSE's own has this name")
+
+    def of(
+        self, frame: FrameState, view: View, exposure_s: float
+    ) -> tuple[LabelLine, dict[str, AnyArray]]:
+        """The label line of a frame, and its full-size arrays (H, W, ...) by name.
+
+        Raises:
+            ComponentError: an annotator makes what cannot be written, or an array that another made too.
+        """
+        labels: dict[str, Any] = {}
+        arrays: dict[str, AnyArray] = {}
+        for name, annotator in self._annotators.items():
+            own = annotator.annotate(self._scene, frame, view)
+            if name in self._core:
+                labels.update(own.values)
+            elif own.values:
+                labels[name] = own.values
+            for array_name, array in own.arrays.items():
+                if array_name in arrays:
+                    raise ComponentError(f"two annotators make the array {array_name!r}; choose one")
+                arrays[array_name] = _full_size(array, view, self._scene.camera)
+        try:
+            line = LabelLine(
+                index=frame.index,
+                t_s=frame.t_s,
+                epoch_utc=self._epoch.shifted(frame.t_s).iso(),
+                sequence=frame.sequence,
+                spacecraft=self._scene.spacecraft.name,
+                sun_fraction_target=frame.sun_fraction_target,
+                sun_fraction_camera=frame.sun_fraction_camera,
+                solar_flux_w_m2=frame.solar_flux_w_m2,
+                exposure_s=exposure_s,
+                **labels,
+            )
+        except ValidationError as error:
+            raise ComponentError(f"a label cannot be written: {first_fault(error)}") from None
+        return line, arrays
+
+
+def _full_size(array: AnyArray, view: View, camera: Camera) -> AnyArray:
+    """Paste an array over the view's box into the whole image: −1 or NaN elsewhere."""
+    fill = -1 if np.issubdtype(array.dtype, np.integer) else np.nan
+    full = np.full((camera.height_px, camera.width_px, *array.shape[2:]), fill, dtype=array.dtype)
+    if not view.box.is_empty:
+        full[view.box.slices] = array
+    return full

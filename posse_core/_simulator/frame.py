@@ -1,0 +1,78 @@
+"""One simulated frame: image, labels, arrays, and the light that the image was made of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from posse_core._arrays import AnyArray, Float32Array
+from posse_core._model.camera import Camera
+from posse_core._model.label_line import LabelLine
+from posse_core._model.scene import FrameState, Radiance
+from posse_core._sky.view import SkyView
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What a camera takes at one state, and the truth of it. H and W are the image's height and width.
+
+    Attributes:
+        state: what was photographed.
+        image: (H, W) or (H, W, 3) red-green-blue digital numbers, uint8 or uint16.
+        exposure_s: how long the shutter was open.
+        labels: the frame's label line, by the annotators of the scenario.
+        arrays: full-size (H, W, ...) arrays by name, as in ``depth_m`` and ``part_id``.
+        craft: light of the spacecraft alone, in the box that holds it; None where it is not in view.
+        sky: light from behind the spacecraft, stars as points.
+    """
+
+    state: FrameState
+    camera: Camera
+    image: AnyArray
+    exposure_s: float
+    labels: LabelLine
+    arrays: Mapping[str, AnyArray]
+    craft: Radiance | None
+    sky: SkyView
+
+    @property
+    def index(self) -> int:
+        """Number of the frame."""
+        return self.state.index
+
+    @cached_property
+    def craft_radiance_rgb(self) -> Float32Array:
+        """(H, W, 3) linear radiance of the spacecraft, W m⁻² sr⁻¹ in the red, green and blue band.
+
+        It is averaged over the pixel, the part that the craft does not cover counting as black.
+        """
+        out = np.zeros((self.camera.height_px, self.camera.width_px, 3), dtype=np.float32)
+        if self.craft is not None:
+            out[self.craft.box.slices] = self.craft.radiance_rgb
+        return out
+
+    @cached_property
+    def sky_radiance_rgb(self) -> Float32Array:
+        """(H, W, 3) linear radiance of the sky as if the spacecraft were not there, W m⁻² sr⁻¹.
+
+        Stars are not in it: they are points without a radiance, in :attr:`sky`.
+        """
+        if self.sky.radiance_rgb is not None:
+            return self.sky.radiance_rgb
+        return np.zeros((self.camera.height_px, self.camera.width_px, 3), dtype=np.float32)
+
+    @cached_property
+    def coverage(self) -> Float32Array:
+        """(H, W) share of each pixel that the spacecraft covers, 0 … 1."""
+        out = np.zeros((self.camera.height_px, self.camera.width_px), dtype=np.float32)
+        if self.craft is not None:
+            out[self.craft.box.slices] = self.craft.coverage
+        return out
+
+    def __repr__(self) -> str:
+        size = f"{self.camera.width_px} × {self.camera.height_px}"
+        range_m = self.state.craft.range_m
+        return f"<Frame {self.index}: {size}, t = {self.state.t_s:g} s, range {range_m:.1f} m>"

@@ -1,0 +1,197 @@
+"""The simulator: a scenario held in memory, asked for states and for frames."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from types import TracebackType
+from typing import Any, Self
+
+from numpy.typing import ArrayLike
+
+from posse_core._geometry.raycast import RayCaster
+from posse_core._interfaces.renderer import Renderer
+from posse_core._model.camera import Camera
+from posse_core._model.scene import FrameState, Radiance, Scene
+from posse_core._model.spacecraft import Spacecraft
+from posse_core._model.trajectory import Trajectory
+from posse_core._plugins.registry import Registry
+from posse_core._scenario.component import create
+from posse_core._scenario.model import Scenario
+from posse_core._sensor.lens import LensRenderer
+from posse_core._sensor.sensor import Sensor
+from posse_core._simulator.annotation import Annotation
+from posse_core._simulator.frame import Frame
+from posse_core._simulator.light import CraftLight
+from posse_core._simulator.reopening import ReopeningRenderer
+from posse_core._simulator.states import States
+from posse_core._sky.sky import Sky
+from posse_core._sky.view import SkyView
+from posse_core._trajectory.problem import orbit_epoch
+
+
+class Simulator:
+    """A scenario's spacecraft, camera, sky and renderer, ready to take frames at any state.
+
+    Open one by :func:`posse_core.open`; use it as a context manager, or call :meth:`close` at the end.
+    Everything happens in this process and in memory. A frame depends on its state, on the frame's index
+    and on the scenario with its seed, and on nothing that was asked for before.
+
+    Attributes:
+        scenario: the checked scenario.
+        scene: the spacecraft and the camera.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        registry: Registry,
+        trajectory: Trajectory | None = None,
+    ) -> None:
+        """Build everything and open the renderer.
+
+        Args:
+            scenario: as by ``load_scenario``.
+            registry: the components that are installed.
+            trajectory: the scenario's, where it has been computed already.
+
+        Raises:
+            InputError: a file that the scenario names cannot be used.
+            ComponentError: this machine lacks what the renderer needs.
+        """
+        self.scenario = scenario
+        camera = scenario.camera.camera()
+        self.scene = Scene(create(registry, "scene", scenario.target).build(), camera)
+        self._states = States(scenario, registry, trajectory)
+        self._annotation = Annotation(
+            scenario.annotators, registry, self.scene, orbit_epoch(scenario.orbit)
+        )
+        self._geometry = RayCaster(self.scene)
+        self._sky = Sky(scenario.sky, camera, scenario.seed)
+        self._sensor = Sensor(scenario.sensor, camera)
+        self._renderer: Renderer[Any] = LensRenderer(
+            ReopeningRenderer(partial(create, registry, "renderer", scenario.renderer))
+        )
+        self._renderer.open(self.scene)
+        self._craft_light = CraftLight(self._renderer, self._geometry, self._sky, camera, scenario.seed)
+
+    @property
+    def camera(self) -> Camera:
+        """The scenario's camera."""
+        return self.scene.camera
+
+    @property
+    def spacecraft(self) -> Spacecraft:
+        """The scenario's spacecraft."""
+        return self.scene.spacecraft
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The motion over the scenario's frames.
+
+        Raises:
+            InputError: the orbit cannot be propagated by the scenario's model.
+        """
+        return self._states.trajectory
+
+    def state(
+        self,
+        index: int = 0,
+        *,
+        t_s: float | None = None,
+        r_rtn_m: ArrayLike | None = None,
+        v_rtn_m_s: ArrayLike | None = None,
+        q_eci_from_body: ArrayLike | None = None,
+        q_eci_from_camera: ArrayLike | None = None,
+        omega_body_rad_s: ArrayLike | None = None,
+        omega_camera_rad_s: ArrayLike | None = None,
+    ) -> FrameState:
+        """A state to take a frame at. What is not given comes from the scenario.
+
+        ``sim.state(5)`` is the scenario's own frame 5. With ``t_s`` it is the scenario at that time, and
+        ``index`` is only the number that the frame gets; random draws depend on it, so give each frame
+        of a loop its own.
+
+        Args:
+            index: number of the frame, from 0.
+            t_s: seconds since the scenario's epoch; None is the time of the scenario's frame ``index``.
+            r_rtn_m: (3,) chaser's position relative to the target, in the target's RTN axes.
+            v_rtn_m_s: (3,) its derivative in the rotating RTN frame; at rest there if only the position
+                is given.
+            q_eci_from_body: (4,) attitude of the target, scalar first, GCRF axes from body axes.
+            q_eci_from_camera: (4,) attitude of the camera, likewise.
+            omega_body_rad_s, omega_camera_rad_s: (3,) angular velocities against GCRF axes, in body and
+                in camera axes, beside a given attitude; zero if not given.
+
+        Raises:
+            InputError: there is no such frame; a velocity without a position, a rate without an
+                attitude, or a shape that does not fit; a time that the propagator has no motion for.
+        """
+        return self._states.at(
+            index,
+            t_s=t_s,
+            r_rtn_m=r_rtn_m,
+            v_rtn_m_s=v_rtn_m_s,
+            q_eci_from_body=q_eci_from_body,
+            q_eci_from_camera=q_eci_from_camera,
+            omega_body_rad_s=omega_body_rad_s,
+            omega_camera_rad_s=omega_camera_rad_s,
+        )
+
+    def frame(self, state: FrameState) -> Frame:
+        """The frame that the camera takes at a state.
+
+        Where the renderer works in a process of its own and that process dies, the renderer is opened
+        again and asked for the same image, three times in all.
+
+        Raises:
+            ComponentError: the renderer or an annotator failed.
+            WorkerLost: the renderer's process died at every try.
+        """
+        config, light = self.scenario.sensor, None
+        exposure_s = config.exposure_s
+        if config.auto_exposure is not None:
+            light = self._light(state, 0.0)
+            exposure_s = self._sensor.metered_s(*light, config.auto_exposure)
+        if light is None or config.motion_blur is not None:
+            light = self._light(state, exposure_s)
+        image = self._sensor.expose(*light, exposure_s, self.scenario.seed, state.index)
+        view = self._geometry.view(state.craft)
+        labels, arrays = self._annotation.of(state, view, exposure_s)
+        sky, craft = light
+        return Frame(state, self.camera, image, exposure_s, labels, arrays, craft, sky)
+
+    def describe_renderer(self) -> Mapping[str, str]:
+        """Versions and choices of the renderer, such as ``{"mitsuba": "3.9.1"}``."""
+        return self._renderer.describe()
+
+    def close(self) -> None:
+        """Free the renderer; may be called twice."""
+        self._renderer.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        camera = self.camera
+        return (
+            f"<Simulator of {self.spacecraft.name}: {camera.width_px} × {camera.height_px},"
+            f" renderer {self.scenario.renderer.name}>"
+        )
+
+    def _light(self, state: FrameState, exposure_s: float) -> tuple[SkyView, Radiance | None]:
+        """Sky and craft over an exposure; in one instant, if motion is not to blur."""
+        blur = self.scenario.sensor.motion_blur
+        instants = 1 if blur is None else blur.instants
+        return (
+            self._sky.look(state, exposure_s, instants),
+            self._craft_light.gather(state, exposure_s, instants),
+        )

@@ -1,0 +1,199 @@
+"""States to take frames at: those of a scenario's frames, and those that a caller gives."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import CubicHermiteSpline
+
+from posse_core._arrays import FloatArray
+from posse_core._errors import InputError
+from posse_core._interfaces.propagator import PropagationProblem, Propagator
+from posse_core._model.scene import FrameState
+from posse_core._model.trajectory import Motion, Trajectory
+from posse_core._plugins.registry import Registry
+from posse_core._scenario.component import create
+from posse_core._scenario.model import Scenario
+from posse_core._trajectory.build import GivenAttitude, make_trajectory, times_s, trajectory_of
+from posse_core._trajectory.problem import orbit_epoch, resolve
+from posse_core._trajectory.state import frame_state
+
+_SAME_INSTANT_S = 1e-6
+"""Times that are nearer to each other than this are one instant."""
+
+
+class States:
+    """The states of one scenario."""
+
+    def __init__(self, scenario: Scenario, registry: Registry, trajectory: Trajectory | None) -> None:
+        """trajectory: the scenario's, where it has been computed already."""
+        self._scenario = scenario
+        self._registry = registry
+        if trajectory is not None:
+            self.trajectory = trajectory
+
+    @cached_property
+    def trajectory(self) -> Trajectory:
+        """The motion over the scenario's frames."""
+        return make_trajectory(self._scenario, self._registry)
+
+    def at(
+        self,
+        index: int,
+        *,
+        t_s: float | None,
+        r_rtn_m: ArrayLike | None,
+        v_rtn_m_s: ArrayLike | None,
+        q_eci_from_body: ArrayLike | None,
+        q_eci_from_camera: ArrayLike | None,
+        omega_body_rad_s: ArrayLike | None,
+        omega_camera_rad_s: ArrayLike | None,
+    ) -> FrameState:
+        """See :meth:`posse_core.Simulator.state`."""
+        if index < 0:
+            raise InputError(f"state: index is {index}; frames are numbered from 0")
+        r = _row("r_rtn_m", r_rtn_m, 3)
+        v = _row("v_rtn_m_s", v_rtn_m_s, 3)
+        given = GivenAttitude(
+            q_eci_from_body=_row("q_eci_from_body", q_eci_from_body, 4),
+            q_eci_from_camera=_row("q_eci_from_camera", q_eci_from_camera, 4),
+            omega_body_rad_s=_row("omega_body_rad_s", omega_body_rad_s, 3),
+            omega_camera_rad_s=_row("omega_camera_rad_s", omega_camera_rad_s, 3),
+        )
+        if v is not None and r is None:
+            raise InputError("state: v_rtn_m_s is given without r_rtn_m; give both")
+        for name, q, omega in (
+            ("body", given.q_eci_from_body, given.omega_body_rad_s),
+            ("camera", given.q_eci_from_camera, given.omega_camera_rad_s),
+        ):
+            if omega is not None and q is None:
+                raise InputError(
+                    f"state: omega_{name}_rad_s is given without q_eci_from_{name}; give both"
+                )
+        by_law = given.q_eci_from_body is None and given.q_eci_from_camera is None
+        if t_s is None and r is None and by_law:
+            self._refuse_beyond_the_end(index)
+            return frame_state(self.trajectory, index, self._scenario.constants)
+        motion = self._motion(index, t_s, any_chaser=r is not None)
+        if r is not None:
+            at_rest = np.zeros_like(r)
+            motion = replace(motion, r_chaser_rtn_m=r, v_chaser_rtn_m_s=at_rest if v is None else v)
+        row = trajectory_of(
+            motion,
+            epoch=orbit_epoch(self._scenario.orbit),
+            attitude=self._scenario.attitude,
+            constants=self._scenario.constants,
+            seed=self._scenario.seed,
+            indices=np.array([index]),
+            given=given,
+        )
+        return replace(frame_state(row, 0, self._scenario.constants), index=index)
+
+    def _motion(self, index: int, t_s: float | None, *, any_chaser: bool) -> Motion:
+        """One row: the scenario's motion at a time, or at the time of its frame ``index``.
+
+        Args:
+            any_chaser: only the target's motion is of interest.
+        """
+        if t_s is None:
+            self._refuse_beyond_the_end(index)
+            return _row_of(self.trajectory, index)
+        if not np.isfinite(t_s):
+            raise InputError(f"state: t_s is {t_s}; give seconds since the scenario's epoch")
+        name = self._scenario.propagator.name
+        if "own-frames" in self._registry.spec("propagator", name).capabilities:
+            rows = list(_interpolated(self._own_motion, float(t_s)))
+            if not rows:
+                own_s = self._own_motion.t_s
+                raise InputError(
+                    f"state: t_s is {t_s:g}, and the motion of propagator {name!r} is from"
+                    f" {own_s.min():g} to {own_s.max():g} s; give a time within"
+                )
+        else:
+            problem = self._problem(np.array([float(t_s)]))
+            motion = self._propagator.propagate(problem)
+            rows = [_row_of(motion, i) for i in range(len(motion.t_s))]
+        if len(rows) > 1 and not any_chaser:
+            raise InputError(
+                f"state: the scenario has {len(rows)} relative orbits at t_s = {t_s:g}; give r_rtn_m,"
+                " or take one of its frames by the index alone"
+            )
+        return rows[0]
+
+    def _refuse_beyond_the_end(self, index: int) -> None:
+        if index >= len(self.trajectory):
+            raise InputError(
+                f"state: the scenario has {len(self.trajectory)} frames, so none of index {index};"
+                " give t_s for another time"
+            )
+
+    @cached_property
+    def _propagator(self) -> Propagator:
+        made: Propagator = create(self._registry, "propagator", self._scenario.propagator)
+        return made
+
+    @cached_property
+    def _own_motion(self) -> Motion:
+        """All frames of a propagator that has frames of its own."""
+        return self._propagator.propagate(self._problem(times_s(self._scenario)))
+
+    def _problem(self, t_s: FloatArray) -> PropagationProblem:
+        scenario = self._scenario
+        return resolve(
+            scenario.orbit,
+            scenario.relative,
+            t_s,
+            scenario.constants,
+            needs_starts=self._propagator.needs_starts,
+        )
+
+
+def _row(name: str, value: ArrayLike | None, size: int) -> FloatArray | None:
+    """(1, size) of what a caller gave."""
+    if value is None:
+        return None
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        array = np.empty(0)
+    if array.shape != (size,) or not np.isfinite(array).all():
+        raise InputError(f"state: {name} is {value!r}; {size} finite numbers are needed")
+    return array[None]
+
+
+def _row_of(motion: Motion | Trajectory, i: int) -> Motion:
+    """Row ``i`` alone."""
+    return Motion(
+        t_s=motion.t_s[[i]],
+        r_target_eci_m=motion.r_target_eci_m[[i]],
+        v_target_eci_m_s=motion.v_target_eci_m_s[[i]],
+        r_chaser_rtn_m=motion.r_chaser_rtn_m[[i]],
+        v_chaser_rtn_m_s=motion.v_chaser_rtn_m_s[[i]],
+        sequence=motion.sequence[[i]],
+    )
+
+
+def _interpolated(motion: Motion, t_s: float) -> Iterator[Motion]:
+    """A row for each relative orbit that holds the time: a frame of its own where there is one, else by
+    cubic Hermite polynomials through positions and velocities."""
+    for number in np.unique(motion.sequence):
+        own = np.flatnonzero(motion.sequence == number)
+        own = own[np.argsort(motion.t_s[own], kind="stable")]
+        times_s = motion.t_s[own]
+        nearest = int(np.argmin(np.abs(times_s - t_s)))
+        if abs(times_s[nearest] - t_s) <= _SAME_INSTANT_S:
+            yield _row_of(motion, own[nearest])
+        elif times_s[0] < t_s < times_s[-1]:
+            after = int(np.searchsorted(times_s, t_s))
+            ends = own[after - 1 : after + 1]
+            states = np.hstack([motion.r_target_eci_m, motion.r_chaser_rtn_m])[ends]
+            rates = np.hstack([motion.v_target_eci_m_s, motion.v_chaser_rtn_m_s])[ends]
+            curve = CubicHermiteSpline(motion.t_s[ends], states, rates)
+            (r_target, r_chaser), (v_target, v_chaser) = (
+                np.split(curve([t_s], order), 2, axis=1) for order in (0, 1)
+            )
+            yield Motion(np.array([t_s]), r_target, v_target, r_chaser, v_chaser, np.array([number]))

@@ -166,9 +166,8 @@ def create(kind: str, name: str, **options: Any) -> Any:
         ComponentError: the component cannot be imported or made.
     """
     if kind not in KINDS:
-        raise InputError(
-            f"no kind of component named {kind!r}{nearest(kind, KINDS) or '.'} There are {', '.join(KINDS)}"
-        )
+        hint = nearest(kind, KINDS) or "."
+        raise InputError(f"no kind of component named {kind!r}{hint} There are {', '.join(KINDS)}")
     registry = load_plugins().registry
     return registry.create(kind, name, registry.options(kind, name, options))
 

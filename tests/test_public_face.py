@@ -72,11 +72,7 @@ def test_our_plugins_use_the_public_face_alone(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
-def test_documented_examples_use_the_public_face_alone(
-    path: Path, request: pytest.FixtureRequest
-) -> None:
-    if path.name == "dynamics.md":  # it makes a propagator, for which the face has no way yet
-        request.applymarker(pytest.mark.xfail(strict=True, reason="no component by name in the face"))
+def test_documented_examples_use_the_public_face_alone(path: Path) -> None:
     code = re.findall(r"```python\n(.*?)```", path.read_text(encoding="utf-8"), flags=re.S)
     used = [name for block in code for name in _PRIVATE.findall(block)]
     assert not used, (

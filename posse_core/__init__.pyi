@@ -13,9 +13,10 @@ from ._arrays import IntArray as IntArray
 from ._constants import Constants as Constants
 from ._dataset.coco import open_dataset as open_dataset
 from ._dataset.dataset import Dataset as Dataset
-from ._dataset.dataset import SpacecraftInfo as SpacecraftInfo
-from ._dataset.dataset import read_image as read_image
+from ._dataset.files import read_image as read_image
+from ._dataset.images import LabelledImages as LabelledImages
 from ._dataset.mesh import Mesh as Mesh
+from ._dataset.spacecraft import SpacecraftInfo as SpacecraftInfo
 from ._detection.card import ModelCard as ModelCard
 from ._detection.pnp import PoseEstimate as PoseEstimate
 from ._detection.pose_detector import PoseDetector as PoseDetector
@@ -64,10 +65,11 @@ from ._model.label_line import Box as Box
 from ._model.label_line import Keypoint as Keypoint
 from ._model.label_line import LabelLine as LabelLine
 from ._model.label_line import LabelNotMade as LabelNotMade
-from ._model.label_line import RunLengths as RunLengths
 from ._model.labels import Labels as Labels
 from ._model.labels import View as View
+from ._model.manifest import Manifest as Manifest
 from ._model.poses import Poses as Poses
+from ._model.run_lengths import RunLengths as RunLengths
 from ._model.scene import CraftState as CraftState
 from ._model.scene import EnvironmentMap as EnvironmentMap
 from ._model.scene import FrameState as FrameState

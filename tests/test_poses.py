@@ -85,7 +85,7 @@ def test_a_run_with_another_craft_labels_the_same_poses(tmp_path, posse):
     for one, other in zip(ours, theirs, strict=True):
         assert one["q_vbs2tango_true"] == pytest.approx(other["q_vbs2tango_true"], abs=1e-14)
         assert one["r_Vo2To_vbs_true"] == pytest.approx(other["r_Vo2To_vbs_true"], abs=1e-12)
-    assert {line["spacecraft"] for line in made.frames} == {"cubesat"}
+    assert {line.spacecraft for line in made} == {"cubesat"}
 
 
 unit_or_not = st.tuples(*[st.floats(-1, 1)] * 4).filter(lambda q: np.linalg.norm(q) > 0.1)
@@ -162,11 +162,11 @@ def test_urso_points_fall_where_its_authors_draw_them(tmp_path_factory, q, place
     to the other side."""
     q = np.array(q) / np.linalg.norm(q)
     path = write_urso(tmp_path_factory.mktemp("urso"), [(*place, *q)])
-    ((name, pose),) = read_urso(path)
-    assert name == "0_rgb.png"
+    (pose,) = read_urso(path)
+    assert pose.image == "0_rgb.png"
     points = np.concatenate([np.eye(3), [[0.3, -0.2, 0.1], [0, 0, 0]]])
     theirs = (points * [1, -1, 1]) @ left_handed(*q).T + place
-    ours = points @ matrix(pose["q_cam_from_body"]).T + pose["t_body_cam_m"]
+    ours = points @ matrix(pose.q_cam_from_body).T + np.array(pose.t_body_cam_m)
     f = 640.0
     drawn = np.stack([f * theirs[:, 0] + 640 * theirs[:, 2], -f * theirs[:, 1] + 480 * theirs[:, 2]], -1)
     expected = np.stack([f * ours[:, 0] + 640 * ours[:, 2], f * ours[:, 1] + 480 * ours[:, 2]], -1)
@@ -180,9 +180,9 @@ def test_urso_of_a_craft_turned_to_the_right(tmp_path):
     yaw = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
     q = Rotation.from_matrix((ahead_right_up_in_camera @ yaw).T).as_quat()
     assert left_handed(*q) == pytest.approx(ahead_right_up_in_camera @ yaw, abs=1e-12)
-    ((_, pose),) = read_urso(write_urso(tmp_path, [(0, 0, 20, *q)]))
+    (pose,) = read_urso(write_urso(tmp_path, [(0, 0, 20, *q)]))
     right, down, ahead = np.eye(3)
-    x, y, z = matrix(pose["q_cam_from_body"]).T
+    x, y, z = matrix(pose.q_cam_from_body).T
     assert [*x, *y, *z] == pytest.approx([*right, *ahead, *-down], abs=1e-12)
 
 

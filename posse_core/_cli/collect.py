@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 import click
 from tqdm import tqdm
 
 from posse_core._cli.common import echo_json
 from posse_core._errors import InputError
+from posse_core._model.label_line import LabelLine
 from posse_core._selection.balance import AXES, Balance, axes_named
 from posse_core._selection.rules import RULES, named
 
@@ -63,6 +63,6 @@ def command(
         click.echo(f"{name} {count}")
 
 
-def _progress(labels: Iterable[dict[str, Any]], frames: int) -> Iterable[dict[str, Any]]:
-    shown: Iterable[dict[str, Any]] = tqdm(labels, total=frames, unit="frame", disable=None)
+def _progress(labels: Iterable[LabelLine], frames: int) -> Iterable[LabelLine]:
+    shown: Iterable[LabelLine] = tqdm(labels, total=frames, unit="frame", disable=None)
     return shown

@@ -48,7 +48,8 @@ def command(
     """
     import cv2
 
-    from posse_core._dataset.dataset import read_camera, read_image
+    from posse_core._dataset.camera import read_camera
+    from posse_core._dataset.files import read_image
     from posse_core._detection.draw import draw
     from posse_core._detection.models import open_models
     from posse_core._detection.pose_detector import PoseDetector

@@ -15,7 +15,7 @@ from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
 
 if TYPE_CHECKING:
-    from posse_core._dataset.dataset import Dataset
+    from posse_core._dataset.images import LabelledImages
     from posse_core._interfaces.detector import Model
     from posse_core._plugins.registry import Registry
 
@@ -67,28 +67,27 @@ def command(model: Path, dataset: Path, out: Path, int8: bool, overrides: tuple[
             _write_int8(net, card.task, exact, out, source, registry)
 
 
-def _spread(source: Dataset, count: int) -> Sequence[int]:
-    """So many indices of frames, evenly spread."""
-
+def _spread(source: LabelledImages, count: int) -> Sequence[int]:
+    """So many positions of frames, evenly spread."""
     from posse_core._detection.evaluate import frames_of
 
-    indices = frames_of(source, "all")
-    return [indices[k] for k in evenly_spread(len(indices), count)]
+    positions = frames_of(source, "all")
+    return [positions[k] for k in evenly_spread(len(positions), count)]
 
 
 def _write_int8(
-    net: Model, task: str, exact: Path, out: Path, source: Dataset, registry: Registry
+    net: Model, task: str, exact: Path, out: Path, source: LabelledImages, registry: Registry
 ) -> None:
     from posse_core._detection.accuracy import accuracy
     from posse_core._evaluation.metrics import true_boxes
     from posse_core._randomness import random_generator
 
-    chosen = [index for index in _spread(source, _INT8_FRAMES) if true_boxes(source.frame(index))]
+    chosen = [index for index in _spread(source, _INT8_FRAMES) if true_boxes(source[index])]
     if not chosen:
         raise InputError(f"{source.folder}: shows no spacecraft to calibrate eight bits on")
     order = random_generator(0, 0, "eight bits").permutation(chosen)  # every second may be of one class
     half = (len(chosen) + 1) // 2
-    seen = [(source.image(i), true_boxes(source.frame(i))[0].box_px) for i in order[:half].tolist()]
+    seen = [(source.image(i), true_boxes(source[i])[0].box_px) for i in order[:half].tolist()]
     net.write_int8(exact, out, seen)
     others = order[half:].tolist() or chosen
     before, after = (accuracy(source, others, path, task, registry) for path in (exact, out))

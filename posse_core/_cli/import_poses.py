@@ -40,7 +40,7 @@ def command(
     """
     import numpy as np
 
-    from posse_core._dataset.dataset import read_camera
+    from posse_core._dataset.camera import read_camera
     from posse_core._formats.poses import camera_beside, read_poses
     from posse_core._scenario.from_poses import write_scenario
 

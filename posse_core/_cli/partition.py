@@ -29,7 +29,8 @@ def command(dataset: Path, split: str, seed: int, by: By) -> None:
 
     Writes the thesis' six lists, and the frames of each part, into the dataset's folder partition/.
     """
-    from posse_core._dataset.dataset import PARTS, Dataset
+    from posse_core._dataset.dataset import Dataset
+    from posse_core._dataset.layout import PARTS
     from posse_core._selection.partition import write_partition
 
     source = Dataset(dataset)
@@ -40,7 +41,7 @@ def command(dataset: Path, split: str, seed: int, by: By) -> None:
 
 
 def _shares(split: str) -> list[float]:
-    from posse_core._dataset.dataset import PARTS
+    from posse_core._dataset.layout import PARTS
 
     try:
         shares = [float(share) for share in split.split("/")]

@@ -34,7 +34,7 @@ def command(dataset: Path, detector: str, out: Path, overrides: tuple[str, ...])
         raise InputError(f"detector {detector!r} cannot be trained; these can: {', '.join(able)}")
     options = registry.options("detector", detector, options_from(overrides), where="option")
     source = open_dataset(dataset)
-    _ = source.manifest  # a run that has not ended has frames to come
+    _ = source.sha256  # a run that has not ended has frames to come
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -1,53 +1,111 @@
-"""COCO as a dataset that detectors learn from and are measured on."""
+"""COCO files, and a dataset that is made of them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
-import numpy as np
+from pydantic import ValidationError
 
-from posse_core._dataset.dataset import (
-    PARTS,
-    Dataset,
-    Frames,
-    SpacecraftInfo,
-    read_camera,
-    read_json,
-    read_spacecraft,
-)
+from posse_core._dataset.camera import read_camera
+from posse_core._dataset.dataset import Dataset, digest_of
+from posse_core._dataset.files import read_json
+from posse_core._dataset.images import LabelledImages
+from posse_core._dataset.layout import CAMERA, PARTS, spacecraft_file
+from posse_core._dataset.spacecraft import SpacecraftInfo, read_spacecraft
 from posse_core._errors import InputError
 from posse_core._files.atomic import sha256
-from posse_core._formats.coco import coco_entries
 from posse_core._model.camera import Camera
+from posse_core._model.label_line import Keypoint, LabelLine, first_fault
+from posse_core._model.labels import NOT_IN_FRAME
 
 
-def open_dataset(path: Path) -> Dataset:
+def open_dataset(path: str | Path) -> LabelledImages:
     """A dataset of ``posse run``, or COCO: a ``.json`` file, or a folder with ``train.json``.
 
     Raises:
         InputError: neither, or not laid as it should be.
     """
+    path = Path(path)
     if path.suffix == ".json" or (path / "train.json").is_file():
         return CocoDataset(path)
     return Dataset(path)
 
 
-class CocoDataset(Dataset):
+def read_coco(path: Path) -> Iterator[LabelLine]:
+    """The labels of every image of a COCO file, in its order, numbered from 0.
+
+    An image without an annotation has the box null and no spacecraft. Keypoints outside the image are
+    left out.
+
+    Raises:
+        InputError: the file cannot be read, or is not laid as COCO asks.
+    """
+    return iter(_read(path).lines)
+
+
+@dataclass(frozen=True)
+class _CocoFile:
+    lines: list[LabelLine]
+    sizes: list[tuple[int, int]]
+    categories: set[str]
+
+
+def _read(path: Path) -> _CocoFile:
+    value = read_json(path)
+    try:
+        lines = [LabelLine(index=i, **labels) for i, labels in enumerate(_labels(value))]
+        sizes = [(int(image["height"]), int(image["width"])) for image in value["images"]]
+        return _CocoFile(lines, sizes, {str(category["name"]) for category in value["categories"]})
+    except ValidationError as error:
+        raise InputError(f"{path}: not laid as COCO asks: {first_fault(error)}") from None
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: not laid as COCO asks: {type(error).__name__}: {error}") from None
+
+
+def _labels(value: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """Of every image, what :class:`LabelLine` is made of."""
+    categories = {category["id"]: category for category in value["categories"]}
+    annotation_of = {annotation["image_id"]: annotation for annotation in value["annotations"]}
+    if len(annotation_of) < len(value["annotations"]):
+        raise ValueError("an image has several annotations, where one craft an image can be told")
+    for image in value["images"]:
+        labels: dict[str, Any] = {"image": str(image["file_name"]), "box_visible_px": None}
+        annotation = annotation_of.get(image["id"])
+        if annotation is not None:
+            category = categories[annotation["category_id"]]
+            labels |= {"spacecraft": category["name"], "box_visible_px": annotation["bbox"]}
+            if isinstance(annotation.get("segmentation"), dict):
+                labels["mask_rle"] = annotation["segmentation"]
+                labels["mask_area_px"] = round(annotation["area"])
+            if "keypoints" in annotation:
+                flat = iter(annotation["keypoints"])
+                points = zip(category["keypoints"], zip(flat, flat, flat, strict=True), strict=True)
+                labels["keypoints"] = {name: p for name, p in points if p[2] != NOT_IN_FRAME}
+        yield labels
+
+
+class CocoDataset(LabelledImages):
     """Images of one craft each, with boxes and keypoints, by COCO files.
 
     A folder has its parts in ``train.json``, ``valid.json`` and ``test.json``, of which the last two may
-    be missing; a file is a dataset of one part, ``all``. Images are named from that folder. COCO tells
-    neither the camera nor the places of keypoints on the craft: ``camera.json`` and
-    ``spacecraft/NAME.json`` beside the files do, as in a dataset of ``posse run``; without the latter
-    there are boxes alone.
+    be missing; a file is a dataset of one part, ``all``. Images are named from that folder. COCO has
+    neither the camera nor the positions of keypoints on the craft: ``camera.json``,
+    ``spacecraft/NAME.json`` and ``spacecraft/NAME.ply`` beside the files do, as in a dataset of
+    ``posse run``; without ``NAME.json`` there are boxes alone.
 
-    Frames are numbered from 0 in the order of the files.
+    Frames are numbered from 0 in the order of the files, so index and position are the same.
+
+    Raises:
+        InputError: a file is missing, or not laid as COCO asks.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: str | Path) -> None:
+        super().__init__()
+        path = Path(path)
         self.folder = path.parent if path.suffix == ".json" else path
         named = {part: path / f"{part}.json" for part in PARTS}
         self._files = (
@@ -55,78 +113,72 @@ class CocoDataset(Dataset):
             if path.suffix == ".json"
             else {part: file for part, file in named.items() if file.is_file()}
         )
-        self._lines: list[dict[str, Any]] = []
+        self._lines: list[LabelLine] = []
         self._sizes: list[tuple[int, int]] = []
         self._parts: dict[str, list[int]] = {}
         names: set[str] = set()
         for part, file in self._files.items():
-            first = len(self._lines)
-            names |= self._read(file)
+            read, first = _read(file), len(self._lines)
+            self._lines += read.lines
+            self._sizes += read.sizes
+            names |= read.categories
             self._parts[part] = list(range(first, len(self._lines)))
         if not self._lines:
             raise InputError(f"{path}: has no images")
         self.spacecraft_by_name = {name: self._craft(name) for name in sorted(names)}
-        for line in self._lines:
-            self._order_keypoints(line)
-
-    def _read(self, file: Path) -> set[str]:
-        """Take a file's images; returns the names of its categories."""
-        value = read_json(file)
-        try:
-            for image, labels in coco_entries(value):
-                height_width = int(image["height"]), int(image["width"])
-                index = len(self._lines)
-                self._lines.append({**labels, "index": index, "image": str(image["file_name"])})
-                self._sizes.append(height_width)
-            return {str(category["name"]) for category in value["categories"]}
-        except (KeyError, TypeError, ValueError) as error:
-            raise InputError(f"{file}: not laid as COCO asks: {type(error).__name__}: {error}") from None
+        self._lines = [self._of_craft(index, line) for index, line in enumerate(self._lines)]
 
     def _craft(self, name: str) -> SpacecraftInfo:
-        path = self.folder / "spacecraft" / f"{name}.json"
+        path = spacecraft_file(self.folder, name)
         return read_spacecraft(path) if path.is_file() else SpacecraftInfo(name, (), {}, (), ())
 
-    def _order_keypoints(self, line: dict[str, Any]) -> None:
-        """In the order of the craft's own; null where COCO has none."""
-        points = line.pop("keypoints", None)
-        known = self.spacecraft_by_name[line["spacecraft"]] if "spacecraft" in line else None
-        if points is not None and known is not None and known.keypoints_body_m:
-            none = [None, None, 0]
-            line["keypoints"] = {name: points.get(name, none) for name in known.keypoints_body_m}
+    def _of_craft(self, index: int, line: LabelLine) -> LabelLine:
+        """With its index in the dataset, and with the keypoints of the craft's own file, in its order:
+        None where COCO has none, and none at all where there is no such file."""
+        labels = {name: value for name, value in line if name not in ("index", "keypoints")}
+        if line.has("keypoints"):
+            none = Keypoint(None, None, 0)
+            known = self.spacecraft_by_name[line.spacecraft].keypoints_body_m
+            if known:
+                labels["keypoints"] = {name: line.keypoints.get(name, none) for name in known}
+        return LabelLine(index=index, **labels)
 
-    # An attribute there; here read when asked for, since boxes need no camera.
+    def __repr__(self) -> str:
+        names = ", ".join(self.spacecraft_by_name)
+        return f"CocoDataset({str(self.folder)!r}: {len(self)} images of {names})"
+
+    def __len__(self) -> int:
+        return len(self._lines)
+
+    @overload
+    def __getitem__(self, i: int) -> LabelLine: ...
+    @overload
+    def __getitem__(self, i: slice) -> list[LabelLine]: ...
+    def __getitem__(self, i: int | slice) -> LabelLine | list[LabelLine]:
+        return self._lines[i]
+
+    def position(self, index: int) -> int:
+        if not 0 <= index < len(self):
+            raise InputError(f"{self.folder}: has no frame {index}")
+        return index
+
     @cached_property
-    def camera(self) -> Camera:  # type: ignore[override]
-        """Of ``camera.json`` beside the files.
+    def camera(self) -> Camera:
+        return read_camera(self.folder / CAMERA)
+
+    @property
+    def sha256(self) -> str:
+        """Hexadecimal SHA-256 over the COCO files and the images.
 
         Raises:
-            InputError: there is none.
+            InputError: one of them cannot be read.
         """
-        return read_camera(self.folder / "camera.json")
-
-    @cached_property
-    def manifest(self) -> Mapping[str, Any]:
-        """Digests of the COCO files and of the images."""
         files = [str(file.relative_to(self.folder)) for file in self._files.values()]
-        paths = [*files, *(line["image"] for line in self._lines)]
+        paths = [*files, *(line.image for line in self._lines)]
         try:
-            return {"sha256": {path: sha256(self.folder / path) for path in paths}}
+            return digest_of({path: sha256(self.folder / path) for path in paths})
         except OSError as error:
             raise InputError(f"{error.filename}: cannot be read: {error.strerror}") from None
-
-    @property
-    def frames(self) -> Frames:
-        return _CocoFrames(self._lines)
-
-    def frame(self, index: int) -> dict[str, Any]:
-        if not 0 <= index < len(self._lines):
-            raise InputError(f"{self.folder}: has no frame {index}")
-        return dict(self._lines[index])
-
-    @property
-    def is_divided(self) -> bool:
-        """Never by 'posse partition'."""
-        return False
 
     def part(self, name: str) -> list[int]:
         if name not in self._parts and name in PARTS and "train" in self._parts:
@@ -135,18 +187,5 @@ class CocoDataset(Dataset):
             raise InputError(f"{self.folder}: has no part {name!r}; it has {', '.join(self._parts)}")
         return self._parts[name]
 
-    def size_px(self, index: int) -> tuple[int, int]:
-        return self._sizes[index]
-
-
-class _CocoFrames(Frames):
-    def __init__(self, lines: list[dict[str, Any]]) -> None:
-        self._lines = lines
-        self.indices = np.arange(len(lines), dtype=np.int64)
-        self.damaged = []
-
-    def __getitem__(self, place: Any) -> Any:
-        return self._lines[place]
-
-    def __iter__(self) -> Iterator[dict[str, Any]]:
-        return iter(self._lines)
+    def size_px(self, i: int) -> tuple[int, int]:
+        return self._sizes[i]

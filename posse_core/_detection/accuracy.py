@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from posse_core._dataset.dataset import Dataset
+from posse_core._dataset.images import LabelledImages
 from posse_core._detection.evaluate import evaluate
 from posse_core._detection.models import open_detector, open_keypoint_finder
 from posse_core._errors import InputError
@@ -17,7 +17,7 @@ from posse_core._plugins.registry import Registry
 
 
 def accuracy(
-    dataset: Dataset, indices: Sequence[int], path: Path, task: str, registry: Registry
+    dataset: LabelledImages, positions: Sequence[int], path: Path, task: str, registry: Registry
 ) -> dict[str, float]:
     """mAP, mAP50 and mean overlap of a detector; the median error of a keypoint finder's points, px.
 
@@ -25,8 +25,8 @@ def accuracy(
         InputError: the labels lack what is measured.
     """
     if task == "keypoints":
-        return _of_keypoints(dataset, indices, open_keypoint_finder(path, registry, {}))
-    judged = evaluate(dataset, indices, open_detector(path, registry, {}))
+        return _of_keypoints(dataset, positions, open_keypoint_finder(path, registry, {}))
+    judged = evaluate(dataset, positions, open_detector(path, registry, {}))
     metrics = coco_metrics(
         [j.truths for j in judged], [j.detections for j in judged], sorted(dataset.spacecraft_by_name)
     )
@@ -34,19 +34,21 @@ def accuracy(
     return {"mAP": metrics["mAP"], "mAP50": metrics["mAP50"], "box IoU mean": overlap}
 
 
-def _of_keypoints(dataset: Dataset, indices: Sequence[int], finder: KeypointFinder) -> dict[str, float]:
+def _of_keypoints(
+    dataset: LabelledImages, positions: Sequence[int], finder: KeypointFinder
+) -> dict[str, float]:
     """In the labelled boxes."""
     away_px: list[float] = []
-    for index in indices:
-        labels = dataset.frame(index)
-        if "keypoints" not in labels:
+    for i in positions:
+        labels = dataset[i]
+        if not labels.has("keypoints"):
             raise InputError(
                 f"{dataset.folder}: the labels have no keypoints; make the dataset with the annotator"
                 " 'keypoints'"
             )
         boxes = [Detection(truth.label, 1.0, truth.box_px) for truth in true_boxes(labels)]
-        known = np.array([point[:2] for point in labels["keypoints"].values()], np.float64)
-        for found in finder.find(dataset.image(index), boxes):
+        known = np.array([point[:2] for point in labels.keypoints.values()], np.float64)
+        for found in finder.find(dataset.image(i), boxes):
             distance = np.linalg.norm(np.asarray(found.keypoints_px) - known, axis=1)
             away_px += distance[np.isfinite(distance)].tolist()
     return {"median keypoint error, px": float(np.median(away_px))}

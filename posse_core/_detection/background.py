@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import yaml
@@ -17,6 +16,7 @@ from posse_core._errors import InputError
 from posse_core._files.tables import read_table
 from posse_core._frames import matrix_from_quaternion, unit
 from posse_core._model.camera import Camera
+from posse_core._model.label_line import LabelLine
 from posse_core._sky.ellipsoid import SEMI_AXES_M, entry_distance_m
 
 BACKGROUNDS = ("space", "limb", "Earth by day", "Earth by night")
@@ -24,7 +24,7 @@ _FIELDS = ("t_s", "q_eci_from_camera", "r_chaser_eci_m", "r_sun_eci_m")
 _ACROSS = 9  # rays along each side of the box
 
 
-def backgrounds(dataset: Dataset, lines: Sequence[Mapping[str, Any]]) -> list[str | None]:
+def backgrounds(dataset: Dataset, lines: Sequence[LabelLine]) -> list[str | None]:
     """One of :data:`BACKGROUNDS` for each frame; None where no scenario tells whether it has an Earth.
 
     Rays through the visible box (the whole image, where the craft is not seen) meet the Earth's
@@ -47,9 +47,9 @@ def backgrounds(dataset: Dataset, lines: Sequence[Mapping[str, Any]]) -> list[st
         if file is None or not has_earth[file]:
             result.append(None if file is None else BACKGROUNDS[0])
             continue
-        t_s, q, r_camera_m, r_sun_m = (table[name][line["index"]] for name in _FIELDS)
+        t_s, q, r_camera_m, r_sun_m = (table[name][line.index] for name in _FIELDS)
         R = R_itrf_from_gcrf(*epoch.tt(t_s), *epoch.ut1(t_s))
-        box_px = line["box_visible_px"] or (0, 0, camera.width_px, camera.height_px)
+        box_px = line.box_visible_px or (0, 0, camera.width_px, camera.height_px)
         R_ecef_from_cam = R @ matrix_from_quaternion(q)
         result.append(background(R_ecef_from_cam, R @ r_camera_m, R @ r_sun_m, camera, box_px))
     return result
@@ -86,12 +86,12 @@ def _sun_is_up(places_m: FloatArray, r_sun_m: FloatArray) -> float:
     return float(np.mean(np.sum(normals * (r_sun_m - places_m), axis=1) > 0))
 
 
-def _scenario_file(dataset: Dataset, line: Mapping[str, Any]) -> Path | None:
+def _scenario_file(dataset: Dataset, line: LabelLine) -> Path | None:
     """The scenario that a frame was made by, where it is there."""
     name = "scenario.yaml"
-    if "origin" in line:  # of 'posse collect', which keeps the scenario of each source
-        sources = [s for s in dataset.manifest["sources"] if s["dataset"] == line["origin"][0]]
-        name = (sources[0]["scenario"] if len(sources) == 1 else None) or ""
+    if line.has("origin"):  # of 'posse collect', which keeps the scenario of each source
+        sources = [s for s in dataset.manifest.sources or () if s.dataset == line.origin[0]]
+        name = (sources[0].scenario if len(sources) == 1 else None) or ""
     path = dataset.folder / name
     return path if path.is_file() else None
 

@@ -12,7 +12,7 @@ from typing import Any, Self
 import numpy as np
 
 from posse_core._arrays import FloatArray
-from posse_core._dataset.dataset import Dataset
+from posse_core._dataset.images import LabelledImages
 from posse_core._errors import InputError
 
 KEY = "posse_model"
@@ -53,7 +53,7 @@ class ModelCard:
     @classmethod
     def of_dataset(
         cls,
-        dataset: Dataset,
+        dataset: LabelledImages,
         *,
         net: str,
         task: str,
@@ -78,7 +78,7 @@ class ModelCard:
             },
             symmetries={name: [R.tolist() for R in craft.symmetries] for name, craft in crafts},
             dataset_sha256=dataset.sha256,
-            scenario_sha256=str(dataset.manifest["sha256"].get("scenario.yaml", "")),
+            scenario_sha256=dataset.scenario_sha256,
             version=version,
             options=dict(options or {}),
         )

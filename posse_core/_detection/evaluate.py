@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from posse_core._arrays import AnyArray
-from posse_core._dataset.dataset import Dataset
+from posse_core._dataset.images import LabelledImages
 from posse_core._detection.pnp import PoseEstimate, solve_pose
 from posse_core._errors import InputError
 from posse_core._evaluation.metrics import TrueBox, best_overlaps, true_boxes
 from posse_core._evaluation.poses import add_m, adi_m, pose_errors
 from posse_core._frames import matrix_from_quaternion
 from posse_core._interfaces.detector import Detection, Detector, KeypointFinder
+from posse_core._model.label_line import LabelLine
 
 
 @dataclass(frozen=True)
@@ -45,29 +45,29 @@ class Judged:
         pose: of the best detection where its class is right and its keypoints gave a pose.
     """
 
-    labels: Mapping[str, Any]
+    labels: LabelLine
     truths: Sequence[TrueBox]
     detections: Sequence[Detection]
     overlaps: Sequence[float]
     pose: PoseErrors | None
 
 
-def frames_of(dataset: Dataset, part: str) -> list[int]:
-    """Indices of the frames of a part; all of them where the dataset was not divided and ``part`` is
+def frames_of(dataset: LabelledImages, part: str) -> list[int]:
+    """Positions of the frames of a part; all of them where the dataset was not divided and ``part`` is
     ``all``.
 
     Raises:
         InputError: no such part, or it is empty.
     """
-    indices = [int(i) for i in dataset.frames.indices] if part == "all" else dataset.part(part)
-    if not indices:
+    positions = list(range(len(dataset))) if part == "all" else dataset.part(part)
+    if not positions:
         raise InputError(f"{dataset.folder}: part {part!r} has no frames")
-    return indices
+    return positions
 
 
 def evaluate(
-    dataset: Dataset,
-    indices: Sequence[int],
+    dataset: LabelledImages,
+    positions: Sequence[int],
     detector: Detector,
     finder: KeypointFinder | None = None,
 ) -> list[Judged]:
@@ -85,20 +85,25 @@ def evaluate(
                 f" {', '.join(model.classes)}"
             )
     judged = []
-    for index in indices:
-        labels, image = dataset.frame(index), dataset.image(index)
+    for i in positions:
+        labels, image = dataset[i], dataset.image(i)
         truths = true_boxes(labels)
         found = [d for d in detector.predict([image])[0] if d.label in dataset.spacecraft_by_name]
         pose = None
-        if finder is not None and found and found[0].label == labels.get("spacecraft"):
+        if (
+            finder is not None
+            and found
+            and labels.has("spacecraft")
+            and found[0].label == labels.spacecraft
+        ):
             pose = _pose(dataset, labels, finder, image, found[0])
         judged.append(Judged(labels, truths, found, best_overlaps(truths, found), pose))
     return judged
 
 
 def _pose(
-    dataset: Dataset,
-    labels: Mapping[str, Any],
+    dataset: LabelledImages,
+    labels: LabelLine,
     finder: KeypointFinder,
     image: AnyArray,
     best: Detection,
@@ -111,13 +116,13 @@ def _pose(
     return None if pose is None else _errors(dataset, labels, pose)
 
 
-def _errors(dataset: Dataset, labels: Mapping[str, Any], pose: PoseEstimate) -> PoseErrors:
-    if "q_cam_from_body" not in labels:
+def _errors(dataset: LabelledImages, labels: LabelLine, pose: PoseEstimate) -> PoseErrors:
+    if not labels.has("q_cam_from_body"):
         raise InputError(
             f"{dataset.folder}: the labels have no poses; make the dataset with the annotator 'pose'"
         )
-    name = labels["spacecraft"]
-    R, t = matrix_from_quaternion(np.array(labels["q_cam_from_body"])), np.array(labels["t_body_cam_m"])
+    name = labels.spacecraft
+    R, t = matrix_from_quaternion(np.array(labels.q_cam_from_body)), np.array(labels.t_body_cam_m)
     told = pose.R_cam_from_body, pose.t_body_cam_m
     e_t, e_q_rad = pose_errors(R, t, *told, dataset.spacecraft_by_name[name].symmetries)
     mesh = dataset.mesh(name)

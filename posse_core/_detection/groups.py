@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from posse_core._dataset.dataset import Dataset
+from posse_core._dataset.images import LabelledImages
 from posse_core._detection.background import BACKGROUNDS, backgrounds
 from posse_core._detection.evaluate import Judged
 from posse_core._evaluation.metrics import coco_metrics
@@ -30,7 +31,7 @@ class Group:
     metrics: Mapping[str, float]
 
 
-def groups(dataset: Dataset, judged: Sequence[Judged], poses: bool) -> list[Group]:
+def groups(dataset: LabelledImages, judged: Sequence[Judged], poses: bool) -> list[Group]:
     """Metrics of all frames, then by class, quarter of range, phase angle and background.
 
     Args:
@@ -81,20 +82,23 @@ def _pose_metrics(shown: Sequence[Judged]) -> dict[str, float]:
     }
 
 
-def _members(dataset: Dataset, judged: Sequence[Judged]) -> Iterator[tuple[str, list[int]]]:
+def _members(dataset: LabelledImages, judged: Sequence[Judged]) -> Iterator[tuple[str, list[int]]]:
     everything = list(range(len(judged)))
     lines = [j.labels for j in judged]
     yield "all", everything
-    names = sorted({line["spacecraft"] for line in lines if "spacecraft" in line})
+    names = sorted({line.spacecraft for line in lines if line.has("spacecraft")})
     if len(names) > 1:
         for name in names:
-            yield name, [i for i in everything if lines[i].get("spacecraft") == name]
-    if "range_m" in lines[0]:
-        ranges = np.array([line["range_m"] for line in lines])
+            yield (
+                name,
+                [i for i in everything if getattr(lines[i], "spacecraft", None) == name],
+            )
+    if isinstance(dataset, Dataset) and lines[0].has("range_m"):
+        ranges = np.array([line.range_m for line in lines])
         for quarter in np.array_split(np.argsort(ranges, kind="stable"), 4):
             if len(quarter):
                 yield f"{ranges[quarter[0]]:.3g}-{ranges[quarter[-1]]:.3g} m", quarter.tolist()
-        phases = np.rad2deg([line["phase_angle_rad"] for line in lines])
+        phases = np.rad2deg([line.phase_angle_rad for line in lines])
         for low, high in pairwise(_PHASES_DEG):
             members = np.flatnonzero((phases >= low) & (phases < high))
             if len(members):

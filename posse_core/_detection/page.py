@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from markupsafe import Markup
 
-from posse_core._dataset.dataset import Dataset
+from posse_core._dataset.images import LabelledImages
 from posse_core._detection.draw import draw
 from posse_core._detection.evaluate import Judged, PoseErrors
 from posse_core._detection.groups import Group, columns
@@ -34,7 +34,7 @@ _WHITE = (255, 255, 255)
 
 
 def make_page(
-    title: str, summary: str, dataset: Dataset, judged: Sequence[Judged], groups: Sequence[Group]
+    title: str, summary: str, dataset: LabelledImages, judged: Sequence[Judged], groups: Sequence[Group]
 ) -> str:
     """HTML of an evaluation.
 
@@ -47,7 +47,7 @@ def make_page(
     if of_poses:
         body += [heading("Poses"), _table(groups, of_poses)]
     body += [heading("Precision by recall"), *_precision(dataset, judged)]
-    if "range_m" in judged[0].labels:
+    if judged[0].labels.has("range_m"):
         body += [heading("By range"), *_by_range(judged)]
     body += [heading("Worst frames"), *_worst(dataset, judged)]
     return page(title, summary, body)
@@ -61,7 +61,7 @@ def _table(groups: Sequence[Group], names: Sequence[str]) -> Markup:
     return table(("", "frames", *names), rows)
 
 
-def _precision(dataset: Dataset, judged: Sequence[Judged]) -> Iterator[Markup]:
+def _precision(dataset: LabelledImages, judged: Sequence[Judged]) -> Iterator[Markup]:
     truths, detections = [j.truths for j in judged], [j.detections for j in judged]
     curves = precision_by_recall(truths, detections, sorted(dataset.spacecraft_by_name))
     recall = np.linspace(0, 1, 101).tolist()
@@ -74,7 +74,7 @@ def _precision(dataset: Dataset, judged: Sequence[Judged]) -> Iterator[Markup]:
 
 
 def _by_range(judged: Sequence[Judged]) -> Iterator[Markup]:
-    ranges = Axis.over("range, m", [j.labels["range_m"] for j in judged])
+    ranges = Axis.over("range, m", [j.labels.range_m for j in judged])
     shown = [j for j in judged if j.truths]
     found = _by_class(shown, lambda j: j.overlaps[0])
     yield plot("box IoU with the best detection of the class", ranges, Axis("IoU", 0, 1), found)
@@ -95,17 +95,17 @@ def _by_range(judged: Sequence[Judged]) -> Iterator[Markup]:
 
 
 def _by_class(judged: Sequence[Judged], value: Callable[[Judged], float]) -> list[Series]:
-    names = sorted({j.labels["spacecraft"] for j in judged})
+    names = sorted({j.labels.spacecraft for j in judged})
     return [
         Series(
             name,
-            [(j.labels["range_m"], value(j)) for j in judged if j.labels["spacecraft"] == name],
+            [(j.labels.range_m, value(j)) for j in judged if j.labels.spacecraft == name],
         )
         for name in names
     ]
 
 
-def _worst(dataset: Dataset, judged: Sequence[Judged]) -> Iterator[Markup]:
+def _worst(dataset: LabelledImages, judged: Sequence[Judged]) -> Iterator[Markup]:
     yield paragraph("White: the label. Colour: what was found. Pictures are to the power 1/2.")
     shown = sorted((j for j in judged if j.truths), key=lambda j: min(j.overlaps))
     yield _strip(dataset, "least overlap", shown[:_WORST], lambda j: f"IoU {min(j.overlaps):.2f}")
@@ -121,20 +121,20 @@ def _worst(dataset: Dataset, judged: Sequence[Judged]) -> Iterator[Markup]:
     posed = [(j.pose.add, j) for j in judged if j.pose is not None]
     posed.sort(key=lambda pair: -pair[0])
     if posed:
-        adds = {j.labels["index"]: add for add, j in posed}
+        adds = {j.labels.index: add for add, j in posed}
         worst = [j for _, j in posed[:_WORST]]
-        yield _strip(dataset, "greatest ADD", worst, lambda j: f"ADD {adds[j.labels['index']]:.2g} d")
+        yield _strip(dataset, "greatest ADD", worst, lambda j: f"ADD {adds[j.labels.index]:.2g} d")
 
 
 def _strip(
-    dataset: Dataset, title: str, judged: Sequence[Judged], words: Callable[[Judged], str]
+    dataset: LabelledImages, title: str, judged: Sequence[Judged], words: Callable[[Judged], str]
 ) -> Markup:
-    captions = [f"frame {j.labels['index']}, {words(j)}" for j in judged]
+    captions = [f"frame {j.labels.index}, {words(j)}" for j in judged]
     return strip(title, captions, [_thumbnail(dataset, j) for j in judged])
 
 
-def _thumbnail(dataset: Dataset, judged: Judged) -> bytes:
-    light = np.sqrt(to_grey(dataset.image(judged.labels["index"])))
+def _thumbnail(dataset: LabelledImages, judged: Judged) -> bytes:
+    light = np.sqrt(to_grey(dataset.image(dataset.position(judged.labels.index))))
     scale = _THUMBNAIL_PX / max(light.shape)
     size = round(light.shape[1] * scale), round(light.shape[0] * scale)
     small = cv2.resize(light, size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_NEAREST)

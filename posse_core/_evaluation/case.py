@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from posse_core import _frames as frames
 from posse_core._arrays import AnyArray, BoolArray, FloatArray
-from posse_core._dataset.dataset import Dataset, SpacecraftInfo, read_arrays
+from posse_core._dataset.dataset import Dataset
+from posse_core._dataset.files import read_arrays
+from posse_core._dataset.layout import inside
 from posse_core._dataset.mesh import Mesh
+from posse_core._dataset.spacecraft import SpacecraftInfo
 from posse_core._errors import InputError
 from posse_core._evaluation.raster import depth_by_rows, depth_of_mesh
-from posse_core._formats.rle import decode_rle
+from posse_core._model.label_line import LabelLine
 
 ARRAYS = {"part_id": ("iu", ()), "depth_m": ("f", ()), "normal_cam": ("f", (3,))}
 """Arrays by name: kinds of their type, and their axes beyond rows and columns."""
@@ -24,15 +26,19 @@ _ROW_TRIALS = 8
 class Case:
     """One frame under test: its labels, and what they are compared with, made when asked for."""
 
-    def __init__(self, dataset: Dataset, labels: dict[str, Any]) -> None:
+    def __init__(self, dataset: Dataset, labels: LabelLine) -> None:
         self.dataset = dataset
         self.labels = labels
         self.camera = dataset.camera
 
+    def has(self, *names: str) -> bool:
+        """Whether the labels of these names were made, and are not null."""
+        return self.labels.has(*names) and all(getattr(self.labels, name) is not None for name in names)
+
     @cached_property
     def craft(self) -> SpacecraftInfo:
         """What the labels speak of."""
-        return self.dataset.spacecraft_by_name[self.labels["spacecraft"]]
+        return self.dataset.spacecraft_by_name[self.labels.spacecraft]
 
     @cached_property
     def arrays(self) -> dict[str, AnyArray]:
@@ -41,8 +47,8 @@ class Case:
         Raises:
             InputError: the file is missing or damaged.
         """
-        name = self.labels["truth"]
-        return read_arrays(self.dataset.folder / name) if name else {}
+        name = self.labels.truth
+        return read_arrays(inside(self.dataset.folder, name)) if name else {}
 
     @cached_property
     def truth(self) -> dict[str, AnyArray]:
@@ -65,12 +71,12 @@ class Case:
     @cached_property
     def mask(self) -> BoolArray:
         """(H, W) from the run lengths."""
-        return decode_rle(self.labels["mask_rle"])
+        return self.labels.mask_rle.mask()
 
     @cached_property
     def R_cam_from_body(self) -> FloatArray:
         """(3, 3) from the pose."""
-        return frames.matrix_from_quaternion(np.array(self.labels["q_cam_from_body"], dtype=np.float64))
+        return frames.matrix_from_quaternion(np.array(self.labels.q_cam_from_body, dtype=np.float64))
 
     def in_camera(
         self,
@@ -82,11 +88,12 @@ class Case:
         by the labelled rates for a time, one for all or (N,)."""
         R = self.R_cam_from_body if R_cam_from_body is None else R_cam_from_body
         after_s = np.broadcast_to(np.asarray(after_s)[..., None], (len(x_body_m), 1))
+        labels, rates = self.labels, ("omega_body_rad_s", "omega_camera_rad_s", "v_body_cam_m_s")
         body, camera, v = (
-            after_s * np.array(self.labels.get(key, np.zeros(3)))
-            for key in ("omega_body_rad_s", "omega_camera_rad_s", "v_body_cam_m_s")
+            after_s * np.array(getattr(labels, rate) if labels.has(rate) else np.zeros(3))
+            for rate in rates
         )
-        x_m = Rotation.from_rotvec(body).apply(x_body_m) @ R.T + np.array(self.labels["t_body_cam_m"])
+        x_m = Rotation.from_rotvec(body).apply(x_body_m) @ R.T + np.array(self.labels.t_body_cam_m)
         return np.asarray(Rotation.from_rotvec(-camera).apply(x_m + v))
 
     def row_s(self, row_px: FloatArray | float) -> FloatArray:
@@ -105,9 +112,9 @@ class Case:
     @cached_property
     def keypoints(self) -> tuple[FloatArray, AnyArray]:
         """(K, 2) pixels, NaN for null, and (K,) visibility, in the craft's order."""
-        rows = [self.labels["keypoints"][name] for name in self.craft.keypoints_body_m]
-        uv = np.array([[np.nan if x is None else x for x in row[:2]] for row in rows]).reshape(-1, 2)
-        return uv, np.array([row[2] for row in rows], dtype=np.int8)
+        points = [self.labels.keypoints[name] for name in self.craft.keypoints_body_m]
+        uv = np.array([[np.nan if x is None else x for x in point[:2]] for point in points])
+        return uv.reshape(-1, 2), np.array([point.visibility for point in points], dtype=np.int8)
 
     @cached_property
     def points_body_m(self) -> FloatArray:

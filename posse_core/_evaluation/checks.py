@@ -13,11 +13,11 @@ import numpy as np
 
 from posse_core import _frames as frames
 from posse_core._arrays import BoolArray, FloatArray
-from posse_core._dataset.dataset import read_image
+from posse_core._dataset.files import read_image
+from posse_core._dataset.layout import inside
 from posse_core._errors import InputError
 from posse_core._evaluation.case import Case
 from posse_core._evaluation.raster import RayMeeting, extent_px
-from posse_core._evaluation.schema import schema_fault
 from posse_core._model.labels import NOT_IN_FRAME, VISIBLE
 
 REPROJECTION_ERROR_PX = 0.01
@@ -55,25 +55,23 @@ class Check:
 
     def applies(self, case: Case) -> bool:
         """Whether the frame has what the check compares."""
-        return all(case.labels.get(key) is not None for key in self.needs) and all(
-            name in case.truth for name in self.arrays
-        )
+        return case.has(*self.needs) and all(name in case.truth for name in self.arrays)
 
 
 def _schema(case: Case) -> Iterator[str]:
-    fault = schema_fault(case.labels)
-    no_length = [k for k in ("q_cam_from_body", "t_body_cam_m") if not np.any(case.labels.get(k, 1))]
-    if fault is not None:
-        yield fault
-    elif no_length:
+    labels = case.labels
+    no_length = [
+        name
+        for name in ("q_cam_from_body", "t_body_cam_m")
+        if labels.has(name) and not any(getattr(labels, name))
+    ]
+    if no_length:
         yield f"{no_length[0]}: all of its numbers are 0"
-    elif case.labels["spacecraft"] not in case.dataset.spacecraft_by_name:
-        yield f"spacecraft: {case.labels['spacecraft']!r} has no file in spacecraft/"
-    elif set(case.labels.get("keypoints") or case.craft.keypoints_body_m) != set(
-        case.craft.keypoints_body_m
-    ):
+    elif labels.spacecraft not in case.dataset.spacecraft_by_name:
+        yield f"spacecraft: {labels.spacecraft!r} has no file in spacecraft/"
+    elif labels.has("keypoints") and labels.keypoints.keys() != case.craft.keypoints_body_m.keys():
         yield f"keypoints: their names are not those of spacecraft/{case.craft.name}.json"
-    elif "mask_rle" in case.labels:
+    elif labels.has("mask_rle"):
         try:
             shape = case.mask.shape
         except ValueError as error:
@@ -85,7 +83,7 @@ def _schema(case: Case) -> Iterator[str]:
 
 def _files(case: Case) -> Iterator[str]:
     try:
-        image = read_image(case.dataset.folder / case.labels["image"])
+        image = read_image(inside(case.dataset.folder, case.labels.image))
         if image.shape[:2] != (case.camera.height_px, case.camera.width_px):
             yield f"the image is {image.shape[1]} x {image.shape[0]} pixels, not the camera's size"
         arrays = case.arrays
@@ -99,26 +97,26 @@ def _files(case: Case) -> Iterator[str]:
 
 
 def _pose(case: Case) -> Iterator[str]:
-    q, t_m = np.array(case.labels["q_cam_from_body"]), np.array(case.labels["t_body_cam_m"])
+    q, t_m = np.array(case.labels.q_cam_from_body), np.array(case.labels.t_body_cam_m)
     if abs(np.linalg.norm(q) - 1) > UNIT_LENGTH_ERROR:
         yield f"the quaternion's length is {np.linalg.norm(q):.6f}, not 1"
     elif q[0] < 0:
         yield "the quaternion's scalar part is negative; the other sign is to be written"
     range_m = np.linalg.norm(t_m)
-    if abs(case.labels.get("range_m", range_m) - range_m) > RANGE_ERROR_SHARE * range_m:
-        yield f"range_m is {case.labels['range_m']:.6g}, the position's length is {range_m:.6g}"
+    if case.has("range_m") and abs(case.labels.range_m - range_m) > RANGE_ERROR_SHARE * range_m:
+        yield f"range_m is {case.labels.range_m:.6g}, the position's length is {range_m:.6g}"
 
 
 def _sun(case: Case) -> Iterator[str]:
-    sun = np.array(case.labels["sun_direction_body"])
+    sun = np.array(case.labels.sun_direction_body)
     if abs(np.linalg.norm(sun) - 1) > UNIT_LENGTH_ERROR:
         yield f"the Sun's direction has length {np.linalg.norm(sun):.6f}, not 1"
         return
-    to_camera = -frames.unit(np.array(case.labels["t_body_cam_m"]))
+    to_camera = -frames.unit(np.array(case.labels.t_body_cam_m))
     sun_cam = case.R_cam_from_body @ sun
     angle = np.arctan2(np.linalg.norm(np.cross(sun_cam, to_camera)), sun_cam @ to_camera)
-    if abs(angle - case.labels["phase_angle_rad"]) > PHASE_ANGLE_ERROR_RAD:
-        yield f"phase_angle_rad is {case.labels['phase_angle_rad']:.6f}, by pose and Sun {angle:.6f}"
+    if abs(angle - case.labels.phase_angle_rad) > PHASE_ANGLE_ERROR_RAD:
+        yield f"phase_angle_rad is {case.labels.phase_angle_rad:.6f}, by pose and Sun {angle:.6f}"
 
 
 def _keypoints(case: Case) -> Iterator[str]:
@@ -147,7 +145,7 @@ def _apart(a: FloatArray, b: FloatArray) -> FloatArray:
 
 def _likely_cause(case: Case, uv: FloatArray) -> str:
     """What would explain keypoints that do not meet the pose, or nothing."""
-    w, x, y, z = case.labels["q_cam_from_body"]
+    w, x, y, z = case.labels.q_cam_from_body
     rotations = {
         "the quaternion is scalar-last": (z, w, x, y),
         "the rotation is from the camera to the body": (w, -x, -y, -z),
@@ -197,7 +195,10 @@ def _box(case: Case) -> Iterator[str]:
     expected = None
     if len(rows):
         expected = [int(columns[0]), int(rows[0]), int(np.ptp(columns)) + 1, int(np.ptp(rows)) + 1]
-    given = case.labels.get("box_visible_px", expected)
+    if not case.labels.has("box_visible_px"):
+        return
+    box = case.labels.box_visible_px
+    given = None if box is None else list(box)
     if given != expected:
         yield f"box_visible_px is {given}, the mask's box is {expected}"
 
@@ -209,7 +210,7 @@ def _whole_box(case: Case) -> Iterator[str]:
         yield "box_whole_px is given, and a part of the craft is behind the camera or beyond its lens"
         return
     expected = np.concatenate([low, high - low])
-    given = np.array(case.labels["box_whole_px"])
+    given = np.array(case.labels.box_whole_px)
     if np.abs(given - expected).max() > REPROJECTION_ERROR_PX:
         yield f"box_whole_px is {_short(given)}, the projected mesh's is {_short(expected)}"
 
@@ -220,17 +221,17 @@ def _short(values: FloatArray) -> str:
 
 def _mask(case: Case) -> Iterator[str]:
     area = int(case.mask.sum())
-    if case.labels.get("mask_area_px", area) != area:
-        yield f"mask_area_px is {case.labels['mask_area_px']}, the mask has {area} pixels"
+    if case.has("mask_area_px") and case.labels.mask_area_px != area:
+        yield f"mask_area_px is {case.labels.mask_area_px}, the mask has {area} pixels"
     mesh = np.isfinite(case.mesh_depth_m)
     off = int((mesh != case.mask).sum())
     if off > OUTLINE_DISAGREEMENT_PX + OUTLINE_DISAGREEMENT_SHARE * _outline_px(mesh):
         union = int((mesh | case.mask).sum())
         yield f"the mask is not the mesh's outline: {off} pixels differ, IoU {1 - off / union:.3f}"
     whole = case.camera.project(case.vertices_cam_m)
-    inside = np.all((whole >= -0.5) & (whole < np.array(case.mask.shape[::-1]) - 0.5))
-    share = case.labels.get("fraction_visible")
-    if inside and share not in (None, 1):
+    is_inside = np.all((whole >= -0.5) & (whole < np.array(case.mask.shape[::-1]) - 0.5))
+    share = case.labels.fraction_visible if case.has("fraction_visible") else 1.0
+    if is_inside and share != 1:
         yield f"fraction_visible is {share}, and all of the craft is in the image"
 
 
@@ -249,7 +250,7 @@ def _parts(case: Case) -> Iterator[str]:
         yield f"part_id has {part_id.max()}, and the craft has {len(case.craft.parts)} parts"
         return
     counts = np.bincount(part_id[part_id >= 0], minlength=len(case.craft.parts))
-    areas = case.labels.get("part_area_px")
+    areas = case.labels.part_area_px if case.has("part_area_px") else None
     for name, count in zip(case.craft.parts, counts.tolist(), strict=True):
         if areas is not None and areas.get(name, 0) != count:
             yield f"part_area_px of {name} is {areas.get(name, 0)}, part_id has {count} pixels of it"

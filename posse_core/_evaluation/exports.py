@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from posse_core._arrays import AnyArray
+from posse_core._dataset.coco import read_coco
 from posse_core._dataset.dataset import Dataset
 from posse_core._errors import InputError
 from posse_core._evaluation.result import Fault, Result
 from posse_core._formats.bop import read_bop
-from posse_core._formats.coco import read_coco
-from posse_core._formats.rle import decode_rle
 from posse_core._formats.speed import read_speed
 from posse_core._formats.yolo import read_yolo
+from posse_core._model.label_line import LabelLine
 from posse_core._model.labels import NOT_IN_FRAME
 
-Entry = tuple[str, Mapping[str, Any], Mapping[str, AnyArray]]
+Entry = tuple[LabelLine, Mapping[str, AnyArray]]
+"""What an export says of an image: the labels that it has, and arrays."""
 
 NUMBER_ERROR = 1e-6
 """Of numbers that an export holds otherwise than the label line: shares of the image, millimetres."""
@@ -29,16 +30,17 @@ def _bop(dataset: Dataset) -> Iterator[Entry]:
 
 
 def _coco(dataset: Dataset) -> Iterator[Entry]:
-    yield from ((name, labels, {}) for name, labels in read_coco(dataset.folder / "coco.json"))
+    yield from ((labels, {}) for labels in read_coco(dataset.folder / "coco.json"))
 
 
 def _speed(dataset: Dataset) -> Iterator[Entry]:
-    yield from ((name, labels, {}) for name, labels in read_speed(dataset.folder / "speed.json"))
+    for i, pose in enumerate(read_speed(dataset.folder / "speed.json")):
+        values = {"q_cam_from_body": pose.q_cam_from_body, "t_body_cam_m": pose.t_body_cam_m}
+        yield LabelLine.model_validate({"index": i, "image": pose.image, **values}), {}
 
 
 def _yolo(dataset: Dataset) -> Iterator[Entry]:
-    entries = read_yolo(dataset.folder / "yolo", dataset.camera)
-    yield from ((name, labels, {}) for name, labels in entries)
+    yield from ((labels, {}) for labels in read_yolo(dataset.folder / "yolo", dataset.camera))
 
 
 _READERS: dict[str, tuple[str, Callable[[Dataset], Iterator[Entry]]]] = {
@@ -64,63 +66,63 @@ def check_exports(dataset: Dataset) -> list[Result]:
 
 
 def _faults(dataset: Dataset, entries: Iterator[Entry], result: Result) -> Iterator[Fault]:
-    place_of = {labels.get("image"): i for i, labels in enumerate(dataset.label_lines)}
-    left = dict(place_of)
-    for name, got, arrays in entries:
+    position_of = {labels.image: i for i, labels in enumerate(dataset)}
+    left = dict(position_of)
+    for got, arrays in entries:
         result.checked += 1
-        if name not in place_of:
-            yield Fault(None, f"{name}: no frame has this image")
+        if got.image not in position_of:
+            yield Fault(None, f"{got.image}: no frame has this image")
             continue
-        if left.pop(name, None) is None:
-            yield Fault(None, f"{name}: is in it twice")
+        if left.pop(got.image, None) is None:
+            yield Fault(None, f"{got.image}: is in it twice")
             continue
-        labels = dataset.label_lines[place_of[name]]
-        for key, value in got.items():
-            if not _same(key, labels.get(key), value):
-                yield Fault(
-                    labels["index"], f"{key} is not that of the label line{_cause(labels, key, value)}"
-                )
-        for key in _unlike_arrays(dataset, labels, arrays):
-            yield Fault(labels["index"], f"{key} is not the dataset's")
-    for place in left.values():
-        yield Fault(int(dataset.label_lines.indices[place]), "is not in it")
+        labels = dataset[position_of[got.image]]
+        for name, value in got:
+            if name in ("index", "image"):
+                continue
+            ours = getattr(labels, name) if labels.has(name) else None
+            if not _same(name, ours, value):
+                why = _cause(name, ours, value)
+                yield Fault(labels.index, f"{name} is not that of the label line{why}")
+        for name in _unlike_arrays(dataset, labels, arrays):
+            yield Fault(labels.index, f"{name} is not the dataset's")
+    for position in left.values():
+        yield Fault(int(dataset.indices[position]), "is not in it")
 
 
-def _same(key: str, ours: Any, theirs: Any) -> bool:
-    if key == "keypoints":
-        shown = {name: point for name, point in ours.items() if point[2] != NOT_IN_FRAME}
+def _same(name: str, ours: Any, theirs: Any) -> bool:
+    if name == "keypoints":
+        shown = {k: point for k, point in ours.items() if point.visibility != NOT_IN_FRAME}
         return shown.keys() == theirs.keys() and all(
-            np.allclose(shown[name], theirs[name], rtol=0, atol=NUMBER_ERROR) for name in shown
+            np.allclose(shown[k], theirs[k], rtol=0, atol=NUMBER_ERROR) for k in shown
         )
-    if key == "q_cam_from_body":  # both signs are one rotation
+    if name == "q_cam_from_body":  # both signs are one rotation
         return _close(ours, theirs) or _close(ours, [-x for x in theirs])
-    if isinstance(ours, list) and isinstance(theirs, list):
+    if isinstance(ours, tuple) and isinstance(theirs, tuple):
         return _close(ours, theirs)
     return bool(ours == theirs)
 
 
-def _close(ours: list[float], theirs: list[float]) -> bool:
+def _close(ours: Sequence[float], theirs: Sequence[float]) -> bool:
     return len(ours) == len(theirs) and np.allclose(ours, theirs, rtol=NUMBER_ERROR, atol=NUMBER_ERROR)
 
 
-def _cause(labels: Mapping[str, Any], key: str, value: Any) -> str:
-    if key == "q_cam_from_body":
-        w, x, y, z = labels[key]
-        if _same(key, [x, y, z, w], value):
+def _cause(name: str, ours: Any, theirs: Any) -> str:
+    if name == "q_cam_from_body" and ours is not None:
+        w, x, y, z = ours
+        if _same(name, [x, y, z, w], theirs):
             return ": it is scalar-last"
-        if _same(key, [w, -x, -y, -z], value):
+        if _same(name, [w, -x, -y, -z], theirs):
             return ": it is the inverse"
     return ""
 
 
-def _unlike_arrays(
-    dataset: Dataset, labels: Mapping[str, Any], arrays: Mapping[str, AnyArray]
-) -> list[str]:
+def _unlike_arrays(dataset: Dataset, labels: LabelLine, arrays: Mapping[str, AnyArray]) -> list[str]:
     unlike = []
-    if "mask" in arrays and not np.array_equal(arrays["mask"], decode_rle(labels["mask_rle"])):
+    if "mask" in arrays and not np.array_equal(arrays["mask"], labels.mask_rle.mask()):
         unlike.append("mask")
     if "depth_m" in arrays:
-        depth_m = dataset.truth(labels["index"])["depth_m"].astype(np.float64)
+        depth_m = dataset.depth(dataset.position(labels.index)).astype(np.float64)
         there = np.isfinite(arrays["depth_m"])
         off_m = np.abs(arrays["depth_m"] - depth_m)[there]
         if not np.array_equal(there, np.isfinite(depth_m)) or np.any(

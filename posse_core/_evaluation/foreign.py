@@ -15,15 +15,18 @@ from typing import Any
 import numpy as np
 import trimesh
 import yaml
+from pydantic import ValidationError
 
 from posse_core._arrays import BoolArray, FloatArray
-from posse_core._dataset.dataset import read_camera, read_image, read_json
+from posse_core._dataset.camera import read_camera
+from posse_core._dataset.files import read_image, read_json
 from posse_core._errors import InputError
 from posse_core._evaluation.raster import depth_of_mesh
 from posse_core._evaluation.result import Fault, Report, Result
-from posse_core._formats.rle import decode_rle
 from posse_core._model.camera import Camera
+from posse_core._model.label_line import first_fault
 from posse_core._model.labels import NOT_IN_FRAME, VISIBLE
+from posse_core._model.run_lengths import RunLengths
 
 ROUNDED_NUMBER_ERROR = 1e-3
 """How far off another program's numbers about 1 may be, since files may hold four digits: the length of
@@ -122,7 +125,10 @@ def _box_faults(annotation: dict[str, Any], image: dict[str, Any]) -> Iterator[s
     rle = annotation.get("segmentation")
     if isinstance(rle, dict) and isinstance(rle["counts"], str):
         try:
-            mask = decode_rle(rle)
+            mask = RunLengths(**rle).mask()
+        except ValidationError as error:
+            yield f"the mask: {first_fault(error)}"
+            return
         except ValueError as error:
             yield str(error)
             return

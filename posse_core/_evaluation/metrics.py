@@ -16,6 +16,7 @@ import numpy as np
 from posse_core._arrays import FloatArray
 from posse_core._errors import ComponentError, InputError
 from posse_core._interfaces.detector import Detection
+from posse_core._model.label_line import LabelLine
 
 
 @dataclass(frozen=True)
@@ -31,16 +32,16 @@ class TrueBox:
     box_px: FloatArray
 
 
-def true_boxes(labels: Mapping[str, Any]) -> list[TrueBox]:
+def true_boxes(labels: LabelLine) -> list[TrueBox]:
     """What a frame shows, by its labels: a list of one, or an empty one where nothing is seen.
 
     Raises:
         InputError: it has no boxes.
     """
-    if "box_visible_px" not in labels:
+    if not labels.has("box_visible_px"):
         raise InputError("the labels have no boxes; make the dataset with the annotator 'box'")
-    box = labels["box_visible_px"]
-    return [] if box is None else [TrueBox(labels["spacecraft"], np.array(box, np.float64))]
+    box = labels.box_visible_px
+    return [] if box is None else [TrueBox(labels.spacecraft, np.array(box, np.float64))]
 
 
 def box_iou(a_px: FloatArray, b_px: FloatArray) -> FloatArray:

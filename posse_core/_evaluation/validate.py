@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+import json
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from posse_core._dataset.dataset import PARTITION_FILE, Dataset, read_image, read_json
+from posse_core._dataset.dataset import Dataset
+from posse_core._dataset.files import read_image, read_json
+from posse_core._dataset.layout import PARTITION_FILE, inside
 from posse_core._errors import InputError
 from posse_core._evaluation.case import Case
 from posse_core._evaluation.checks import CHECKS, SCHEMA
@@ -16,9 +19,29 @@ from posse_core._evaluation.exports import check_exports
 from posse_core._evaluation.motion import check_motion
 from posse_core._evaluation.result import Fault, Report, Result
 from posse_core._files.atomic import sha256
+from posse_core._model.label_line import LabelLine
+from posse_core._model.manifest import Manifest
 
 Progress = Callable[[Iterable[int], int], Iterable[int]]
 """Wraps the places of the frames to show how far it is: (places, how many)."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Frame:
+    """What the checks of the whole dataset compare of one label line.
+
+    Attributes:
+        labels_fault: why the line is not one; then there is no more than its index and files.
+        files: image, and arrays.
+        pose, moment: equal for frames of one pose; of one pose, time and spacecraft.
+    """
+
+    index: int
+    labels_fault: str | None = None
+    files: tuple[str, ...] = ()
+    sequence: int | None = None
+    pose: int | None = None
+    moment: int | None = None
 
 
 def validate(dataset: Dataset, progress: Progress) -> Report:
@@ -28,31 +51,61 @@ def validate(dataset: Dataset, progress: Progress) -> Report:
         InputError: the run that writes the dataset has not ended.
     """
     manifest = dataset.manifest
+    lines = dataset.label_lines
+    frames = [_frame(int(i), line) for i, line in zip(lines.indices, lines, strict=True)]
     whole = [
         _lines(dataset),
         _frames(dataset, manifest),
-        _leftovers(dataset),
-        _checksums(dataset, manifest),
-        _twins(dataset),
-        _partition(dataset),
+        _leftovers(dataset, frames),
+        _checksums(dataset, manifest, frames),
+        _twins(dataset, frames),
+        _partition(dataset, frames),
     ]
     schema = Result(SCHEMA.name, SCHEMA.proves)
     results = [Result(check.name, check.proves) for check in CHECKS]
-    lines = dataset.label_lines
-    for place in progress(range(len(lines)), len(lines)):
-        case = Case(dataset, lines[place])
-        index = int(lines.indices[place])
+    for position in progress(range(len(lines)), len(lines)):
+        frame = frames[position]
         schema.checked += 1
-        faults = [Fault(index, message) for message in SCHEMA.run(case)]
+        if frame.labels_fault is not None:
+            schema.faults.append(Fault(frame.index, frame.labels_fault))
+            continue
+        case = Case(dataset, LabelLine.from_json(lines[position]))
+        faults = [Fault(frame.index, message) for message in SCHEMA.run(case)]
         schema.faults += faults
         if faults:
             continue
         for check, result in zip(CHECKS, results, strict=True):
             if check.applies(case):
                 result.checked += 1
-                result.faults += [Fault(index, message) for message in check.run(case)]
-    compared = [] if schema.faults else [check_motion(dataset), *check_exports(dataset)]
+                result.faults += [Fault(frame.index, message) for message in check.run(case)]
+    is_sound = not (schema.faults or whole[0].faults)
+    compared = [check_motion(dataset), *check_exports(dataset)] if is_sound else []
     return Report(dataset.folder, len(lines), (*whole, schema, *results, *compared))
+
+
+def _frame(index: int, line: bytes) -> _Frame:
+    try:
+        labels = LabelLine.from_json(line)
+    except InputError as error:
+        return _Frame(index, str(error), _files_named(line))
+    pose = hash(
+        (
+            labels.q_cam_from_body if labels.has("q_cam_from_body") else None,
+            labels.t_body_cam_m if labels.has("t_body_cam_m") else None,
+        )
+    )
+    moment = hash((labels.t_s, labels.sequence, labels.spacecraft, pose))
+    files = (labels.image,) if labels.truth is None else (labels.image, labels.truth)
+    return _Frame(index, None, files, labels.sequence, pose, moment)
+
+
+def _files_named(line: bytes) -> tuple[str, ...]:
+    """The files of a line that is at fault elsewhere."""
+    try:
+        values = json.loads(line)
+        return tuple(x for x in (values.get("image"), values.get("truth")) if isinstance(x, str))
+    except ValueError:
+        return ()
 
 
 def _lines(dataset: Dataset) -> Result:
@@ -65,27 +118,19 @@ def _lines(dataset: Dataset) -> Result:
     return result
 
 
-def _frames(dataset: Dataset, manifest: Mapping[str, Any]) -> Result:
+def _frames(dataset: Dataset, manifest: Manifest) -> Result:
     """The manifest says how many frames there are, and which could not be made."""
-    expected, failed = manifest.get("frames"), manifest.get("failed_frames", {})
     there = set(dataset.label_lines.indices.tolist())
     result = Result("frames", "every frame of the manifest is there, and no other", len(there))
-    if not isinstance(expected, int):
-        result.faults.append(Fault(None, "manifest.json does not say how many 'frames' there are"))
-        return result
-    for index in sorted(set(range(expected)) - there):
-        cause = failed.get(str(index))
+    for index in sorted(set(range(manifest.frames)) - there):
+        cause = manifest.failed_frames.get(index)
         result.faults.append(Fault(index, f"could not be made: {cause}" if cause else "missing"))
-    result.faults += [Fault(i, "not in the manifest") for i in sorted(there) if i >= expected]
+    result.faults += [Fault(i, "not in the manifest") for i in sorted(there) if i >= manifest.frames]
     return result
 
 
-def _leftovers(dataset: Dataset) -> Result:
-    named: set[str] = set()
-    for labels in dataset.label_lines:
-        named.update(
-            name for name in (labels.get("image"), labels.get("truth")) if isinstance(name, str)
-        )
+def _leftovers(dataset: Dataset, frames: Sequence[_Frame]) -> Result:
+    named = {name for frame in frames for name in frame.files}
     result = Result("leftovers", "images/ and truth/ hold no file that no frame names", len(named))
     for part in ("images", "truth"):
         for path in sorted((dataset.folder / part).glob("[!.]*")):
@@ -95,17 +140,12 @@ def _leftovers(dataset: Dataset) -> Result:
     return result
 
 
-def _checksums(dataset: Dataset, manifest: Mapping[str, Any]) -> Result:
+def _checksums(dataset: Dataset, manifest: Manifest, frames: Sequence[_Frame]) -> Result:
     result = Result("checksums", "every file is as it was written")
-    of_file = {
-        name: labels["index"]
-        for labels in dataset.label_lines
-        for name in (labels.get("image"), labels.get("truth"))
-        if isinstance(name, str)
-    }
-    expected = {**manifest.get("sha256", {}), **dataset.digests}
+    of_file = {name: frame.index for frame in frames for name in frame.files}
+    expected = {**manifest.sha256, **dataset.digests}
     for name, digest in expected.items():
-        path = dataset.folder / name
+        path = inside(dataset.folder, name)
         result.checked += 1
         if not path.is_file():
             result.faults.append(Fault(of_file.get(name), f"{name}: missing"))
@@ -116,24 +156,26 @@ def _checksums(dataset: Dataset, manifest: Mapping[str, Any]) -> Result:
     return result
 
 
-def _twins(dataset: Dataset) -> Result:
+def _twins(dataset: Dataset, frames: Sequence[_Frame]) -> Result:
     """Two frames of one moment and pose, or with one picture though the craft is elsewhere in it."""
-    result = Result("twins", "no two frames are one and the same", len(dataset.label_lines))
+    result = Result("twins", "no two frames are one and the same", len(frames))
     moments: dict[int, int] = {}
     pictures: dict[str, tuple[int, int]] = {}
-    for labels in dataset.label_lines:
-        index = labels["index"]
-        pose = [labels.get("q_cam_from_body"), labels.get("t_body_cam_m")]
-        moment = hash(repr([labels.get(k) for k in ("t_s", "sequence", "spacecraft")] + pose))
-        other = moments.setdefault(moment, index)
-        if other != index:
-            result.faults.append(Fault(index, f"is of the same moment and pose as frame {other}"))
-        digest = dataset.digests.get(str(labels.get("image")))
+    for frame in frames:
+        if frame.moment is None or frame.pose is None:
+            continue
+        other = moments.setdefault(frame.moment, frame.index)
+        if other != frame.index:
+            result.faults.append(Fault(frame.index, f"is of the same moment and pose as frame {other}"))
+        image = frame.files[0]
+        digest = dataset.digests.get(image)
         if digest is None:
             continue
-        same, its_pose = pictures.setdefault(digest, (index, hash(repr(pose))))
-        if its_pose != hash(repr(pose)) and _shows_something(dataset.folder / labels["image"]):
-            result.faults.append(Fault(index, f"has the same picture as frame {same}, and another pose"))
+        same, its_pose = pictures.setdefault(digest, (frame.index, frame.pose))
+        if its_pose != frame.pose and _shows_something(dataset.folder / image):
+            result.faults.append(
+                Fault(frame.index, f"has the same picture as frame {same}, and another pose")
+            )
     return result
 
 
@@ -145,7 +187,7 @@ def _shows_something(path: Path) -> bool:
     return bool(image.min() != image.max())
 
 
-def _partition(dataset: Dataset) -> Result:
+def _partition(dataset: Dataset, frames: Sequence[_Frame]) -> Result:
     result = Result("partition", "no frame, and no sequence kept whole, is in two parts")
     path = dataset.folder / PARTITION_FILE
     if not path.exists():
@@ -163,14 +205,13 @@ def _partition(dataset: Dataset) -> Result:
     ]
     result.faults += [Fault(i, "is in no part") for i in sorted(there - set(part_of))]
     if partition.get("by") == "sequence":
-        result.faults += _leaks(dataset, part_of)
+        result.faults += _leaks(frames, part_of)
     return result
 
 
-def _leaks(dataset: Dataset, part_of: Mapping[int, str]) -> Iterator[Fault]:
-    home: dict[Any, str] = {}
-    for labels in dataset.label_lines:
-        part = part_of.get(labels["index"])
-        sequence = labels.get("sequence")
+def _leaks(frames: Sequence[_Frame], part_of: Mapping[int, str]) -> Iterator[Fault]:
+    home: dict[int | None, str] = {}
+    for frame in frames:
+        part, sequence = part_of.get(frame.index), frame.sequence
         if part is not None and home.setdefault(sequence, part) != part:
-            yield Fault(labels["index"], f"sequence {sequence} is in {home[sequence]} and in {part}")
+            yield Fault(frame.index, f"sequence {sequence} is in {home[sequence]} and in {part}")

@@ -10,22 +10,19 @@ import numpy as np
 
 from posse_core import _frames as frames
 from posse_core._arrays import BoolArray, FloatArray, IntArray
-from posse_core._dataset.dataset import PARTS, Dataset, read_image, read_json
+from posse_core._dataset.dataset import Dataset
+from posse_core._dataset.files import read_image, read_json
+from posse_core._dataset.layout import PARTS
 from posse_core._dataset.mesh import Mesh
 from posse_core._errors import InputError
 from posse_core._files.atomic import write_bytes, write_json
 from posse_core._files.text import text_file, write_members
 from posse_core._formats.images import place, write_png
 from posse_core._formats.needs import labels_with
-from posse_core._formats.rle import decode_rle
 from posse_core._interfaces.writer import Writer
+from posse_core._model.label_line import Box, LabelLine
 
-NEEDS = {
-    "q_cam_from_body": "pose",
-    "t_body_cam_m": "pose",
-    "mask_rle": "mask",
-    "box_visible_px": "box",
-}
+NEEDS = ("q_cam_from_body", "t_body_cam_m", "mask_rle", "box_visible_px", "box_whole_px")
 DEPTH_STEPS = 65535
 """Largest number of a 16-bit depth image; 0 stands for no depth."""
 _FOLDERS = dict(zip(PARTS, ("train", "val", "test"), strict=True))
@@ -68,12 +65,12 @@ class BopWriter(Writer):
         (out / "models").mkdir(parents=True, exist_ok=True)
         objects = {name: i for i, name in enumerate(sorted(dataset.spacecraft_by_name), 1)}
         _write_models(dataset, objects, out / "models")
-        parts = {"train": dataset.frames.indices.tolist()}
+        parts = {"train": list(range(len(dataset)))}
         if dataset.is_divided:
             parts = {_FOLDERS[part]: dataset.part(part) for part in PARTS}
-        scenes = {out / name / "000000": indices for name, indices in parts.items() if indices}
-        for scene, indices in scenes.items():
-            _write_scene(dataset, objects, indices, scene)
+        scenes = {out / name / "000000": positions for name, positions in parts.items() if positions}
+        for scene, positions in scenes.items():
+            _write_scene(dataset, objects, positions, scene)
         camera = dataset.camera
         value = {
             "cx": camera.cx_px,
@@ -121,80 +118,80 @@ def _homogeneous(R: FloatArray) -> list[float]:
     return flat
 
 
-def _write_scene(dataset: Dataset, objects: dict[str, int], indices: list[int], scene: Path) -> None:
-    pictures = "gray" if dataset.image(indices[0]).ndim == 2 else "rgb"
+def _write_scene(dataset: Dataset, objects: dict[str, int], positions: list[int], scene: Path) -> None:
+    pictures = "gray" if dataset.image(positions[0]).ndim == 2 else "rgb"
     for part in (pictures, "depth", "mask", "mask_visib"):
         (scene / part).mkdir(parents=True, exist_ok=True)
-    for labels in labels_with(dataset, "BOP", NEEDS, indices):
-        index = labels["index"]
-        place(dataset.folder / labels["image"], scene / pictures / f"{index:06d}.png")
-        mask = decode_rle(labels["mask_rle"]).astype(np.uint8) * 255
+    for labels in labels_with(dataset, "BOP", NEEDS, positions):
+        index = labels.index
+        place(dataset.folder / labels.image, scene / pictures / f"{index:06d}.png")
+        mask = labels.mask_rle.mask().astype(np.uint8) * 255
         for part in ("mask", "mask_visib"):
             write_png(scene / part / f"{index:06d}_000000.png", mask)
         write_png(scene / "depth" / f"{index:06d}.png", _depth_steps(dataset, labels))
-    records: dict[str, Callable[[Dataset, dict[str, Any], dict[str, int]], Any]] = {
+    records: dict[str, Callable[[Dataset, LabelLine, dict[str, int]], Any]] = {
         "scene_camera": _camera_record,
         "scene_gt": _pose_record,
         "scene_gt_info": _info_record,
     }
     for name, record in records.items():
         with text_file(scene / f"{name}.json") as text:
-            write_members(text, _members(dataset, objects, indices, record))
+            write_members(text, _members(dataset, objects, positions, record))
 
 
 def _members(
     dataset: Dataset,
     objects: dict[str, int],
-    indices: list[int],
-    record: Callable[[Dataset, dict[str, Any], dict[str, int]], Any],
+    positions: list[int],
+    record: Callable[[Dataset, LabelLine, dict[str, int]], Any],
 ) -> Iterator[tuple[str, Any]]:
-    for labels in labels_with(dataset, "BOP", NEEDS, indices):
-        yield str(labels["index"]), record(dataset, labels, objects)
+    for labels in labels_with(dataset, "BOP", NEEDS, positions):
+        yield str(labels.index), record(dataset, labels, objects)
 
 
-def _depth_scale_mm(dataset: Dataset, labels: dict[str, Any]) -> float:
+def _depth_scale_mm(dataset: Dataset, labels: LabelLine) -> float:
     """Millimetres a step, so that the sphere about the craft fits."""
-    vertices = dataset.mesh(labels["spacecraft"]).vertices_body_m
+    vertices = dataset.mesh(labels.spacecraft).vertices_body_m
     radius_m = float(np.sqrt((vertices**2).sum(axis=1).max()))
-    farthest_m = max(labels["t_body_cam_m"][2], 0.0) + radius_m
+    farthest_m = max(labels.t_body_cam_m[2], 0.0) + radius_m
     return float(farthest_m * 1e3 / DEPTH_STEPS)
 
 
-def _depth_steps(dataset: Dataset, labels: dict[str, Any]) -> IntArray:
-    arrays = dataset.truth(labels["index"])
+def _depth_steps(dataset: Dataset, labels: LabelLine) -> IntArray:
+    arrays = dataset.truth(dataset.position(labels.index))
     if "depth_m" not in arrays:
         raise InputError(
-            f"{dataset.folder}: frame {labels['index']} has no depth, which BOP needs;"
+            f"{dataset.folder}: frame {labels.index} has no depth, which BOP needs;"
             " add 'depth' to the scenario's annotators"
         )
     steps = np.round(arrays["depth_m"].astype(np.float64) * 1e3 / _depth_scale_mm(dataset, labels))
     return np.asarray(np.nan_to_num(steps.clip(1, DEPTH_STEPS), nan=0), dtype=np.uint16)
 
 
-def _camera_record(dataset: Dataset, labels: dict[str, Any], objects: dict[str, int]) -> Any:
+def _camera_record(dataset: Dataset, labels: LabelLine, objects: dict[str, int]) -> Any:
     return {
         "cam_K": dataset.camera.matrix.ravel().tolist(),
         "depth_scale": _depth_scale_mm(dataset, labels),
     }
 
 
-def _pose_record(dataset: Dataset, labels: dict[str, Any], objects: dict[str, int]) -> Any:
-    R = frames.matrix_from_quaternion(np.array(labels["q_cam_from_body"]))
+def _pose_record(dataset: Dataset, labels: LabelLine, objects: dict[str, int]) -> Any:
+    R = frames.matrix_from_quaternion(np.array(labels.q_cam_from_body))
     return [
         {
             "cam_R_m2c": R.ravel().tolist(),
-            "cam_t_m2c": [x * 1e3 for x in labels["t_body_cam_m"]],
-            "obj_id": objects[labels["spacecraft"]],
+            "cam_t_m2c": [x * 1e3 for x in labels.t_body_cam_m],
+            "obj_id": objects[labels.spacecraft],
         }
     ]
 
 
-def _info_record(dataset: Dataset, labels: dict[str, Any], objects: dict[str, int]) -> Any:
-    area, share = labels["mask_area_px"], labels["fraction_visible"]
+def _info_record(dataset: Dataset, labels: LabelLine, objects: dict[str, int]) -> Any:
+    area, share = labels.mask_area_px, labels.fraction_visible
     return [
         {
-            "bbox_obj": _pixels_of(labels["box_whole_px"]),
-            "bbox_visib": labels["box_visible_px"] or _NO_BOX,
+            "bbox_obj": _pixels_of(labels.box_whole_px),
+            "bbox_visib": labels.box_visible_px or _NO_BOX,
             "px_count_all": round(area / share) if share else 0,
             "px_count_valid": area,
             "px_count_visib": area,
@@ -203,7 +200,7 @@ def _info_record(dataset: Dataset, labels: dict[str, Any], objects: dict[str, in
     ]
 
 
-def _pixels_of(box_px: list[float] | None) -> list[int]:
+def _pixels_of(box_px: Box | None) -> list[int]:
     """Whole pixels whose centres are in a box of projections."""
     if box_px is None:
         return _NO_BOX
@@ -212,8 +209,8 @@ def _pixels_of(box_px: list[float] | None) -> list[int]:
     return [x0, y0, int(np.floor(x + width)) - x0 + 1, int(np.floor(y + height)) - y0 + 1]
 
 
-def read_bop(folder: Path) -> Iterator[tuple[str, dict[str, Any], dict[str, FloatArray | BoolArray]]]:
-    """Image name, labels and arrays of every image below a folder ``bop``, as a dataset has them.
+def read_bop(folder: Path) -> Iterator[tuple[LabelLine, dict[str, FloatArray | BoolArray]]]:
+    """Labels and arrays of every image below a folder ``bop``, as a dataset has them.
 
     Arrays: ``mask`` (H, W) bool; ``depth_m`` (H, W), NaN where none; ``depth_step_m`` () its resolution.
     """
@@ -226,16 +223,18 @@ def read_bop(folder: Path) -> Iterator[tuple[str, dict[str, Any], dict[str, Floa
             R = np.reshape(pose["cam_R_m2c"], (3, 3))
             steps = read_image(scene / "depth" / f"{name}.png").astype(np.float64)
             step_m = cameras[id_]["depth_scale"] / 1e3
-            labels = {
-                "spacecraft": infos[str(pose["obj_id"])]["name"],
-                "q_cam_from_body": frames.quaternion_from_matrix(R).tolist(),
-                "t_body_cam_m": [x / 1e3 for x in pose["cam_t_m2c"]],
-                "box_visible_px": None if detail["bbox_visib"] == _NO_BOX else detail["bbox_visib"],
-                "mask_area_px": detail["px_count_visib"],
-            }
+            labels = LabelLine(
+                index=int(id_),
+                image=f"images/{name}.png",
+                spacecraft=infos[str(pose["obj_id"])]["name"],
+                q_cam_from_body=frames.quaternion_from_matrix(R).tolist(),
+                t_body_cam_m=tuple(x / 1e3 for x in pose["cam_t_m2c"]),
+                box_visible_px=None if detail["bbox_visib"] == _NO_BOX else detail["bbox_visib"],
+                mask_area_px=detail["px_count_visib"],
+            )
             arrays: dict[str, FloatArray | BoolArray] = {
                 "mask": read_image(scene / "mask_visib" / f"{name}_000000.png") > 0,
                 "depth_m": np.where(steps > 0, steps * step_m, np.nan),
                 "depth_step_m": np.array(step_m),
             }
-            yield f"images/{name}.png", labels, arrays
+            yield labels, arrays

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from posse_core._dataset.dataset import read_camera
+from posse_core._dataset.camera import read_camera
 from posse_core._errors import InputError
 from posse_core._formats.speed import read_speed
 from posse_core._formats.urso import is_urso, read_urso
@@ -26,8 +26,8 @@ def read_poses(path: Path) -> Poses:
     """
     try:
         entries = list(read_urso(path) if is_urso(path) else read_speed(path))
-        q = np.array([pose["q_cam_from_body"] for _, pose in entries], dtype=np.float64).reshape(-1, 4)
-        t_m = np.array([pose["t_body_cam_m"] for _, pose in entries], dtype=np.float64).reshape(-1, 3)
+        q = np.array([pose.q_cam_from_body for pose in entries], dtype=np.float64).reshape(-1, 4)
+        t_m = np.array([pose.t_body_cam_m for pose in entries], dtype=np.float64).reshape(-1, 3)
     except FileNotFoundError:
         raise InputError(f"there is no file {path}") from None
     except (AttributeError, IndexError, KeyError, OSError, TypeError, ValueError) as error:
@@ -39,10 +39,10 @@ def read_poses(path: Path) -> Poses:
     bad = ~(np.abs(np.linalg.norm(q, axis=1) - 1) < _QUATERNION_LENGTH_ERROR) | ~(t_m[:, 2] > 0)
     if bad.any():
         raise InputError(
-            f"{path}: {entries[np.argmax(bad)][0]}: the quaternion is not of length 1, or the target is"
-            " not in front of the camera"
+            f"{path}: {entries[int(np.argmax(bad))].image}: the quaternion is not of length 1, or the"
+            " target is not in front of the camera"
         )
-    return Poses(tuple(name for name, _ in entries), unit(q), t_m)
+    return Poses(tuple(pose.image for pose in entries), unit(q), t_m)
 
 
 def camera_beside(labels: Path) -> Camera | None:

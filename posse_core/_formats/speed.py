@@ -8,14 +8,14 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 from posse_core._dataset.dataset import Dataset
 from posse_core._files.text import text_file, write_items
 from posse_core._formats.needs import labels_with
 from posse_core._interfaces.writer import Writer
+from posse_core._model.poses import NamedPose
 
-NEEDS = {"q_cam_from_body": "pose", "t_body_cam_m": "pose"}
+NEEDS = ("q_cam_from_body", "t_body_cam_m")
 
 
 class SpeedWriter(Writer):
@@ -27,9 +27,9 @@ class SpeedWriter(Writer):
         with text_file(path) as text:
             poses = (
                 {
-                    "filename": labels["image"],
-                    "q_vbs2tango_true": labels["q_cam_from_body"],
-                    "r_Vo2To_vbs_true": labels["t_body_cam_m"],
+                    "filename": labels.image,
+                    "q_vbs2tango_true": labels.q_cam_from_body,
+                    "r_Vo2To_vbs_true": labels.t_body_cam_m,
                 }
                 for labels in labels_with(dataset, "SPEED", NEEDS)
             )
@@ -38,8 +38,8 @@ class SpeedWriter(Writer):
         return [path]
 
 
-def read_speed(path: Path) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Image name and pose of every entry of SPEED or SPEED+, as a dataset's lines have them."""
+def read_speed(path: Path) -> Iterator[NamedPose]:
+    """Image and pose of every entry of SPEED or SPEED+."""
     for entry in json.loads(path.read_text(encoding="utf-8")):
         q = entry["q_vbs2tango_true"] if "q_vbs2tango_true" in entry else entry["q_vbs2tango"]
-        yield entry["filename"], {"q_cam_from_body": q, "t_body_cam_m": entry["r_Vo2To_vbs_true"]}
+        yield NamedPose(entry["filename"], q, entry["r_Vo2To_vbs_true"])

@@ -7,20 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from posse_core import _frames as frames
 from posse_core._dataset.dataset import Dataset
 from posse_core._files.text import text_file, write_csv, write_members
-from posse_core._files.trajectory import load_trajectory
 from posse_core._formats.needs import labels_with
 from posse_core._interfaces.writer import Writer
+from posse_core._model.label_line import LabelLine
 from posse_core._model.trajectory import Trajectory
 
-NEEDS_POSE = {"q_cam_from_body": "pose", "t_body_cam_m": "pose"}
-NEEDS = {**NEEDS_POSE, "keypoints": "keypoints", "box_visible_px": "box"}
+NEEDS_POSE = ("q_cam_from_body", "t_body_cam_m")
+NEEDS = (*NEEDS_POSE, "keypoints", "box_visible_px")
 
 POINTS_COLUMNS = (
     *("camera_lvlh_x", "camera_lvlh_y", "camera_lvlh_z", "camera_range_m"),
@@ -44,20 +43,17 @@ class ThesisWriter(Writer):
         """Write the four files."""
         out = folder / "posse"
         out.mkdir(exist_ok=True)
-        trajectory = load_trajectory(dataset.folder / "trajectory.npz")
-        indices = dataset.frames.indices
-        write_csv(out / "points.csv", POINTS_COLUMNS, points_rows(trajectory, indices))
-        poses = ((labels["image"], *camera_pose(labels)) for labels in _labels(dataset))
+        rows_of_points = points_rows(dataset.trajectory, dataset.indices.tolist())
+        write_csv(out / "points.csv", POINTS_COLUMNS, rows_of_points)
+        poses = ((labels.image, *camera_pose(labels)) for labels in _labels(dataset))
         write_csv(out / "pose_data.csv", ("filename", *POSE_COLUMNS), poses)
-        rows = (
-            (labels["image"], labels["spacecraft"], *camera_pose(labels)) for labels in _labels(dataset)
-        )
+        rows = ((labels.image, labels.spacecraft, *camera_pose(labels)) for labels in _labels(dataset))
         write_csv(out / "dataset.csv", ("filename", "spacecraft", *POSE_COLUMNS), rows)
         with text_file(out / "annotations.json") as text:
             text.write('{"keypoints": ')
-            write_members(text, ((labels["image"], labels["keypoints"]) for labels in _labels(dataset)))
+            write_members(text, ((labels.image, labels.keypoints) for labels in _labels(dataset)))
             text.write(',\n"bounding_box": ')
-            write_members(text, ((labels["image"], _anchors(labels)) for labels in _labels(dataset)))
+            write_members(text, ((labels.image, _anchors(labels)) for labels in _labels(dataset)))
             text.write("}\n")
         return [
             out / name for name in ("points.csv", "pose_data.csv", "annotations.json", "dataset.csv")
@@ -83,21 +79,21 @@ def points_rows(trajectory: Trajectory, indices: Iterable[int]) -> Iterator[list
         yield [float(x) for x in row]
 
 
-def camera_pose(labels: dict[str, Any]) -> list[float]:
+def camera_pose(labels: LabelLine) -> list[float]:
     """Camera's place (metres) and attitude (scalar first) in the body frame, as in ``POSE_COLUMNS``."""
-    R_cam_from_body = frames.matrix_from_quaternion(np.array(labels["q_cam_from_body"]))
-    r_camera_body_m = -R_cam_from_body.T @ np.array(labels["t_body_cam_m"])
-    w, x, y, z = labels["q_cam_from_body"]
+    R_cam_from_body = frames.matrix_from_quaternion(np.array(labels.q_cam_from_body))
+    r_camera_body_m = -R_cam_from_body.T @ np.array(labels.t_body_cam_m)
+    w, x, y, z = labels.q_cam_from_body
     return [*r_camera_body_m.tolist(), w, -x, -y, -z]
 
 
-def _labels(dataset: Dataset) -> Iterator[dict[str, Any]]:
+def _labels(dataset: Dataset) -> Iterator[LabelLine]:
     return labels_with(dataset, "the thesis' format", NEEDS)
 
 
-def _anchors(labels: dict[str, Any]) -> list[list[float]] | None:
+def _anchors(labels: LabelLine) -> list[list[float]] | None:
     """Top-left and bottom-right pixel of the box; None where the craft is not seen."""
-    if labels["box_visible_px"] is None:
+    if labels.box_visible_px is None:
         return None
-    x, y, width, height = labels["box_visible_px"]
+    x, y, width, height = labels.box_visible_px
     return [[x, y], [x + width - 1, y + height - 1]]

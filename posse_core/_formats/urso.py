@@ -11,7 +11,8 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+
+from posse_core._model.poses import NamedPose
 
 _POSES = "_poses_gt.csv"
 
@@ -21,8 +22,8 @@ def is_urso(path: Path) -> bool:
     return path.name.endswith(_POSES)
 
 
-def read_urso(path: Path) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Image name and pose of every row, as a dataset's lines have them.
+def read_urso(path: Path) -> Iterator[NamedPose]:
+    """Image and pose of every row.
 
     With F = diag(1, −1, 1) between the left-handed axes and ours, on both sides, JPL's matrix of
     (q1, q2, q3, q4) becomes that of the quaternion (q4, q1, −q2, q3), and the place F r.
@@ -34,5 +35,5 @@ def read_urso(path: Path) -> Iterator[tuple[str, dict[str, Any]]]:
             x, y, z, q1, q2, q3, q4 = (
                 float(row[key]) for key in ("x", "y", "z", "q1", "q2", "q3", "q4")
             )
-            pose = {"q_cam_from_body": [q4, q1, -q2, q3], "t_body_cam_m": [x, -y, z]}
-            yield names[number] if names else str(number), pose
+            name = names[number] if names else str(number)
+            yield NamedPose(name, (q4, q1, -q2, q3), (x, -y, z))

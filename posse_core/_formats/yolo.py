@@ -11,16 +11,18 @@ from typing import Any
 
 import yaml
 
-from posse_core._dataset.dataset import PARTS, Dataset
+from posse_core._dataset.dataset import Dataset
+from posse_core._dataset.layout import PARTS
 from posse_core._errors import InputError
 from posse_core._files.atomic import write_bytes
 from posse_core._formats.images import place
 from posse_core._formats.needs import labels_with
 from posse_core._interfaces.writer import Writer
 from posse_core._model.camera import Camera
+from posse_core._model.label_line import LabelLine
 from posse_core._model.labels import NOT_IN_FRAME
 
-NEEDS = {"box_visible_px": "box", "keypoints": "keypoints"}
+NEEDS = ("box_visible_px", "keypoints")
 
 _HEADER = """\
 # Train with fliplr=0 and flipud=0: a mirrored spacecraft is another one, and flip_idx exchanges nothing.
@@ -48,15 +50,13 @@ class YoloWriter(Writer):
             (out / name).mkdir(parents=True, exist_ok=True)
         classes = {craft.name: i for i, craft in enumerate(crafts)}
         for labels in labels_with(dataset, "YOLO-pose", NEEDS):
-            image = dataset.folder / labels["image"]
+            image = dataset.folder / labels.image
             place(image, out / "images" / image.name)
-            row = _row(dataset, labels, classes[labels["spacecraft"]], count)
+            row = _row(dataset, labels, classes[labels.spacecraft], count)
             write_bytes(out / "labels" / f"{image.stem}.txt", row.encode())
         parts = {part: dataset.part(part) if dataset.is_divided else None for part in PARTS}
-        for part, indices in parts.items():
-            images = (
-                Path(each["image"]).name for each in labels_with(dataset, "YOLO-pose", {}, indices)
-            )
+        for part, positions in parts.items():
+            images = (Path(each.image).name for each in labels_with(dataset, "YOLO-pose", (), positions))
             write_bytes(out / f"{part}.txt", "".join(f"./images/{name}\n" for name in images).encode())
         value = {
             "train": "train.txt",
@@ -73,35 +73,35 @@ class YoloWriter(Writer):
         return [out / "data.yaml", out / "images", out / "labels"]
 
 
-def _row(dataset: Dataset, labels: dict[str, Any], class_: int, count: int) -> str:
-    if labels["box_visible_px"] is None:
+def _row(dataset: Dataset, labels: LabelLine, class_: int, count: int) -> str:
+    if labels.box_visible_px is None:
         return ""
     width_px, height_px = dataset.camera.width_px, dataset.camera.height_px
-    x, y, width, height = labels["box_visible_px"]
+    x, y, width, height = labels.box_visible_px
     numbers = [
         (x + width / 2) / width_px,
         (y + height / 2) / height_px,
         width / width_px,
         height / height_px,
     ]
-    names = dataset.spacecraft_by_name[labels["spacecraft"]].keypoints_body_m
-    points = [labels["keypoints"][name] for name in names]
-    for u, v, visibility in [*points, *[(0, 0, NOT_IN_FRAME)] * (count - len(points))]:
-        if visibility == NOT_IN_FRAME:
+    names = dataset.spacecraft_by_name[labels.spacecraft].keypoints_body_m
+    points = [labels.keypoints[name] for name in names]
+    for u, v, visibility in [*points, *[(None, None, NOT_IN_FRAME)] * (count - len(points))]:
+        if u is None or v is None or visibility == NOT_IN_FRAME:
             numbers += [0, 0, 0]
         else:
             numbers += [(u + 0.5) / width_px, (v + 0.5) / height_px, visibility]
     return " ".join(map(repr, [class_, *numbers])) + "\n"
 
 
-def read_yolo(folder: Path, camera: Camera) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Image name and labels of every text file beside a ``data.yaml``, as a dataset's lines have them.
+def read_yolo(folder: Path, camera: Camera) -> Iterator[LabelLine]:
+    """The labels of every text file beside a ``data.yaml``, numbered from 0.
 
     An empty file has the box null. Keypoints outside the image are left out.
     """
     data = yaml.safe_load((folder / "data.yaml").read_text(encoding="utf-8"))
     size = (camera.width_px, camera.height_px)
-    for path in sorted((folder / "labels").glob("*.txt")):
+    for index, path in enumerate(sorted((folder / "labels").glob("*.txt"))):
         labels: dict[str, Any] = {"box_visible_px": None}
         row = [float(number) for number in path.read_text().split()]
         if row:
@@ -119,4 +119,4 @@ def read_yolo(folder: Path, camera: Camera) -> Iterator[tuple[str, dict[str, Any
                     if visibility != NOT_IN_FRAME
                 },
             }
-        yield f"images/{path.stem}.png", labels
+        yield LabelLine(index=index, image=f"images/{path.stem}.png", **labels)

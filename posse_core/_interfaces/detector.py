@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from posse_core._arrays import AnyArray, FloatArray
-from posse_core._dataset.dataset import Dataset
+from posse_core._dataset.images import LabelledImages
 from posse_core._plugins.component import Component, OptionsT
 
 
@@ -48,7 +48,7 @@ class Model(Component[OptionsT]):
             posse_core.InputError: not a file of this net.
         """
 
-    def train(self, dataset: Dataset, folder: Path) -> Path:
+    def train(self, dataset: LabelledImages, folder: Path) -> Path:
         """Train on the dataset's train part; checkpoints and curves go to ``folder``, and a training
         cut short goes on from the last one. Returns the trained model's file."""
         raise NotImplementedError

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, NamedTuple
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, Strict, ValidationError
 
 from posse_core._errors import InputError
+from posse_core._model.run_lengths import RunLengths
 
 Fraction = Annotated[float, Field(ge=0, le=1)]
 Count = Annotated[int, Field(ge=0, strict=True)]
@@ -37,19 +38,6 @@ class Keypoint(NamedTuple):
     u_px: float | None
     v_px: float | None
     visibility: Literal[0, 1, 2]
-
-
-class RunLengths(BaseModel):
-    """A mask in COCO's compressed run-lengths.
-
-    Attributes:
-        size: height and width of the image.
-    """
-
-    model_config = ConfigDict(frozen=True)
-
-    size: tuple[Count, Count]
-    counts: Annotated[str, Strict()]
 
 
 class LabelNotMade(InputError, AttributeError):
@@ -147,20 +135,20 @@ class LabelLine(BaseModel):
                 raise ValueError(f"there is no label {name!r}")
         return all(name in self.__dict__ for name in names)
 
+    def as_json(self) -> dict[str, Any]:
+        """For :func:`json.dumps`: the labels that were made, in the order of a line."""
+        values = {name: self.__dict__[name] for name in _FIELDS if name in self.__dict__}
+        if "mask_rle" in values:
+            values["mask_rle"] = dict(self.mask_rle)
+        return {**values, **self.extras}
+
     def to_json(self) -> bytes:
         """One line of JSON, UTF-8, without its line feed.
 
         Raises:
             ValueError: an extra is not a finite number.
         """
-        values = {name: self.__dict__[name] for name in _FIELDS if name in self.__dict__}
-        text = json.dumps(
-            {**values, **self.extras},
-            ensure_ascii=False,
-            allow_nan=False,
-            separators=(",", ":"),
-            default=vars,  # of the run-lengths
-        )
+        text = json.dumps(self.as_json(), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
         return text.encode()
 
     @classmethod

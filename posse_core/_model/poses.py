@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from posse_core._arrays import FloatArray
 
@@ -20,3 +22,16 @@ class Poses:
     names: tuple[str, ...]
     q_cam_from_body: FloatArray
     t_body_cam_m: FloatArray
+
+
+class NamedPose(NamedTuple):
+    """The pose that a list of labels gives for one image, as it stands there.
+
+    Attributes:
+        q_cam_from_body: four numbers, scalar first.
+        t_body_cam_m: three numbers, the body's origin in camera axes.
+    """
+
+    image: str
+    q_cam_from_body: Sequence[float]
+    t_body_cam_m: Sequence[float]

@@ -22,9 +22,9 @@ that runs the command line; what they raise is reported as a warning, and the ru
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import pluggy
 
@@ -32,6 +32,7 @@ from posse_core._plugins.registry import ComponentSpec
 
 if TYPE_CHECKING:  # named in signatures alone
     from posse_core._model.label_line import LabelLine
+    from posse_core._model.manifest import Manifest
 
 hookspec = pluggy.HookspecMarker("posse")
 hookimpl = pluggy.HookimplMarker("posse")
@@ -91,5 +92,5 @@ def posse_frame_completed(index: int, labels: LabelLine) -> None:
 
 
 @hookspec
-def posse_run_finished(dataset: Path, manifest: Mapping[str, Any]) -> None:
+def posse_run_finished(dataset: Path, manifest: Manifest) -> None:
     """A run has ended and its manifest is written. Since 0.1."""

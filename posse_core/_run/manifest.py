@@ -6,24 +6,19 @@ import json
 import platform
 from collections.abc import Mapping
 from importlib import metadata
-from typing import Any
 
 from posse_core import __version__
 from posse_core._files.atomic import sha256
+from posse_core._model.manifest import CHECKSUMS, FORMAT, FORMAT_VERSION, Manifest, PluginVersion
 from posse_core._plugins.loading import Plugins
 from posse_core._run.place import Place
 from posse_core._run.plan import Plan
-from posse_core._run.shards import CHECKSUMS
 from posse_core._run.worker import RENDERER_FILE
-
-COMPLETE, INCOMPLETE = "complete", "incomplete"
 
 _LIBRARIES = ("casadi", "embreex", "numpy", "opencv-contrib-python-headless", "scipy")
 
 
-def make_manifest(
-    place: Place, plan: Plan, plugins: Plugins, failed: Mapping[int, str]
-) -> dict[str, Any]:
+def make_manifest(place: Place, plan: Plan, plugins: Plugins, failed: Mapping[int, str]) -> Manifest:
     """The manifest of a run that has ended; ``failed`` maps frames to their errors."""
     folder = place.books
     try:
@@ -35,23 +30,23 @@ def make_manifest(
         for pattern in ("scenario.yaml", "trajectory.npz", "camera.json", "spacecraft/*", "labels/*")
         for path in folder.glob(pattern)
     )
-    return {
-        "format": "posse-dataset",
-        "format_version": 1,
-        "state": INCOMPLETE if failed else COMPLETE,
-        "frames": len(plan.trajectory),
-        "failed_frames": {str(index): error for index, error in sorted(failed.items())},
-        "seed": plan.scenario.seed,
-        "renderer": {"name": plan.scenario.renderer.name, **renderer},
-        "versions": {
+    return Manifest(
+        format=FORMAT,
+        format_version=FORMAT_VERSION,
+        state="incomplete" if failed else "complete",
+        frames=len(plan.trajectory),
+        failed_frames=dict(sorted(failed.items())),
+        seed=plan.scenario.seed,
+        renderer={"name": plan.scenario.renderer.name, **renderer},
+        versions={
             "posse-core": __version__,
             "python": platform.python_version(),
             **{name: metadata.version(name) for name in _LIBRARIES},
         },
-        "plugins": {
-            status.name: {"dist": status.dist, "version": status.version, "state": status.state}
+        plugins={
+            status.name: PluginVersion(dist=status.dist, version=status.version, state=status.state)
             for status in plugins.statuses
         },
-        "sha256": {str(path.relative_to(folder)): sha256(path) for path in hashed},
-        "frame_checksums": CHECKSUMS,
-    }
+        sha256={str(path.relative_to(folder)): sha256(path) for path in hashed},
+        frame_checksums=CHECKSUMS,
+    )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import json
 import os
 import time
 from collections.abc import Callable, Iterable
@@ -11,15 +10,18 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from posse_core._dataset.dataset import Dataset, write_camera, write_spacecraft
+from posse_core._dataset.camera import write_camera
+from posse_core._dataset.dataset import Dataset
+from posse_core._dataset.spacecraft import write_spacecraft
 from posse_core._errors import ComponentError, InputError, PosseError, StoreError
 from posse_core._files.atomic import PARTIAL, write_bytes, write_json
 from posse_core._files.store import is_remote
 from posse_core._files.trajectory import save_trajectory
 from posse_core._interfaces.executor import Executor, FrameMade, FrameResult
+from posse_core._model.manifest import Manifest
 from posse_core._plugins.loading import Plugins
 from posse_core._plugins.registry import Registry
-from posse_core._run.manifest import COMPLETE, make_manifest
+from posse_core._run.manifest import make_manifest
 from posse_core._run.place import Place, place_at
 from posse_core._run.plan import Plan
 from posse_core._run.shards import LabelLog
@@ -158,9 +160,8 @@ class _Run:
 
     def _is_complete(self) -> bool:
         try:
-            manifest = json.loads((self._folder / "manifest.json").read_bytes())
-            return bool(manifest["state"] == COMPLETE)
-        except (FileNotFoundError, ValueError, KeyError, TypeError):
+            return Manifest.from_json((self._folder / "manifest.json").read_bytes()).is_complete
+        except (FileNotFoundError, InputError):
             return False
 
     def _enter(self, result: FrameResult[FrameMade]) -> None:
@@ -176,11 +177,11 @@ class _Run:
         self._log.put_in_order()
         dataset = Dataset(self._folder)
         registry = self._plugins.registry
-        if dataset.frames:
+        if len(dataset):
             for choice in self._plan.scenario.writers:
                 create(registry, "writer", choice).write(dataset, self._folder)
         manifest = make_manifest(self._place, self._plan, self._plugins, self._failed)
-        write_json(self._folder / "manifest.json", manifest)
+        write_json(self._folder / "manifest.json", manifest.as_json())
         self._plugins.notify("posse_run_finished", dataset=self._folder, manifest=manifest)
 
 

@@ -21,11 +21,9 @@ from pathlib import Path
 
 from posse_core._files.atomic import write_bytes
 from posse_core._model.label_line import LabelLine
+from posse_core._model.manifest import CHECKSUMS
 
 FRAMES_PER_SHARD = 1000
-CHECKSUMS = "checksums.sha256"
-"""In the format of the tool ``sha256sum``, to which a row that starts with ``#`` is a remark:
-``sha256sum -c checksums.sha256`` checks a dataset's files."""
 
 _LINE_START = re.compile(rb'\{"index":(\d{1,15}),')
 _SEAL = re.compile(rb"# [0-9a-f]{64}  frame (\d{1,15})\n")

@@ -13,6 +13,7 @@ import numpy as np
 
 from posse_core._errors import InputError
 from posse_core._frames import matrix_from_quaternion
+from posse_core._model.label_line import LabelLine
 from posse_core._plugins.options import nearest
 from posse_core._randomness import random_generator
 
@@ -32,17 +33,17 @@ class Axis:
 
     name: str
     why: str
-    bin_of: Callable[[dict[str, Any]], int | str]
+    bin_of: Callable[[LabelLine], int | str]
     name_of: Callable[[Any], str]
     needs: Sequence[str]
 
 
-def _class(labels: dict[str, Any]) -> str:
-    return str(labels["spacecraft"])
+def _class(labels: LabelLine) -> str:
+    return labels.spacecraft
 
 
-def _range(labels: dict[str, Any]) -> int:
-    return math.floor(RANGES_PER_OCTAVE * math.log2(labels["range_m"]))
+def _range(labels: LabelLine) -> int:
+    return math.floor(RANGES_PER_OCTAVE * math.log2(labels.range_m))
 
 
 def _name_of_range(step: int) -> str:
@@ -50,9 +51,9 @@ def _name_of_range(step: int) -> str:
     return f"{low:.4g} to {high:.4g} m"
 
 
-def _direction(labels: dict[str, Any]) -> int:
-    R_cam_from_body = matrix_from_quaternion(np.array(labels["q_cam_from_body"]))
-    x, y, z = -R_cam_from_body.T @ np.array(labels["t_body_cam_m"]) / labels["range_m"]
+def _direction(labels: LabelLine) -> int:
+    R_cam_from_body = matrix_from_quaternion(np.array(labels.q_cam_from_body))
+    x, y, z = -R_cam_from_body.T @ np.array(labels.t_body_cam_m) / labels.range_m
     band = min(int((z + 1) / 2 * BANDS), BANDS - 1)
     sector = int(math.atan2(y, x) / (2 * math.pi) % 1 * SECTORS) % SECTORS
     return band * SECTORS + sector
@@ -108,7 +109,7 @@ class Balance:
         even = "even" if self.frames is None else f"{self.frames} frames, as even as can be"
         return f"{even} over {', '.join(axis.name for axis in self.axes)} (seed {self.seed})"
 
-    def bin_of(self, place: str, labels: dict[str, Any]) -> Bin:
+    def bin_of(self, place: str, labels: LabelLine) -> Bin:
         """The bin of a frame, one of each axis.
 
         Args:
@@ -119,9 +120,9 @@ class Balance:
         """
         for axis in self.axes:
             for key in axis.needs:
-                if key not in labels:
+                if not labels.has(key):
                     raise InputError(
-                        f"{place}: frame {labels['index']} has no {key!r}, which balancing by"
+                        f"{place}: frame {labels.index} has no {key!r}, which balancing by"
                         f" {axis.name} asks for"
                     )
         return tuple(axis.bin_of(labels) for axis in self.axes)

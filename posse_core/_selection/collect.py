@@ -14,18 +14,27 @@ import numpy as np
 
 from posse_core import __version__
 from posse_core._dataset.dataset import Dataset
+from posse_core._dataset.layout import inside
 from posse_core._environment.time import SECONDS_PER_DAY, Epoch
 from posse_core._errors import InputError
 from posse_core._files.atomic import sha256, write_json
-from posse_core._files.trajectory import load_trajectory, save_trajectory
+from posse_core._files.trajectory import save_trajectory
 from posse_core._formats.images import place
 from posse_core._model.label_line import LabelLine
+from posse_core._model.manifest import (
+    CHECKSUMS,
+    FORMAT,
+    FORMAT_VERSION,
+    Manifest,
+    Selection,
+    Source,
+)
 from posse_core._model.trajectory import Trajectory
-from posse_core._run.shards import CHECKSUMS, LabelLog
+from posse_core._run.shards import LabelLog
 from posse_core._selection.balance import Balance, Bin, balanced
 from posse_core._selection.rules import Rule, first_that_drops
 
-Progress = Callable[[Iterable[dict[str, Any]], int], Iterable[dict[str, Any]]]
+Progress = Callable[[Iterable[LabelLine], int], Iterable[LabelLine]]
 """Wraps the labels of a dataset's frames to show how far it is: (labels, how many)."""
 
 
@@ -45,7 +54,7 @@ class Choice:
 
     kept: Sequence[Sequence[int]]
     dropped: Mapping[str, int]
-    selection: Sequence[dict[str, Any]]
+    selection: Sequence[Selection]
 
 
 def collect(
@@ -96,22 +105,20 @@ def _choose(
     left: list[tuple[int, int]] = []
     bins: list[Bin] = []
     for number, dataset in enumerate(sources):
-        for labels in progress(dataset.frames, len(dataset.frames)):
+        for labels in progress(dataset, len(dataset)):
             rule = first_that_drops(rules, dataset, labels)
             if rule is not None:
                 dropped[rule.name] += 1
                 continue
-            left.append((number, labels["index"]))
+            left.append((number, labels.index))
             if balance is not None:
                 bins.append(balance.bin_of(str(dataset.folder), labels))
-    selection = [{"rule": rule.name, "why": rule.why, "dropped": dropped[rule.name]} for rule in rules]
+    selection = [Selection(rule=r.name, why=r.why, dropped=dropped[r.name]) for r in rules]
     if balance is not None:
         places = balanced(bins, balance.frames, balance.seed)
         dropped[BALANCE] = len(left) - len(places)
         counts = list(balance.counts(bins, places))
-        selection.append(
-            {"rule": BALANCE, "why": balance.why, "dropped": dropped[BALANCE], "bins": counts}
-        )
+        selection.append(Selection(rule=BALANCE, why=balance.why, dropped=dropped[BALANCE], bins=counts))
         left = [left[place] for place in places]
     kept = [[index for source, index in left if source == number] for number in range(len(sources))]
     return Choice(kept, dropped, selection)
@@ -121,7 +128,7 @@ def _check_alike(sources: Sequence[Dataset]) -> None:
     first = sources[0]
     meshes: dict[str, tuple[str, Dataset]] = {}
     for dataset in sources:
-        if dataset.manifest.get("state") != "complete":
+        if not dataset.manifest.is_complete:
             raise InputError(
                 f"{dataset.folder}: has frames that could not be made; run it with --resume"
             )
@@ -141,14 +148,15 @@ def _build(sources: Sequence[Dataset], choice: Choice, folder: Path, progress: P
     frames = sum(map(len, choice.kept))
     log = LabelLog(folder, frames)
     trajectories: list[Trajectory] = []
-    records: list[dict[str, Any]] = []
+    records: list[Source] = []
     epoch: Epoch | None = None
     index = first_sequence = 0
     for number, (dataset, kept) in enumerate(zip(sources, choice.kept, strict=True)):
-        trajectory = load_trajectory(dataset.folder / "trajectory.npz")
+        trajectory = dataset.trajectory
         epoch = epoch or Epoch.from_iso(trajectory.epoch_utc)
         later_s = _seconds_between(epoch, Epoch.from_iso(trajectory.epoch_utc))
-        for labels in progress(map(dataset.frame, kept), len(kept)):
+        frames_kept = (dataset[dataset.position(frame)] for frame in kept)
+        for labels in progress(frames_kept, len(kept)):
             _take(dataset, labels, folder, index, first_sequence, later_s, log)
             index += 1
         sequences = trajectory.sequence + first_sequence
@@ -163,30 +171,29 @@ def _build(sources: Sequence[Dataset], choice: Choice, folder: Path, progress: P
 
 def _take(
     dataset: Dataset,
-    labels: dict[str, Any],
+    labels: LabelLine,
     folder: Path,
     index: int,
     first_sequence: int,
     later_s: float,
     log: LabelLog,
 ) -> None:
-    taken = {
-        **labels,
+    changed: dict[str, Any] = {
         "index": index,
-        "t_s": labels["t_s"] + later_s,
-        "sequence": labels["sequence"] + first_sequence,
-        "origin": (dataset.folder.resolve().name, labels["index"]),
+        "t_s": labels.t_s + later_s,
+        "sequence": labels.sequence + first_sequence,
+        "origin": (dataset.folder.resolve().name, labels.index),
     }
     digests: dict[str, str] = {}
-    for key in ("image", "truth"):
-        if labels[key] is not None:
-            source = dataset.folder / labels[key]
-            if not source.is_file() or dataset.digests.get(labels[key]) != sha256(source):
+    for key, name in (("image", labels.image), ("truth", labels.truth)):
+        if name is not None:
+            source = inside(dataset.folder, name)
+            if not source.is_file() or dataset.digests.get(name) != sha256(source):
                 raise InputError(f"{source}: missing, or not as it was written; see 'posse validate'")
-            taken[key] = f"{Path(labels[key]).parent}/{index:06d}{source.suffix}"
-            digests[taken[key]] = dataset.digests[labels[key]]
-            place(source, folder / taken[key])
-    log.append(LabelLine(**taken), digests)
+            changed[key] = f"{Path(name).parent}/{index:06d}{source.suffix}"
+            digests[changed[key]] = dataset.digests[name]
+            place(source, folder / changed[key])
+    log.append(labels.model_copy(update=changed), digests)
 
 
 def _seconds_between(start: Epoch, end: Epoch) -> float:
@@ -209,7 +216,7 @@ def _joined(trajectories: Sequence[Trajectory]) -> Trajectory:
     return Trajectory(epoch_utc=first.epoch_utc, **arrays, extras=extras)
 
 
-def _record(dataset: Dataset, number: int, folder: Path) -> dict[str, Any]:
+def _record(dataset: Dataset, number: int, folder: Path) -> Source:
     """Copy what a source was made from; returns what the manifest says of it."""
     for name in dataset.spacecraft_by_name:
         for kind in ("json", "ply"):
@@ -219,27 +226,27 @@ def _record(dataset: Dataset, number: int, folder: Path) -> dict[str, Any]:
     copy = f"scenario-{number}.yaml"
     if scenario.exists():
         shutil.copyfile(scenario, folder / copy)
-    keys = ("frames", "seed", "renderer", "versions", "sources")
-    return {
-        "dataset": dataset.folder.resolve().name,
-        "scenario": copy if scenario.exists() else None,
-        **{key: dataset.manifest[key] for key in keys if key in dataset.manifest},
-    }
+    said = dataset.manifest.model_dump(
+        include={"frames", "seed", "renderer", "versions", "sources"}, exclude_unset=True
+    )
+    return Source(
+        dataset=dataset.folder.resolve().name, scenario=copy if scenario.exists() else None, **said
+    )
 
 
-def _write_manifest(folder: Path, records: list[dict[str, Any]], frames: int, choice: Choice) -> None:
+def _write_manifest(folder: Path, records: list[Source], frames: int, choice: Choice) -> None:
     files = [path for path in sorted(folder.glob("*")) if path.is_file() and path.name != CHECKSUMS]
     files += sorted([*folder.glob("spacecraft/*"), *folder.glob("labels/*")])
-    manifest = {
-        "format": "posse-dataset",
-        "format_version": 1,
-        "state": "complete",
-        "frames": frames,
-        "failed_frames": {},
-        "versions": {"posse-core": __version__},
-        "sources": records,
-        "selection": choice.selection,
-        "sha256": {str(path.relative_to(folder)): sha256(path) for path in files},
-        "frame_checksums": CHECKSUMS,
-    }
-    write_json(folder / "manifest.json", manifest)
+    manifest = Manifest(
+        format=FORMAT,
+        format_version=FORMAT_VERSION,
+        state="complete",
+        frames=frames,
+        failed_frames={},
+        versions={"posse-core": __version__},
+        sources=records,
+        selection=list(choice.selection),
+        sha256={str(path.relative_to(folder)): sha256(path) for path in files},
+        frame_checksums=CHECKSUMS,
+    )
+    write_json(folder / "manifest.json", manifest.as_json())

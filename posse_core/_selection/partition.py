@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from posse_core._arrays import IntArray
-from posse_core._dataset.dataset import PARTITION_FILE, PARTS, Dataset
+from posse_core._dataset.dataset import Dataset
+from posse_core._dataset.layout import PARTITION_FILE, PARTS
 from posse_core._errors import InputError
 from posse_core._files.atomic import write_json
 from posse_core._files.text import write_csv
 from posse_core._formats.needs import labels_with
 from posse_core._formats.thesis import NEEDS_POSE, POSE_COLUMNS, camera_pose
+from posse_core._model.label_line import LabelLine
 from posse_core._randomness import random_generator
 
 By = Literal["frame", "sequence"]
@@ -68,8 +70,8 @@ def write_partition(
     Raises:
         InputError: by sequence, there are fewer sequences than parts with a share.
     """
-    indices = dataset.frames.indices
-    sequences = np.array([labels["sequence"] for labels in dataset.frames], dtype=np.int64)
+    indices = dataset.indices
+    sequences = np.array([labels.sequence for labels in dataset], dtype=np.int64)
     needed = sum(share > 0 for share in shares)
     if by == "sequence" and len(np.unique(sequences)) < needed:
         raise InputError(
@@ -80,14 +82,14 @@ def write_partition(
     folder = (dataset.folder / PARTITION_FILE).parent
     folder.mkdir(exist_ok=True)
     for part, members in parts.items():
-        images = ([labels["image"]] for labels in _labels(dataset, members))
+        images = ([labels.image] for labels in _labels(dataset, members))
         write_csv(folder / f"{part}_images.csv", ("filename",), images)
-        poses = ([labels["image"], *camera_pose(labels)] for labels in _labels(dataset, members))
+        poses = ([labels.image, *camera_pose(labels)] for labels in _labels(dataset, members))
         write_csv(folder / f"{part}_pose.csv", ("filename", *POSE_COLUMNS), poses)
     value = {"seed": seed, "shares": list(shares), "by": by, "parts": parts}
     write_json(dataset.folder / PARTITION_FILE, value)
     return parts
 
 
-def _labels(dataset: Dataset, indices: Sequence[int]) -> Iterator[dict[str, Any]]:
-    return labels_with(dataset, "a partition", NEEDS_POSE, indices)
+def _labels(dataset: Dataset, indices: Sequence[int]) -> Iterator[LabelLine]:
+    return labels_with(dataset, "a partition", NEEDS_POSE, map(dataset.position, indices))

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from posse_core._errors import InputError
-from posse_core._formats.rle import decode_rle
+from posse_core._model.label_line import LabelLine
 from posse_core._model.labels import VISIBLE
 from posse_core._plugins.options import nearest
 
@@ -30,23 +30,23 @@ class Rule:
 
     name: str
     why: str
-    drops: Callable[[Dataset, dict[str, Any]], bool]
+    drops: Callable[[Dataset, LabelLine], bool]
     needs: Sequence[str]
 
 
-def _eclipse(dataset: Dataset, labels: dict[str, Any]) -> bool:
-    return bool(min(labels["sun_fraction_target"], labels["sun_fraction_camera"]) < ECLIPSE_DISC_SHARE)
+def _eclipse(dataset: Dataset, labels: LabelLine) -> bool:
+    return bool(min(labels.sun_fraction_target, labels.sun_fraction_camera) < ECLIPSE_DISC_SHARE)
 
 
-def _dark(dataset: Dataset, labels: dict[str, Any]) -> bool:
-    image = dataset.image(labels["index"])
-    craft = image[decode_rle(labels["mask_rle"])]
+def _dark(dataset: Dataset, labels: LabelLine) -> bool:
+    image = dataset.image(dataset.position(labels.index))
+    craft = image[labels.mask_rle.mask()]
     dark_dn = DARK_LEVEL_SHARE * np.iinfo(image.dtype).max
     return craft.size == 0 or bool(np.quantile(craft, DARK_PIXEL_SHARE) < dark_dn)
 
 
-def _few_keypoints(dataset: Dataset, labels: dict[str, Any]) -> bool:
-    seen = [name for name, point in labels["keypoints"].items() if point[2] == VISIBLE]
+def _few_keypoints(dataset: Dataset, labels: LabelLine) -> bool:
+    seen = [name for name, point in labels.keypoints.items() if point.visibility == VISIBLE]
     return len(seen) < ENOUGH_KEYPOINTS
 
 
@@ -90,7 +90,7 @@ def named(names: Sequence[str]) -> list[Rule]:
     return [rule for rule in RULES.values() if rule.name in names]
 
 
-def first_that_drops(rules: Sequence[Rule], dataset: Dataset, labels: dict[str, Any]) -> Rule | None:
+def first_that_drops(rules: Sequence[Rule], dataset: Dataset, labels: LabelLine) -> Rule | None:
     """The rule that a frame counts for, or None where it is kept.
 
     Raises:
@@ -98,9 +98,9 @@ def first_that_drops(rules: Sequence[Rule], dataset: Dataset, labels: dict[str, 
     """
     for rule in rules:
         for key in rule.needs:
-            if key not in labels:
+            if not labels.has(key):
                 raise InputError(
-                    f"{dataset.folder}: frame {labels['index']} has no {key!r}, which the rule"
+                    f"{dataset.folder}: frame {labels.index} has no {key!r}, which the rule"
                     f" {rule.name!r} asks for"
                 )
         if rule.drops(dataset, labels):

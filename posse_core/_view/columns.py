@@ -10,6 +10,7 @@ import numpy as np
 from posse_core._arrays import FloatArray, IntArray
 from posse_core._errors import InputError
 from posse_core._frames import R_eci_from_rtn, matrix_from_quaternion, unit
+from posse_core._model.label_line import LabelLine
 from posse_core._model.trajectory import Trajectory
 
 SCALARS = (
@@ -28,7 +29,7 @@ _DECIMALS = 6
 """Of vectors: a micrometre, a microradian."""
 
 
-def label_columns(lines: Iterable[dict[str, Any]]) -> dict[str, list[Any]]:
+def label_columns(lines: Iterable[LabelLine]) -> dict[str, list[Any]]:
     """Column name → a value for each label line, null where a line has none.
 
     ``keypoints_visible`` counts the keypoints with visibility 2.
@@ -36,9 +37,9 @@ def label_columns(lines: Iterable[dict[str, Any]]) -> dict[str, list[Any]]:
     table: dict[str, list[Any]] = {name: [] for name in (*SCALARS, "keypoints_visible")}
     for labels in lines:
         for name in SCALARS:
-            table[name].append(labels.get(name))
-        points = labels.get("keypoints")
-        seen = None if points is None else sum(point[2] == _SEEN for point in points.values())
+            table[name].append(getattr(labels, name) if labels.has(name) else None)
+        points = labels.keypoints.values() if labels.has("keypoints") else None
+        seen = None if points is None else sum(point.visibility == _SEEN for point in points)
         table["keypoints_visible"].append(seen)
     return table
 

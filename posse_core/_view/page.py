@@ -17,7 +17,7 @@ from posse_core._arrays import IntArray, evenly_spread
 from posse_core._dataset.dataset import Dataset
 from posse_core._errors import InputError
 from posse_core._files.atomic import atomic_file
-from posse_core._files.trajectory import load_trajectory
+from posse_core._model.label_line import LabelLine
 from posse_core._view.columns import label_columns, motion_columns
 from posse_core._view.previews import preview
 
@@ -53,11 +53,10 @@ def write_page(
     Raises:
         InputError: the labels alone are larger than that, or a file of the dataset cannot be read.
     """
-    lines = dataset.frames
-    if not len(lines):
+    if not len(dataset):
         raise InputError(f"{dataset.folder}: has no frames to show")
-    places = evenly_spread(len(lines), len(lines) if frames is None else frames).tolist()
-    blocks = [len(_frame_block(lines[place], None)) for place in places]
+    places = evenly_spread(len(dataset), len(dataset) if frames is None else frames).tolist()
+    blocks = [len(_frame_block(dataset[place], None)) for place in places]
     head, tail = _page_halves(_dataset_block(dataset, out, places))
     room = max_bytes - len(head) - len(tail) - sum(blocks)
     if room < 0:
@@ -71,8 +70,8 @@ def write_page(
     with atomic_file(out) as stream:
         stream.write(head)
         for place, bare in zip(progress(places, len(places)), blocks, strict=True):
-            labels = lines[place]
-            block = _frame_block(labels, preview(dataset, labels) if place in chosen else None)
+            labels = dataset[place]
+            block = _frame_block(labels, preview(dataset, place) if place in chosen else None)
             if len(block) - bare > room:
                 block = _frame_block(labels, None)
             previews += len(block) > bare
@@ -86,22 +85,20 @@ def write_page(
 def _previewed(dataset: Dataset, places: list[int], room: int) -> set[int]:
     """Places of as many evenly spread frames as have room for previews, by the mean of a few."""
     sample = [places[i] for i in evenly_spread(len(places), _SAMPLES)]
-    lines = (dataset.frames[place] for place in sample)
-    mean = np.mean([len(json.dumps(preview(dataset, labels))) for labels in lines])
+    mean = np.mean([len(json.dumps(preview(dataset, place))) for place in sample])
     return {places[i] for i in evenly_spread(len(places), int(room / mean))}
 
 
 def _dataset_block(dataset: Dataset, out: Path, places: list[int]) -> bytes:
-    lines = dataset.frames
-    index: IntArray = lines.indices[places]
-    trajectory = load_trajectory(dataset.folder / "trajectory.npz")
+    index: IntArray = dataset.indices[places]
+    trajectory = dataset.trajectory
     ended = (dataset.folder / "manifest.json").exists()
     relative = Path(os.path.relpath(dataset.folder.resolve(), out.resolve().parent)).as_posix()
     value = {
         "name": dataset.folder.resolve().name,
         "folder": quote(relative) + "/",
         "epoch_utc": trajectory.epoch_utc,
-        "frames": len(lines),
+        "frames": len(dataset),
         "camera": {
             "width_px": dataset.camera.width_px,
             "height_px": dataset.camera.height_px,
@@ -111,10 +108,10 @@ def _dataset_block(dataset: Dataset, out: Path, places: list[int]) -> bytes:
         },
         "spacecraft": {name: _spacecraft(dataset, name) for name in dataset.spacecraft_by_name},
         "columns": {
-            **label_columns(lines[place] for place in places),
+            **label_columns(dataset[place] for place in places),
             **motion_columns(trajectory, index),
         },
-        "manifest": dict(dataset.manifest) if ended else None,
+        "manifest": dataset.manifest.as_json() if ended else None,
     }
     return _script("dataset", value)
 
@@ -127,9 +124,9 @@ def _spacecraft(dataset: Dataset, name: str) -> dict[str, Any]:
     }
 
 
-def _frame_block(labels: dict[str, Any], small: dict[str, Any] | None) -> bytes:
-    kept = {name: value for name, value in labels.items() if name not in LEFT_OUT}
-    return _script(f"frame-{labels['index']}", {"labels": kept, "preview": small})
+def _frame_block(labels: LabelLine, small: dict[str, Any] | None) -> bytes:
+    kept = {name: value for name, value in labels.as_json().items() if name not in LEFT_OUT}
+    return _script(f"frame-{labels.index}", {"labels": kept, "preview": small})
 
 
 def _script(name: str, value: Any) -> bytes:

@@ -16,16 +16,17 @@ WIDTH_PX = 384
 JPEG_QUALITY = 75
 
 
-def preview(dataset: Dataset, labels: dict[str, Any]) -> dict[str, Any]:
-    """``jpeg``: base64; ``depth``: :func:`coded_depth` of the frame's truth, or None.
+def preview(dataset: Dataset, i: int) -> dict[str, Any]:
+    """What the page shows of the frame at position ``i`` beside its labels.
+
+    ``jpeg``: base64; ``depth``: :func:`coded_depth` of its truth, or None.
 
     Raises:
         InputError: a file of the frame is missing or damaged.
     """
-    index = labels["index"]
-    depth_m = dataset.truth(index).get("depth_m")
+    depth_m = dataset.truth(i).get("depth_m")
     return {
-        "jpeg": _coded_image(dataset.image(index)),
+        "jpeg": _coded_image(dataset.image(i)),
         "depth": None if depth_m is None else coded_depth(depth_m),
     }
 

@@ -64,14 +64,14 @@ def a_dataset(folder, earth):
 
 def test_a_sky_without_an_earth_is_space(tmp_path):
     with_earth, without = a_dataset(tmp_path / "a", True), a_dataset(tmp_path / "b", False)
-    before = backgrounds(with_earth, list(with_earth.frames))
+    before = backgrounds(with_earth, list(with_earth))
     assert len(set(before)) > 1  # the hand-made motion looks anywhere
-    assert set(backgrounds(without, list(without.frames))) == {"space"}
+    assert set(backgrounds(without, list(without))) == {"space"}
     collect([without, with_earth], [], None, tmp_path / "both", lambda frames, count: frames)
     both = Dataset(tmp_path / "both")
-    assert backgrounds(both, list(both.frames)) == ["space"] * 6 + before
+    assert backgrounds(both, list(both)) == ["space"] * 6 + before
     (both.folder / "scenario-1.yaml").unlink()
-    assert backgrounds(both, list(both.frames)) == ["space"] * 6 + [None] * 6
+    assert backgrounds(both, list(both)) == ["space"] * 6 + [None] * 6
     (with_earth.folder / "scenario.yaml").write_text("sky: 3")
     with pytest.raises(InputError, match="not a resolved scenario"):
-        backgrounds(with_earth, list(with_earth.frames))
+        backgrounds(with_earth, list(with_earth))

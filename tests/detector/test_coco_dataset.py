@@ -56,10 +56,10 @@ def test_it_tells_what_the_dataset_tells(source, folder):
     assert list(coco.spacecraft_by_name) == ["brick", "plate"]
     assert frames_of(coco, "all") == list(range(12))
     for index in range(12):
-        ours, theirs = coco.frame(index), source.frame(index)
+        ours, theirs = coco[index], source[index]
         assert np.array_equal(coco.image(index), source.image(index))
         assert coco.size_px(index) == (120, 160)
-        assert "keypoints" not in ours  # nothing says where they are on the craft
+        assert not ours.has("keypoints")  # nothing says where they are on the craft
         for a, b in zip(true_boxes(ours), true_boxes(theirs), strict=True):
             assert a.label == b.label
             assert np.array_equal(a.box_px, b.box_px)
@@ -75,10 +75,10 @@ def test_keypoints_come_with_the_craft_and_the_camera(source, folder):
     )
     assert ours.keypoints_body_m == theirs.keypoints_body_m
     for index in range(12):
-        if not true_boxes(source.frame(index)):
+        if not true_boxes(source[index]):
             continue
-        known = source.frame(index)["keypoints"]
-        for name, (u, v, visibility) in coco.frame(index)["keypoints"].items():
+        known = source[index].keypoints
+        for name, (u, v, visibility) in coco[index].keypoints.items():
             assert visibility == known[name][2]
             assert (u, v) == (tuple(known[name][:2]) if visibility else (None, None))
 
@@ -101,7 +101,7 @@ class Boxes(Detector):
 @pytest.mark.parametrize("name", ["coco.json", "."])
 def test_a_file_or_a_folder_is_measured(folder, name):
     coco = open_dataset(folder / name)
-    detector = Boxes([true_boxes(line) for line in coco.frames])
+    detector = Boxes([true_boxes(line) for line in coco])
     whole, *others = groups(coco, evaluate(coco, frames_of(coco, "all"), detector), poses=False)
     assert whole.frames == 12
     assert whole.metrics["mAP"] == pytest.approx(1)

@@ -19,6 +19,7 @@ from posse_core._detection.groups import groups
 from posse_core._detection.page import make_page
 from posse_core._errors import InputError
 from posse_core._interfaces.detector import Detection, Detector, KeypointFinder
+from posse_core._model.label_line import LabelLine
 
 pytest.importorskip("faster_coco_eval")
 PLATE = np.array([1.4, 1.4, 0.1])
@@ -37,20 +38,20 @@ class Labels(Detector):
 
     def __init__(self, dataset: Dataset, shift_px: float = 0.0) -> None:
         self.shift_px = shift_px
-        self.lines = {dataset.image(i).tobytes(): dataset.frame(i) for i in range(len(dataset.frames))}
+        self.lines = {dataset.image(i).tobytes(): dataset[i] for i in range(len(dataset))}
 
     def load(self, path: Path) -> None:
         raise NotImplementedError
 
-    def line(self, image: AnyArray) -> dict:
+    def line(self, image: AnyArray) -> LabelLine:
         return self.lines[image.tobytes()]
 
     def predict(self, images):
         found = []
         for line in map(self.line, images):
-            box = line["box_visible_px"]
+            box = line.box_visible_px
             moved = [] if box is None else [np.array(box, float) + np.array([self.shift_px, 0, 0, 0])]
-            found.append([Detection(line["spacecraft"], 0.9, b) for b in moved])
+            found.append([Detection(line.spacecraft, 0.9, b) for b in moved])
         return found
 
 
@@ -70,7 +71,7 @@ class Points(KeypointFinder):
         raise NotImplementedError
 
     def find(self, image, detections):
-        points = np.array([p[:2] for p in self.labels.line(image)["keypoints"].values()])
+        points = np.array([p[:2] for p in self.labels.line(image).keypoints.values()])
         return [Detection(d.label, d.score, d.box_px, points, np.ones(len(points))) for d in detections]
 
 
@@ -110,7 +111,7 @@ def test_a_turn_about_a_symmetry_counts_for_add_alone(dataset):
             return [replace(told, keypoints_px=told.keypoints_px[order])]
 
     for name, half in (("brick", cuboid.HALF), ("plate", PLATE)):
-        indices = [i for i in range(12) if dataset.frame(i)["spacecraft"] == name]
+        indices = [i for i in range(12) if dataset[i].spacecraft == name]
         judged = evaluate(dataset, indices, Labels(dataset), Turned(dataset))
         poses = [j.pose for j in judged if j.pose is not None]
         assert len(poses) == 5
@@ -152,7 +153,7 @@ def test_the_page_shows_what_was_measured(dataset):
     assert [len(plot.findall(".//circle")) for plot in plots] == [0, 0, 10, 10, 10, 10]
     worst = re.findall(r"frame (\d+), IoU ([\d.]+)</figcaption>", text)
     assert [float(iou) for _, iou in worst] == sorted(float(iou) for _, iou in worst)
-    overlaps = {str(j.labels["index"]): j.overlaps[0] for j in judged if j.truths}
+    overlaps = {str(j.labels.index): j.overlaps[0] for j in judged if j.truths}
     assert {index: f"{overlaps[index]:.2f}" for index, _ in worst} == dict(worst)
     for data in re.findall(r'src="data:image/jpeg;base64,([^"]+)"', text):
         picture = cv2.imdecode(np.frombuffer(base64.b64decode(data), np.uint8), cv2.IMREAD_COLOR)

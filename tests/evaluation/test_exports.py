@@ -8,10 +8,11 @@ import cv2
 import numpy as np
 import pytest
 
+from posse_core._dataset.coco import read_coco
 from posse_core._dataset.dataset import Dataset
 from posse_core._evaluation.validate import validate
 from posse_core._formats.bop import BopWriter, read_bop
-from posse_core._formats.coco import CocoWriter, read_coco
+from posse_core._formats.coco import CocoWriter
 from posse_core._formats.speed import SpeedWriter, read_speed
 from posse_core._formats.yolo import YoloWriter, read_yolo
 from posse_core._plugins.options import NoOptions
@@ -66,46 +67,49 @@ def shown(line):
 
 def test_coco_and_speed_come_back_to_the_bit(exported):
     lines = {line["image"]: line for line in cuboid.read_lines(exported)}
-    back = dict(read_coco(exported / "coco.json"))
-    assert list(back) == list(lines)
-    for name, labels in back.items():
-        assert labels.get("keypoints") == shown(lines[name])
-        assert all(lines[name][k] == v for k, v in labels.items() if k != "keypoints")
-    for name, labels in read_speed(exported / "speed.json"):
-        assert labels == {k: lines[name][k] for k in ("q_cam_from_body", "t_body_cam_m")}
+    back = [json.loads(labels.to_json()) for labels in read_coco(exported / "coco.json")]
+    assert [labels["image"] for labels in back] == list(lines)
+    for labels in back:
+        line = lines[labels["image"]]
+        assert labels.get("keypoints") == shown(line)
+        assert all(line[k] == v for k, v in labels.items() if k != "keypoints")
+    for pose in read_speed(exported / "speed.json"):
+        assert pose.q_cam_from_body == lines[pose.image]["q_cam_from_body"]
+        assert pose.t_body_cam_m == lines[pose.image]["t_body_cam_m"]
 
 
 def test_the_older_key_of_speed_is_read(tmp_path):
     entry = {"filename": "a.jpg", "q_vbs2tango": [1, 0, 0, 0], "r_Vo2To_vbs_true": [0, 0, 9]}
     (tmp_path / "train.json").write_text(json.dumps([entry]))
     (back,) = read_speed(tmp_path / "train.json")
-    assert back == ("a.jpg", {"q_cam_from_body": [1, 0, 0, 0], "t_body_cam_m": [0, 0, 9]})
+    assert back == ("a.jpg", [1, 0, 0, 0], [0, 0, 9])
 
 
 def test_yolo_comes_back_within_rounding(exported):
     lines = {line["image"]: line for line in cuboid.read_lines(exported)}
-    back = dict(read_yolo(exported / "yolo", cuboid.CAMERA))
+    back = {labels.image: labels for labels in read_yolo(exported / "yolo", cuboid.CAMERA)}
     assert back.keys() == lines.keys()
     for name, labels in back.items():
         line, points = lines[name], shown(lines[name])
         if points is None:
-            assert labels == {"box_visible_px": None}
+            assert labels.box_visible_px is None
+            assert not labels.has("spacecraft")
             continue
-        assert labels["spacecraft"] == line["spacecraft"]
-        assert labels["box_visible_px"] == pytest.approx(line["box_visible_px"], abs=1e-10)
-        assert labels["keypoints"].keys() == points.keys()
-        assert all(labels["keypoints"][k] == pytest.approx(points[k], abs=1e-10) for k in points)
+        assert labels.spacecraft == line["spacecraft"]
+        assert labels.box_visible_px == pytest.approx(line["box_visible_px"], abs=1e-10)
+        assert labels.keypoints.keys() == points.keys()
+        assert all(labels.keypoints[k] == pytest.approx(points[k], abs=1e-10) for k in points)
 
 
 def test_bop_comes_back_within_its_depth_step(exported):
     lines = {line["image"]: line for line in cuboid.read_lines(exported)}
     back = list(read_bop(exported / "bop"))
-    assert [name for name, _, _ in back] == list(lines)
-    for name, labels, arrays in back:
-        line = lines[name]
-        assert labels["spacecraft"] == line["spacecraft"]
-        assert labels["q_cam_from_body"] == pytest.approx(line["q_cam_from_body"], abs=1e-12)
-        assert labels["t_body_cam_m"] == pytest.approx(line["t_body_cam_m"], abs=1e-12)
+    assert [labels.image for labels, _ in back] == list(lines)
+    for labels, arrays in back:
+        line = lines[labels.image]
+        assert labels.spacecraft == line["spacecraft"]
+        assert labels.q_cam_from_body == pytest.approx(line["q_cam_from_body"], abs=1e-12)
+        assert labels.t_body_cam_m == pytest.approx(line["t_body_cam_m"], abs=1e-12)
         with np.load(exported / line["truth"]) as truth:
             assert np.array_equal(arrays["mask"], truth["part_id"] >= 0)
             off = np.abs(arrays["depth_m"] - truth["depth_m"])

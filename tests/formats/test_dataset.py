@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from posse_core._dataset.dataset import Dataset, Frames, read_camera, write_camera
+from posse_core._dataset.camera import read_camera, write_camera
+from posse_core._dataset.dataset import Dataset
+from posse_core._dataset.lines import LabelLines
 from posse_core._errors import InputError
 from posse_core._model.camera import Camera
 from posse_core._model.distortion import BrownConrady
@@ -27,11 +29,14 @@ def test_frames_are_ordered_by_index_over_shards(dataset_folder, tmp_path):
         "".join(json.dumps(lines[i]) + "\n" for i in (5, 3, 2))
     )
     dataset = Dataset(tmp_path / "d")
-    assert list(dataset.frames) == lines
-    assert dataset.frames[-2:] == lines[-2:]
-    assert dataset.frame(3) == lines[3]
+    assert [json.loads(line.to_json()) for line in dataset] == lines
+    assert [line.index for line in dataset[-2:]] == [4, 5]
+    assert [dataset[i].index for i in (3, -1, -6)] == [3, 5, 0]
+    for i in (6, -7):
+        with pytest.raises(IndexError, match=f"none at position {i}"):
+            dataset[i]
     with pytest.raises(InputError, match="has no frame 6"):
-        dataset.frame(6)
+        dataset.position(6)
 
 
 def test_a_torn_last_line_is_no_frame(dataset_folder, tmp_path):
@@ -40,11 +45,11 @@ def test_a_torn_last_line_is_no_frame(dataset_folder, tmp_path):
     whole = text.rfind(b"\n", 0, -1) + 1
     for end in (whole + 1, whole + 40, len(text) - 1):
         shard.write_bytes(text[:end])
-        frames = Frames(tmp_path)
+        frames = LabelLines(tmp_path)
         assert frames.indices.tolist() == [0, 1, 2, 3, 4]
         assert frames.damaged == []
     shard.write_bytes(text)
-    assert len(Frames(tmp_path)) == 6
+    assert len(LabelLines(tmp_path)) == 6
 
 
 def test_a_damaged_line_within_is_an_error_with_its_place(dataset_folder, tmp_path):
@@ -54,7 +59,7 @@ def test_a_damaged_line_within_is_an_error_with_its_place(dataset_folder, tmp_pa
     rows[2] = rows[2][:30] + "\n"
     shard.write_text("".join(rows))
     with pytest.raises(InputError, match=r"shard-00000.jsonl, line 3: not a label"):
-        _ = Dataset(tmp_path / "d").frames
+        len(Dataset(tmp_path / "d"))
 
 
 def test_memory_is_not_that_of_the_labels(tmp_path):
@@ -63,8 +68,8 @@ def test_memory_is_not_that_of_the_labels(tmp_path):
         for i in range(1000):
             stream.write(json.dumps({"index": i, "mask": padding}) + "\n")
     tracemalloc.start()
-    frames = Frames(tmp_path)
-    assert sum(line["index"] for line in frames) == 999 * 1000 / 2
+    frames = LabelLines(tmp_path)
+    assert sum(json.loads(line)["index"] for line in frames) == 999 * 1000 / 2
     assert tracemalloc.get_traced_memory()[1] < 2_000_000  # the file has 20 MB
     tracemalloc.stop()
 
@@ -185,6 +190,6 @@ def test_a_run_that_has_not_ended_says_so(dataset_folder, tmp_path):
     shutil.copytree(dataset_folder, tmp_path / "d")
     (tmp_path / "d/manifest.json").unlink()
     dataset = Dataset(Path(tmp_path / "d"))
-    assert len(dataset.frames) == 6
+    assert len(dataset) == 6
     with pytest.raises(InputError, match="--resume"):
         _ = dataset.manifest

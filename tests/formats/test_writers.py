@@ -201,7 +201,7 @@ def test_pose_data_is_the_dataset_list_without_the_name(thesis_files):
 def test_writers_do_not_hold_the_frames(tmp_path):
     folder = cuboid.write_dataset(tmp_path / "d")
     line = cuboid.read_lines(folder)[0]
-    many = [{**line, "index": i, "padding": "x" * 20_000} for i in range(250)]
+    many = [{**line, "index": i, "padding": {"text": "x" * 20_000}} for i in range(250)]
     cuboid.write_lines(folder, many)
     dataset = Dataset(folder)
     tracemalloc.start()

@@ -14,6 +14,7 @@ from click.testing import CliRunner
 
 from posse_core._model.camera import PixelBox
 from posse_core._model.label_line import LabelLine
+from posse_core._model.manifest import Manifest
 from posse_core._model.scene import RenderRequest, Scene
 from posse_core._plugins.kinds import KINDS
 from posse_core._plugins.loading import Plugins
@@ -84,6 +85,10 @@ def test_the_observers_hear(load) -> None:
     plugins = load("posse_run_started")
     plugins.notify("posse_run_started", dataset=Path("d"), frames=2)
     plugins.notify("posse_frame_completed", index=1, labels=LabelLine(index=1, range_m=20.0))
-    plugins.notify("posse_run_finished", dataset=Path("d"), manifest={"seed": 3})
+    plugins.notify(
+        "posse_run_finished",
+        dataset=Path("d"),
+        manifest=Manifest(state="complete", frames=2, failed_frames={}, seed=3, sha256={}),
+    )
     heard = importlib.import_module("example_posse_run_started").heard
     assert heard == ["2 frames to d", "frame 1: 20.0 m", "finished with seed 3"]

@@ -16,6 +16,7 @@ from posse_core._cli.collect import command
 from posse_core._dataset.dataset import Dataset
 from posse_core._errors import InputError
 from posse_core._evaluation.validate import validate
+from posse_core._model.label_line import LabelLine
 from posse_core._selection.balance import AXES, BANDS, SECTORS, balanced
 
 bins_of_frames = st.lists(st.tuples(st.sampled_from("abc"), st.integers(0, 3)), max_size=120)
@@ -51,8 +52,8 @@ def test_the_seed_chooses_and_no_frame_is_preferred():
 def test_ranges_lie_in_their_bin_of_half_an_octave(range_m):
     axis = AXES["range"]
     low, high = (
-        2 ** (axis.bin_of({"range_m": range_m}) / 2),
-        2 ** (axis.bin_of({"range_m": range_m}) / 2 + 0.5),
+        2 ** (axis.bin_of(LabelLine(index=0, range_m=range_m)) / 2),
+        2 ** (axis.bin_of(LabelLine(index=0, range_m=range_m)) / 2 + 0.5),
     )
     assert low <= range_m * (1 + 1e-12)
     assert range_m < high * (1 + 1e-12)
@@ -65,7 +66,7 @@ def labels_from(direction_body):
     """A camera on that side of the craft, turned anyhow."""
     x, y, z, w = R.as_quat()
     t = -R.apply(7.0 * direction_body)
-    return {"q_cam_from_body": [w, x, y, z], "t_body_cam_m": t.tolist(), "range_m": 7.0}
+    return LabelLine(index=0, q_cam_from_body=(w, x, y, z), t_body_cam_m=t.tolist(), range_m=7.0)
 
 
 def test_directions_fill_bins_of_equal_area_that_are_what_their_names_say():
@@ -107,10 +108,10 @@ def test_command_balances_classes_and_says_so(crafts, tmp_path):
     result = run(*crafts, "--out", tmp_path / "even", "--balance", "class", "--json")
     assert json.loads(result.stdout) == {"balance": 2, "kept": 8}
     even = Dataset(tmp_path / "even")
-    assert Counter(frame["spacecraft"] for frame in even.frames) == {"brick": 4, "plate": 4}
+    assert Counter(frame.spacecraft for frame in even) == {"brick": 4, "plate": 4}
     assert validate(even, lambda places, frames: places).passed
-    (entry,) = even.manifest["selection"]
-    assert entry == {
+    (entry,) = even.manifest.selection
+    assert entry.model_dump() == {
         "rule": "balance",
         "why": "even over class (seed 0)",
         "dropped": 2,
@@ -126,13 +127,13 @@ def test_rules_go_before_balance_and_bins_are_crossed(crafts, tmp_path):
     result = run(*crafts, "--out", tmp_path / "even", *options, "--frames", 7)
     # The last frame of the brick shows nothing, and so may one of the plate's.
     assert result.exit_code == 0, result.exception
-    rule, balance = Dataset(tmp_path / "even").manifest["selection"]
-    assert rule["rule"] == "few-keypoints"
-    assert rule["dropped"] >= 1
-    assert balance["why"] == "7 frames, as even as can be over class, range (seed 3)"
-    assert sum(each["kept"] for each in balance["bins"]) == 7
-    assert sum(each["frames"] for each in balance["bins"]) == 7 + balance["dropped"]
-    assert all(set(each) == {"class", "range", "frames", "kept"} for each in balance["bins"])
+    rule, balance = Dataset(tmp_path / "even").manifest.selection
+    assert rule.rule == "few-keypoints"
+    assert rule.dropped >= 1
+    assert balance.why == "7 frames, as even as can be over class, range (seed 3)"
+    assert sum(each["kept"] for each in balance.bins) == 7
+    assert sum(each["frames"] for each in balance.bins) == 7 + balance.dropped
+    assert all(set(each) == {"class", "range", "frames", "kept"} for each in balance.bins)
 
 
 def test_the_same_seed_takes_the_same_frames(crafts, tmp_path):
@@ -140,7 +141,7 @@ def test_the_same_seed_takes_the_same_frames(crafts, tmp_path):
     for name, seed in (("a", 1), ("b", 1), ("c", 3)):
         options = ("--balance", "class", "--frames", 3, "--seed", seed)
         run(*crafts, "--out", tmp_path / name, *options)
-        origins.append([frame["origin"] for frame in Dataset(tmp_path / name).frames])
+        origins.append([frame.origin for frame in Dataset(tmp_path / name)])
     assert origins[0] == origins[1] != origins[2]
 
 

@@ -42,10 +42,11 @@ def test_joined_datasets_pass_validation_and_keep_their_frames(two, tmp_path):
     assert list(both.spacecraft_by_name) == ["brick", "plate"]
     sources = cuboid.read_lines(brick) + cuboid.read_lines(plate)
     moved = ("index", "image", "truth", "t_s", "sequence", "origin")
-    for index, (frame, source) in enumerate(zip(both.frames, sources, strict=True)):
-        assert frame["index"] == index
-        assert frame["origin"] == [source["spacecraft"], source["index"]]
-        assert {k: v for k, v in frame.items() if k not in moved} == {
+    for index, (frame, source) in enumerate(zip(both, sources, strict=True)):
+        assert frame.index == index
+        assert frame.origin == (source["spacecraft"], source["index"])
+        labels = json.loads(frame.to_json())
+        assert {k: v for k, v in labels.items() if k not in moved} == {
             k: v for k, v in source.items() if k not in moved
         }
         own = Dataset(tmp_path / source["spacecraft"])
@@ -63,9 +64,9 @@ def test_times_and_sequences_go_on(two, tmp_path):
         [*expected, *(3601 + expected)]
     )  # an hour, and the leap second
     assert trajectory.sequence.tolist() == [0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3]
-    frames = list(Dataset(tmp_path / "all").frames)
-    assert [frame["t_s"] for frame in frames] == pytest.approx(trajectory.t_s.tolist())
-    assert [frame["sequence"] for frame in frames] == trajectory.sequence.tolist()
+    frames = list(Dataset(tmp_path / "all"))
+    assert [frame.t_s for frame in frames] == pytest.approx(trajectory.t_s.tolist())
+    assert [frame.sequence for frame in frames] == trajectory.sequence.tolist()
 
 
 def spoil(folder):
@@ -90,8 +91,8 @@ def test_rules_drop_what_they_name_and_are_counted(two, tmp_path):
     # The last frame shows nothing: no keypoint is seen.
     assert json.loads(result.stdout) == {"eclipse": 2, "few-keypoints": 2, "dark": 1, "kept": 1}
     good = Dataset(tmp_path / "good")
-    assert [frame["origin"] for frame in good.frames] == [["brick", 4]]
-    selection = {each["rule"]: each["dropped"] for each in good.manifest["selection"]}
+    assert [frame.origin for frame in good] == [("brick", 4)]
+    selection = {each.rule: each.dropped for each in good.manifest.selection}
     assert selection == {"eclipse": 2, "few-keypoints": 2, "dark": 1}
     assert validate(good, lambda places, frames: places).passed
     row, rows = (load_trajectory(folder / "trajectory.npz") for folder in (tmp_path / "good", brick))
@@ -108,16 +109,16 @@ def test_dark_is_judged_by_the_craft_alone(two, tmp_path):
         cv2.imwrite(str(brick / lines[index]["image"]), image.astype(np.uint16))
     cuboid.seal(brick, 6)
     run(brick, "--out", tmp_path / "good", "--drop", "dark")
-    assert [frame["origin"][1] for frame in Dataset(tmp_path / "good").frames] == [0, 2, 4]
+    assert [frame.origin[1] for frame in Dataset(tmp_path / "good")] == [0, 2, 4]
 
 
 def test_a_collection_can_be_collected_again(two, tmp_path):
     run(*two, "--out", tmp_path / "all")
     run(tmp_path / "all", "--out", tmp_path / "again", "--drop", "few-keypoints")
     again = Dataset(tmp_path / "again")
-    assert len(again.frames) == 10
+    assert len(again) == 10
     assert validate(again, lambda places, frames: places).passed
-    assert [source["dataset"] for source in again.manifest["sources"][0]["sources"]] == [
+    assert [source.dataset for source in again.manifest.sources[0].sources] == [
         "brick",
         "plate",
     ]

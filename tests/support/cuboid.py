@@ -17,7 +17,8 @@ import numpy as np
 from pycocotools import mask as coco_mask
 from scipy.spatial.transform import Rotation
 
-from posse_core._dataset.dataset import write_camera, write_spacecraft
+from posse_core._dataset.camera import write_camera
+from posse_core._dataset.spacecraft import write_spacecraft
 from posse_core._files.trajectory import load_trajectory, save_trajectory
 from posse_core._model.camera import Camera
 from posse_core._model.spacecraft import Material, Part, Spacecraft
@@ -108,7 +109,7 @@ def labels_of(
         "spacecraft": craft.name,
         "image": f"images/{index:06d}.png",
         "truth": f"truth/{index:06d}.npz",
-        "sun_fraction_target": 1 - index / 100,
+        "sun_fraction_target": 1 - index % 100 / 100,
         "sun_fraction_camera": 1.0,
         "solar_flux_w_m2": 1361.0,
         "box_visible_px": box,

@@ -11,7 +11,7 @@ import pytest
 from pycocotools import mask as coco_mask
 from scipy.spatial.transform import Rotation
 
-from posse_core._dataset.dataset import read_camera
+from posse_core._dataset.camera import read_camera
 
 pytestmark = pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")
 

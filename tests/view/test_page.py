@@ -109,7 +109,7 @@ def test_previews_are_the_images_and_depths(page, two_crafts):
         png = np.frombuffer(base64.b64decode(preview["depth"]["png"]), np.uint8)
         steps = cv2.imdecode(png, cv2.IMREAD_UNCHANGED)
         x, y, w, h = preview["depth"]["box"]
-        assert [x, y, w, h] == dataset.frame(index)["box_visible_px"]
+        assert [x, y, w, h] == list(dataset[index].box_visible_px)
         crop = depth_m[y : y + h, x : x + w]
         assert np.array_equal(steps > 0, np.isfinite(crop))
         near_m, far_m = preview["depth"]["near_m"], preview["depth"]["far_m"]
@@ -130,7 +130,7 @@ def test_nothing_is_fetched(page, view, two_crafts, tmp_path):
 def test_text_of_labels_stays_text(view, tmp_path):
     folder = cuboid.write_dataset(tmp_path / "d")
     lines = cuboid.read_lines(folder)
-    lines[2]["remark"] = "</script><script>alert(1)</script><!--<script>"
+    lines[2]["remark"] = {"text": "</script><script>alert(1)</script><!--<script>"}
     cuboid.write_lines(folder, lines)
     assert view(folder).exit_code == 0
     page = parsed(folder / "view.html")

@@ -180,7 +180,7 @@ def test_from_image_to_pose_by_the_command(tmp_path):
 def test_a_page_of_an_evaluation_by_the_command(tmp_path):
     """A net that tells the box of the dataset's first frame, whatever it sees."""
     dataset = Dataset(cuboid.write_dataset(tmp_path / "d"))
-    box = np.array(dataset.frame(0)["box_visible_px"], float)
+    box = np.array(dataset[0].box_visible_px, float)
     outputs = {
         "boxes": Square.of_image(120, 160, 64).boxes_in(box)[None, None].astype(np.float32),
         "scores": np.array([[0.9]], np.float32),

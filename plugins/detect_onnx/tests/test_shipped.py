@@ -56,15 +56,15 @@ def test_they_find_what_they_have_not_seen(
     told = json.loads(posse_run("detect", dataset.folder / "images", "--camera", camera, "--json"))
     sunlit = [
         (line, row["detections"])
-        for line, row in zip(dataset.frames, told, strict=True)
-        if line["sun_fraction_target"] > 0.5 and line["fraction_lit"] > 0.05
+        for line, row in zip(dataset, told, strict=True)
+        if line.sun_fraction_target > 0.5 and line.fraction_lit > 0.05
     ]
     assert len(sunlit) >= 3
     overlaps, ranges = [], []
     for line, found in sunlit:
         if found and found[0]["label"] == name:
-            overlaps.append(overlap(found[0]["box_px"], line["box_visible_px"]))
-            ranges.append(np.linalg.norm(found[0]["pose"]["t_body_cam_m"]) / line["range_m"])
+            overlaps.append(overlap(found[0]["box_px"], line.box_visible_px))
+            ranges.append(np.linalg.norm(found[0]["pose"]["t_body_cam_m"]) / line.range_m)
     assert len(overlaps) > 0.7 * len(sunlit)
     assert np.median(overlaps) > 0.6
     assert abs(np.median(ranges) - 1) < range_error

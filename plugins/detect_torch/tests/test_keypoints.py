@@ -116,13 +116,13 @@ def test_from_image_to_pose_with_and_without_torch(posse, trained, tmp_path):
         finder.load(path)
 
     def found_in(index, finder):
-        (box,) = true_boxes(dataset.frame(index))
+        (box,) = true_boxes(dataset[index])
         (found,) = finder.find(dataset.image(index), [Detection(box.label, 1.0, box.box_px)])
         return found
 
     turns_deg = []
     for index in range(20):
-        line = dataset.frame(index)
+        line = dataset[index]
         by_torch, by_onnx = (found_in(index, finder) for finder in finders)
         assert by_torch.keypoints_px.shape == (8, 2)
         assert (by_torch.keypoints_sigma_px > 0).all()
@@ -132,7 +132,7 @@ def test_from_image_to_pose_with_and_without_torch(posse, trained, tmp_path):
         seen = by_torch.keypoints_px, dataset.camera.matrix, None
         _, turn, t_m = cv2.solvePnP(points_m, *seen, flags=cv2.SOLVEPNP_SQPNP)
         if t_m[2, 0] > 0:
-            w, x, y, z = line["q_cam_from_body"]
+            w, x, y, z = line.q_cam_from_body
             away = Rotation.from_rotvec(turn[:, 0]) * Rotation.from_quat([x, y, z, w]).inv()
             turns_deg.append(np.rad2deg(away.magnitude()))
     assert len(turns_deg) > 10
@@ -145,11 +145,11 @@ def test_from_image_to_pose_with_and_without_torch(posse, trained, tmp_path):
         away = [
             np.linalg.norm(found_in(index, finder).keypoints_px - np.array(labelled)[:, :2], axis=1)
             for index in range(20, 40)
-            for labelled in [list(dataset.frame(index)["keypoints"].values())]
+            for labelled in [list(dataset[index].keypoints.values())]
         ]
         return np.median(away)
 
     small = tmp_path / "int8.onnx"
-    seen = [(dataset.image(i), true_boxes(dataset.frame(i))[0].box_px) for i in range(20)]
+    seen = [(dataset.image(i), true_boxes(dataset[i])[0].box_px) for i in range(20)]
     finders[0].write_int8(exported, small, seen)
     assert 0 < median_error_px(small) < 1.2 * median_error_px(exported)

@@ -145,7 +145,7 @@ def test_onnx_is_made_of_standard_operations_and_tells_nothing_of_this_machine(e
 
 
 def test_onnx_finds_what_torch_finds_without_torch(posse, dataset, trained, exported):
-    frames = [str(dataset.folder / dataset.frame(i)["image"]) for i in range(6)]
+    frames = [str(dataset.folder / dataset[i].image) for i in range(6)]
     found = []
     for model in (trained, exported):
         code, out, error = posse("detect", *frames, "--model", model, "--score", 0.2, "--json")
@@ -237,7 +237,7 @@ def test_bad_input_is_told_in_one_line(posse, dataset, trained, exported, tmp_pa
         for word in words:
             assert word in error, (word, error)
 
-    image = dataset.folder / dataset.frame(0)["image"]
+    image = dataset.folder / dataset[0].image
     junk = tmp_path / "junk.onnx"
     junk.write_bytes(b"not a model")
     (tmp_path / "junk.png").write_bytes(b"not an image")
@@ -321,7 +321,7 @@ def test_a_checkpoint_of_another_net_and_unknown_classes_are_refused(
     card = ModelCard.read(trained)
     write_model(tmp_path / "other.safetensors", {"weight": torch.zeros(3)}, card)
     strange = Dataset(make_dataset(tmp_path / "d", 10, names=("brick", "disc")))
-    image = strange.folder / strange.frame(0)["image"]
+    image = strange.folder / strange[0].image
     code, _, error = posse("detect", image, "--model", tmp_path / "other.safetensors")
     assert code == 2
     assert "not those of this net" in error

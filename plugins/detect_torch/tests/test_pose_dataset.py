@@ -132,17 +132,17 @@ def test_a_dataset_and_its_exports_give_the_same_frames(dataset, posse, tmp_path
     points = ours.keypoints_body_m
     assert (ours.classes, {len(p) for p in points.values()}) == (("brick", "plate"), {8})
     speed = PoseDataset(folder / "speed.json", keypoints_body_m={"tango": points["brick"]})
-    assert len(ours) == len(coco) == len(speed) == len(dataset.frames)
+    assert len(ours) == len(coco) == len(speed) == len(dataset)
     for index in range(8):
-        sample, line = ours[index], dataset.frame(index)
+        sample, line = ours[index], dataset[index]
         craft = ours.classes[sample.label]
-        assert craft == line["spacecraft"]
+        assert craft == line.spacecraft
         rotation = Rotation.from_quat(sample.q_cam_from_body.double().numpy()[[1, 2, 3, 0]])
         t_m = sample.t_body_cam_m.double().numpy()
         seen = opencv(rotation, t_m, dataset.camera, points[craft])
         np.testing.assert_allclose(sample.keypoints_px, seen, atol=1e-3)
-        assert sample.visibility.tolist() == [v for _, _, v in line["keypoints"].values()]
-        np.testing.assert_array_equal(sample.box_px, np.float32(line["box_visible_px"]))
+        assert sample.visibility.tolist() == [v for _, _, v in line.keypoints.values()]
+        np.testing.assert_array_equal(sample.box_px, np.float32(line.box_visible_px))
         grey = cv2.imread(str(folder / sample.name), cv2.IMREAD_UNCHANGED)
         np.testing.assert_array_equal(np.round(255 * sample.image[0].numpy()), grey)
 

@@ -6,7 +6,7 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 import torch
@@ -14,12 +14,13 @@ from torch import nn
 
 from posse_core import (
     AnyArray,
-    Dataset,
     Detection,
     Detector,
     Float32Array,
     FloatArray,
     InputError,
+    LabelledImages,
+    LabelLine,
     ModelCard,
     Square,
     TrueBox,
@@ -48,14 +49,14 @@ class BoxLesson(Lesson):
     options: BoxOptions
 
     def __init__(
-        self, dataset: Dataset, folder: Path, classes: Sequence[str], options: BoxOptions
+        self, dataset: LabelledImages, folder: Path, classes: Sequence[str], options: BoxOptions
     ) -> None:
         self.classes, self.options = classes, options
         self.net = first_net(options, self.untrained)
         self.train, self.valid = (self._cut(dataset, folder, part) for part in ("train", "valid"))
 
-    def _cut(self, dataset: Dataset, folder: Path, part: str) -> Pictures:
-        def whole(labels: Mapping[str, Any], height: int, width: int) -> Square:
+    def _cut(self, dataset: LabelledImages, folder: Path, part: str) -> Pictures:
+        def whole(labels: LabelLine, height: int, width: int) -> Square:
             return Square.of_image(height, width, self.options.input_px)
 
         return cut_pictures(dataset, dataset.part(part), self.options.input_px, whole, folder, part)
@@ -127,7 +128,7 @@ class BoxDetector(Detector[BoxOptionsT]):
     name: ClassVar[str]
 
     @abstractmethod
-    def lesson(self, dataset: Dataset, folder: Path, card: ModelCard) -> BoxLesson:
+    def lesson(self, dataset: LabelledImages, folder: Path, card: ModelCard) -> BoxLesson:
         """What the net learns."""
 
     @abstractmethod
@@ -142,7 +143,7 @@ class BoxDetector(Detector[BoxOptionsT]):
         """See :data:`posse_detect_torch.export.Compare`."""
         return compare_detections(ours, theirs)
 
-    def train(self, dataset: Dataset, folder: Path) -> Path:
+    def train(self, dataset: LabelledImages, folder: Path) -> Path:
         """See :class:`posse_core.Model`.
 
         Raises:

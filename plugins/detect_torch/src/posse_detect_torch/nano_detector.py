@@ -9,7 +9,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from posse_core import AnyArray, Dataset, ModelCard
+from posse_core import AnyArray, LabelledImages, ModelCard
 from posse_detect_torch.box_detector import BoxDetector, BoxLesson
 from posse_detect_torch.export import Outputs, compare_detections
 from posse_detect_torch.learn import Batch
@@ -40,7 +40,7 @@ class NanoDetector(BoxDetector[NanoOptions]):
 
     name = "nano"
 
-    def lesson(self, dataset: Dataset, folder: Path, card: ModelCard) -> NanoLesson:
+    def lesson(self, dataset: LabelledImages, folder: Path, card: ModelCard) -> NanoLesson:
         return NanoLesson(dataset, folder, card.classes, self.options)
 
     def net(self, card: ModelCard) -> Nano:

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from tqdm import tqdm
 
-from posse_core import AnyArray, Dataset, Float32Array, Square, to_grey
+from posse_core import AnyArray, Float32Array, LabelledImages, LabelLine, Square, to_grey
 
-Choose = Callable[[Mapping[str, Any], int, int], Square]
+Choose = Callable[[LabelLine, int, int], Square]
 """Label line, height, width → the square to be cut."""
 
 
@@ -28,7 +27,7 @@ class Pictures:
         coded: (N, S, S) uint8, the square root of light: dark shades keep more steps.
     """
 
-    labels: Sequence[Mapping[str, Any]]
+    labels: Sequence[LabelLine]
     squares: Sequence[Square]
     coded: AnyArray
 
@@ -41,14 +40,17 @@ class Pictures:
 
 
 def cut_pictures(
-    dataset: Dataset, indices: Sequence[int], size_px: int, choose: Choose, folder: Path, name: str
+    dataset: LabelledImages,
+    positions: Sequence[int],
+    size_px: int,
+    choose: Choose,
+    folder: Path,
+    name: str,
 ) -> Pictures:
     """Cut squares of frames, or map the file in ``folder`` where this was done before."""
-    labels = [dataset.frame(index) for index in indices]
-    squares = [
-        choose(line, *dataset.size_px(index)) for line, index in zip(labels, indices, strict=True)
-    ]
-    made_of = f"{dataset.sha256} {size_px} {list(indices)} {squares}"
+    labels = [dataset[i] for i in positions]
+    squares = [choose(line, *dataset.size_px(i)) for line, i in zip(labels, positions, strict=True)]
+    made_of = f"{dataset.sha256} {size_px} {list(positions)} {squares}"
     path = folder / f"{name}-{hashlib.sha256(made_of.encode()).hexdigest()[:12]}.npy"
     if not labels:
         return Pictures([], [], np.zeros((0, size_px, size_px), np.uint8))
@@ -56,8 +58,8 @@ def cut_pictures(
         unfinished = path.with_suffix(".part")
         shape = (len(labels), size_px, size_px)
         coded = np.lib.format.open_memmap(unfinished, mode="w+", dtype=np.uint8, shape=shape)
-        for i, index in enumerate(tqdm(indices, f"{name}: cut", file=sys.stderr, unit="frame")):
-            light = squares[i].cut(to_grey(dataset.image(index)))
+        for i, position in enumerate(tqdm(positions, f"{name}: cut", file=sys.stderr, unit="frame")):
+            light = squares[i].cut(to_grey(dataset.image(position)))
             coded[i] = np.round(255 * np.sqrt(np.clip(light, 0, 1)))
         coded.flush()
         del coded

@@ -14,7 +14,6 @@ from torch import Tensor
 from posse_core import (
     AnyArray,
     Camera,
-    Dataset,
     FloatArray,
     InputError,
     camera_beside,
@@ -194,37 +193,37 @@ class _Posse:
     """A dataset of ``posse run``, or COCO."""
 
     def __init__(self, path: Path, part: str, camera: Camera | None) -> None:
-        self._dataset: Dataset = open_dataset(path)
+        self._dataset = open_dataset(path)
         if camera is None and (self._dataset.folder / "camera.json").exists():
             camera = self._dataset.camera
         self.camera = camera
-        indices = self._dataset.frames.indices if part == "all" else self._dataset.part(part)
-        self._indices = np.asarray(indices, np.int64)
+        everything = range(len(self._dataset))
+        self._positions = everything if part == "all" else self._dataset.part(part)
         self.keypoints_body_m = {
             name: np.array(list(craft.keypoints_body_m.values()), np.float64).reshape(-1, 3)
             for name, craft in sorted(self._dataset.spacecraft_by_name.items())
         }
 
     def __len__(self) -> int:
-        return len(self._indices)
+        return len(self._positions)
 
     def labels(self, place: int) -> _Labels:
-        line = self._dataset.frame(int(self._indices[place]))
-        boxes = true_boxes(line) if "box_visible_px" in line else []
+        line = self._dataset[self._positions[place]]
+        boxes = true_boxes(line) if line.has("box_visible_px") else []
         keypoints = None
-        if "keypoints" in line:
-            keypoints = np.array(list(line["keypoints"].values()), np.float64).reshape(-1, 3)
+        if line.has("keypoints"):
+            keypoints = np.array(list(line.keypoints.values()), np.float64).reshape(-1, 3)
         return _Labels(
-            name=line["image"],
-            craft=line.get("spacecraft"),
-            q_cam_from_body=line.get("q_cam_from_body"),
-            t_body_cam_m=line.get("t_body_cam_m"),
+            name=line.image,
+            craft=line.spacecraft if line.has("spacecraft") else None,
+            q_cam_from_body=line.q_cam_from_body if line.has("q_cam_from_body") else None,
+            t_body_cam_m=line.t_body_cam_m if line.has("t_body_cam_m") else None,
             keypoints=keypoints,
             box_px=boxes[0].box_px if boxes else None,
         )
 
     def image(self, place: int) -> AnyArray:
-        return self._dataset.image(int(self._indices[place]))
+        return self._dataset.image(self._positions[place])
 
 
 class _Speed:

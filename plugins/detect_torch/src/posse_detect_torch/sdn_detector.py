@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from posse_core import Dataset, ModelCard
+from posse_core import LabelledImages, ModelCard
 from posse_detect_torch.box_detector import BoxDetector, BoxLesson
 from posse_detect_torch.imagenet import load_imagenet
 from posse_detect_torch.learn import Batch
@@ -31,7 +31,7 @@ class SdnLesson(BoxLesson):
     average = 0.0
 
     def __init__(
-        self, dataset: Dataset, folder: Path, classes: Sequence[str], options: SdnOptions
+        self, dataset: LabelledImages, folder: Path, classes: Sequence[str], options: SdnOptions
     ) -> None:
         super().__init__(dataset, folder, classes, options)
         light = [float(self.train.linear(place).mean()) for place in range(len(self.train))]
@@ -107,7 +107,7 @@ class SdnDetector(BoxDetector[SdnOptions]):
 
     name = "sdn"
 
-    def lesson(self, dataset: Dataset, folder: Path, card: ModelCard) -> SdnLesson:
+    def lesson(self, dataset: LabelledImages, folder: Path, card: ModelCard) -> SdnLesson:
         return SdnLesson(dataset, folder, card.classes, self.options)
 
     def net(self, card: ModelCard) -> Sdn:

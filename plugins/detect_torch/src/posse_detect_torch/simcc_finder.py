@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -14,12 +13,13 @@ from torch import Tensor, nn
 
 from posse_core import (
     AnyArray,
-    Dataset,
     Detection,
     Float32Array,
     FloatArray,
     InputError,
     KeypointFinder,
+    LabelledImages,
+    LabelLine,
     ModelCard,
     Square,
     to_grey,
@@ -44,7 +44,9 @@ class SimccLesson(Lesson):
     net: SimCC
     options: SimccOptions
 
-    def __init__(self, dataset: Dataset, folder: Path, card: ModelCard, options: SimccOptions) -> None:
+    def __init__(
+        self, dataset: LabelledImages, folder: Path, card: ModelCard, options: SimccOptions
+    ) -> None:
         self.options = options
         shown = {part: _shown(dataset, part) for part in ("train", "valid")}
         self._ranges = card.keypoint_outputs
@@ -54,9 +56,9 @@ class SimccLesson(Lesson):
             self._cut(dataset, indices, folder, f"keypoints-{part}") for part, indices in shown.items()
         )
 
-    def _cut(self, dataset: Dataset, shown: Sequence[int], folder: Path, name: str) -> Pictures:
-        def of_box(labels: Mapping[str, Any], height: int, width: int) -> Square:
-            return Square.around(labels["box_visible_px"], self.options.input_px)
+    def _cut(self, dataset: LabelledImages, shown: Sequence[int], folder: Path, name: str) -> Pictures:
+        def of_box(labels: LabelLine, height: int, width: int) -> Square:
+            return Square.around(true_boxes(labels)[0].box_px, self.options.input_px)
 
         return cut_pictures(dataset, shown, self.options.input_px, of_box, folder, name)
 
@@ -85,8 +87,8 @@ class SimccLesson(Lesson):
         """
         line = pictures.labels[place]
         points = np.full((self._points, 2), np.nan)
-        known = np.array([point[:2] for point in line["keypoints"].values()], dtype=np.float64)
-        points[self._ranges[line["spacecraft"]]] = pictures.squares[place].points_in(known)
+        known = np.array([point[:2] for point in line.keypoints.values()], dtype=np.float64)
+        points[self._ranges[line.spacecraft]] = pictures.squares[place].points_in(known)
         return points
 
     def losses(self, batch: Batch) -> dict[str, Tensor]:
@@ -110,7 +112,7 @@ class SimccLesson(Lesson):
 class SimccFinder(KeypointFinder[SimccOptions]):
     """Finds keypoints with :class:`posse_detect_torch.simcc.SimCC`."""
 
-    def train(self, dataset: Dataset, folder: Path) -> Path:
+    def train(self, dataset: LabelledImages, folder: Path) -> Path:
         """See :class:`posse_core.Model`.
 
         Raises:
@@ -162,10 +164,10 @@ class SimccFinder(KeypointFinder[SimccOptions]):
         write_int8(path, out, pictures)
 
 
-def _shown(dataset: Dataset, part: str) -> Sequence[int]:
+def _shown(dataset: LabelledImages, part: str) -> Sequence[int]:
     """Frames of a part that show a spacecraft, with keypoints."""
-    shown = [index for index in dataset.part(part) if true_boxes(dataset.frame(index))]
-    if shown and "keypoints" not in dataset.frame(shown[0]):
+    shown = [i for i in dataset.part(part) if true_boxes(dataset[i])]
+    if shown and not dataset[shown[0]].has("keypoints"):
         raise InputError(
             f"{dataset.folder}: the labels have no keypoints; make the dataset with the annotator"
             " 'keypoints'; to COCO, add spacecraft/NAME.json"

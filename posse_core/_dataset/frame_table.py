@@ -1,0 +1,62 @@
+"""The labels of a dataset as a table of pandas."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+from posse_core._errors import ComponentError
+from posse_core._model.label_line import LabelLine
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_AXES = {3: ("x", "y", "z"), 4: ("w", "x", "y", "z")}
+_UNITS = ("_m_s", "_rad_s", "_m", "_px")
+
+
+def frame_table(lines: Iterable[LabelLine]) -> pd.DataFrame:
+    """One row a frame; what a frame lacks, or what is null, is missing.
+
+    A vector's component stands before the unit (``t_body_cam_x_m``), a spacecraft's keypoint or part and
+    an annotator's own name in the column's (``keypoint_K1_u_px``, ``part_tank_area_px``,
+    ``nearest.nearest_m``). The run-lengths of the mask are left out.
+
+    Raises:
+        ComponentError: pandas is not installed.
+    """
+    try:
+        import pandas as pd
+    except ImportError:
+        raise ComponentError("a table of the frames needs pandas: pip install pandas") from None
+    return pd.DataFrame([_row(line) for line in lines])
+
+
+def _row(line: LabelLine) -> dict[str, Any]:
+    row: dict[str, Any] = {}
+    for name, value in line:
+        if name == "keypoints":
+            for keypoint, (u_px, v_px, visibility) in value.items():
+                row[f"keypoint_{keypoint}_u_px"] = u_px
+                row[f"keypoint_{keypoint}_v_px"] = v_px
+                row[f"keypoint_{keypoint}_visibility"] = visibility
+        elif name == "part_area_px":
+            row |= {f"part_{part}_area_px": area for part, area in value.items()}
+        elif name in ("box_visible_px", "box_whole_px"):
+            for i, side in enumerate(("x", "y", "width", "height")):
+                row[_with(name, side)] = None if value is None else value[i]
+        elif name == "origin":
+            row["origin_dataset"], row["origin_index"] = value
+        elif isinstance(value, tuple):
+            row |= {_with(name, axis): x for axis, x in zip(_AXES[len(value)], value, strict=True)}
+        elif name in line.extras:
+            row |= {f"{name}.{key}": x for key, x in value.items()}
+        elif name != "mask_rle":
+            row[name] = value
+    return row
+
+
+def _with(name: str, component: str) -> str:
+    """A column of a vector: its component before the unit, if its name has one."""
+    unit = next((unit for unit in _UNITS if name.endswith(unit)), "")
+    return f"{name.removesuffix(unit)}_{component}{unit}"

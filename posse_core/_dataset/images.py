@@ -1,0 +1,135 @@
+"""What a dataset of POSSE and one of COCO have in common: labelled images of spacecraft."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from posse_core._arrays import AnyArray, BoolArray
+from posse_core._dataset.files import read_image
+from posse_core._dataset.layout import inside, mesh_file
+from posse_core._dataset.mesh import Mesh, read_mesh
+from posse_core._dataset.spacecraft import SpacecraftInfo
+from posse_core._errors import InputError
+from posse_core._model.camera import Camera
+from posse_core._model.label_line import LabelLine
+
+
+class LabelledImages(Sequence[LabelLine]):
+    """Images of one spacecraft each, with their labels: a sequence of label lines.
+
+    A position ``i`` counts the images from 0, or from the end where it is negative, in every method. The
+    index of a frame, ``images[i].index``, is another number where frames are missing: it is in the names
+    of the frame's files, and is the frame's row in the trajectory. :meth:`position` leads from an index
+    to the position.
+
+    Attributes:
+        folder: where the files are.
+        spacecraft_by_name: every spacecraft that the labels name.
+    """
+
+    folder: Path
+    spacecraft_by_name: Mapping[str, SpacecraftInfo]
+
+    def __init__(self) -> None:
+        self._meshes: dict[str, Mesh] = {}
+
+    @property
+    @abstractmethod
+    def camera(self) -> Camera:
+        """The camera's intrinsics.
+
+        Raises:
+            InputError: no file has them.
+        """
+
+    @abstractmethod
+    def part(self, name: str) -> list[int]:
+        """Positions of the frames in one part (``train``, ``valid``, ``test``), ascending.
+
+        Raises:
+            InputError: there are no parts, or none of this name.
+        """
+
+    @abstractmethod
+    def position(self, index: int) -> int:
+        """Position of the frame with this index.
+
+        Raises:
+            InputError: there is no such frame.
+        """
+
+    @abstractmethod
+    def size_px(self, i: int) -> tuple[int, int]:
+        """Height and width of the image that the labels of a frame are for."""
+
+    @property
+    @abstractmethod
+    def sha256(self) -> str:
+        """Hexadecimal SHA-256 of what the dataset holds.
+
+        Raises:
+            InputError: the run has not ended, or a file cannot be read.
+        """
+
+    @property
+    def scenario_sha256(self) -> str:
+        """Hexadecimal SHA-256 of the scenario; empty where there is none."""
+        return ""
+
+    @property
+    def spacecraft(self) -> SpacecraftInfo:
+        """The one spacecraft.
+
+        Raises:
+            InputError: there are several; take :attr:`spacecraft_by_name`.
+        """
+        if len(self.spacecraft_by_name) > 1:
+            names = ", ".join(self.spacecraft_by_name)
+            raise InputError(f"{self.folder}: has several spacecraft ({names}) where one is needed")
+        return next(iter(self.spacecraft_by_name.values()))
+
+    def image(self, i: int) -> AnyArray:
+        """(H, W) or (H, W, 3) red-green-blue image of a frame, uint8 or uint16.
+
+        Raises:
+            IndexError: there is no such position.
+            InputError: the file is missing, damaged, or of another size.
+        """
+        path = inside(self.folder, self[i].image)
+        image = read_image(path)
+        found, wanted = image.shape[:2], self.size_px(i)
+        if found != wanted:
+            raise InputError(
+                f"{path}: is {found[1]} × {found[0]} pixels, where its labels are for"
+                f" {wanted[1]} × {wanted[0]}"
+            )
+        return image
+
+    def mask(self, i: int) -> BoolArray:
+        """(H, W) bool: the pixels whose centre is on the spacecraft.
+
+        Raises:
+            IndexError: there is no such position.
+            InputError: the labels have no mask, or it is damaged.
+        """
+        labels = self[i]
+        try:
+            return labels.mask_rle.mask()
+        except ValueError as error:
+            raise InputError(f"{self.folder}: frame {labels.index}: {error}") from None
+
+    def mesh(self, name: str | None = None) -> Mesh:
+        """The triangles of a spacecraft; of the only one, if the name is None.
+
+        Raises:
+            InputError: there is no such spacecraft, or its file is missing or damaged.
+        """
+        name = self.spacecraft.name if name is None else name
+        if name not in self.spacecraft_by_name:
+            known = ", ".join(self.spacecraft_by_name)
+            raise InputError(f"{self.folder}: has no spacecraft {name!r}; it has {known}")
+        if name not in self._meshes:
+            self._meshes[name] = read_mesh(mesh_file(self.folder, name))
+        return self._meshes[name]

@@ -1,0 +1,40 @@
+"""Names of the files and folders of a dataset (docs/dataset.md)."""
+
+from __future__ import annotations
+
+from pathlib import Path, PurePosixPath
+from typing import Final
+
+from posse_core._errors import InputError
+
+SCENARIO: Final = "scenario.yaml"
+MANIFEST: Final = "manifest.json"
+TRAJECTORY: Final = "trajectory.npz"
+CAMERA: Final = "camera.json"
+LABELS: Final = "labels"
+SPACECRAFT: Final = "spacecraft"
+PARTITION_FILE: Final = "partition/partition.json"
+PARTS: Final = ("train", "valid", "test")
+"""Names of the parts that ``posse partition`` divides a dataset into."""
+
+
+def spacecraft_file(folder: Path, name: str) -> Path:
+    """Parts, keypoints and symmetries of a spacecraft."""
+    return folder / SPACECRAFT / f"{name}.json"
+
+
+def mesh_file(folder: Path, name: str) -> Path:
+    """The triangles of a spacecraft."""
+    return folder / SPACECRAFT / f"{name}.ply"
+
+
+def inside(folder: Path, name: str) -> Path:
+    """The file that a label line or a manifest names.
+
+    Raises:
+        InputError: the name leads out of the folder.
+    """
+    path = PurePosixPath(name)
+    if path.is_absolute() or ".." in path.parts:
+        raise InputError(f"{folder}: the file {name!r}, which it names, is not in it")
+    return folder / name

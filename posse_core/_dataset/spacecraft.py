@@ -1,0 +1,74 @@
+"""The files of a spacecraft, ``NAME.json`` and ``NAME.ply``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from posse_core._arrays import FloatArray
+from posse_core._dataset.files import read_json
+from posse_core._dataset.mesh import Mesh, write_mesh
+from posse_core._errors import InputError
+from posse_core._files.atomic import write_json
+from posse_core._model.spacecraft import Spacecraft
+
+
+@dataclass(frozen=True)
+class SpacecraftInfo:
+    """A spacecraft as the labels know it; its mesh is read apart, by :meth:`posse_core.Dataset.mesh`.
+
+    Attributes:
+        name: the class name.
+        parts: names; a part's id in the labels is its place here.
+        keypoints_body_m: name → (3,) metres, body frame, in the labels' order.
+        skeleton: pairs of keypoint names to draw lines between.
+        symmetries: rotations (3, 3) that leave the looks unchanged, without the identity.
+    """
+
+    name: str
+    parts: tuple[str, ...]
+    keypoints_body_m: Mapping[str, FloatArray]
+    skeleton: tuple[tuple[str, str], ...]
+    symmetries: tuple[FloatArray, ...]
+
+
+def write_spacecraft(spacecraft: Spacecraft, folder: Path) -> None:
+    """Write ``NAME.json`` and ``NAME.ply`` (binary, body frame, metres, float64, a part id a face)."""
+    value = {
+        "name": spacecraft.name,
+        "parts": [part.name for part in spacecraft.parts],
+        "keypoints": {k: np.asarray(x).tolist() for k, x in spacecraft.keypoints_body_m.items()},
+        "skeleton": [list(pair) for pair in spacecraft.skeleton],
+        "symmetries": [np.asarray(R).tolist() for R in spacecraft.symmetries],
+    }
+    parts = spacecraft.parts
+    first_vertex = np.cumsum([0, *(len(part.vertices_body_m) for part in parts)])
+    mesh = Mesh(
+        vertices_body_m=np.concatenate([part.vertices_body_m for part in parts]),
+        faces=np.concatenate([part.faces + first_vertex[i] for i, part in enumerate(parts)]),
+        part_id=np.repeat(np.arange(len(parts)), [len(part.faces) for part in parts]),
+    )
+    write_mesh(mesh, folder / f"{spacecraft.name}.ply")
+    write_json(folder / f"{spacecraft.name}.json", value)
+
+
+def read_spacecraft(path: Path) -> SpacecraftInfo:
+    """Read the ``NAME.json`` of :func:`write_spacecraft`.
+
+    Raises:
+        InputError: the file is missing, or is not of that kind.
+    """
+    value = read_json(path)
+    try:
+        return SpacecraftInfo(
+            name=str(value["name"]),
+            parts=tuple(value["parts"]),
+            keypoints_body_m={k: np.array(x, dtype=np.float64) for k, x in value["keypoints"].items()},
+            skeleton=tuple((str(a), str(b)) for a, b in value["skeleton"]),
+            symmetries=tuple(np.array(R, dtype=np.float64) for R in value["symmetries"]),
+        )
+    except (KeyError, AttributeError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: not a spacecraft file: {type(error).__name__}: {error}") from None

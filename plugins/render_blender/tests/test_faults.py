@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -172,8 +173,7 @@ def test_a_worker_killed_in_mid_frame(opened: Callable[..., BlenderRenderer]) ->
 def test_an_exception_in_the_worker_is_told_and_survived(opened: Callable[..., BlenderRenderer]) -> None:
     renderer = opened(plate())
     good = request()
-    bad = RenderRequest(good.frame, good.box, None, seed=1)
-    object.__setattr__(bad.frame, "t_body_cam_m", np.zeros(2))
+    bad = RenderRequest(replace(good.craft, t_body_cam_m=np.zeros(2)), good.box, None, seed=1)
     with pytest.raises(ComponentError, match="rendering frame 0 failed: ValueError"):
         renderer.render(bad)
     assert renderer.render(request()).coverage.max() == 1.0

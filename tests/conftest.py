@@ -30,6 +30,18 @@ def flat_renderer_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def faulty_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder for PYTHONPATH that holds the distribution ``posse-faulty``, as pip lays it."""
+    site = tmp_path_factory.mktemp("site")
+    (site / "posse_faulty.py").write_text((PACKAGES / "faulty" / "posse_faulty.py").read_text())
+    info = site / "posse_faulty-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: posse-faulty\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[posse]\nfaulty = posse_faulty\n")
+    return site
+
+
+@pytest.fixture(scope="session")
 def start_posse_in(flat_renderer_path: Path):
     """Start the command line in a process of its own: start_posse_in(folder, "run", ...)."""
 
@@ -37,11 +49,12 @@ def start_posse_in(flat_renderer_path: Path):
         folder: Path, *arguments: object, env: dict[str, str] | None = None
     ) -> subprocess.Popen[str]:
         code = "from posse_core._cli.main import main; main()"
-        path = os.pathsep.join([str(flat_renderer_path), os.environ.get("PYTHONPATH", "")])
+        more = env or {}
+        paths = [str(flat_renderer_path), more.get("PYTHONPATH", ""), os.environ.get("PYTHONPATH", "")]
         return subprocess.Popen(
             [sys.executable, "-c", code, *map(str, arguments)],
             cwd=folder,
-            env={**os.environ, "PYTHONPATH": path.strip(os.pathsep), **(env or {})},
+            env={**os.environ, **more, "PYTHONPATH": os.pathsep.join(filter(None, paths))},
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,

@@ -44,7 +44,7 @@ def build(attitude: AttitudeConfig, t_s: list[float]):
         constants=Constants(),
     )
     return build_trajectory(
-        propagator=RoePropagator(Options()), problem=problem, attitude=attitude, seed=0
+        propagator=RoePropagator(Options()), problem=problem, attitude=attitude, seed=0, name="roe"
     )
 
 

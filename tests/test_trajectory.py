@@ -79,6 +79,7 @@ def build(
         problem=problem,
         attitude=attitude or AttitudeConfig(),
         seed=seed,
+        name="circle",
     )
 
 

@@ -24,13 +24,18 @@ def command(dataset: Path, formats: tuple[str, ...], out: Path | None) -> None:
     to the dataset's folder.
     """
     from posse_core._dataset.dataset import Dataset
+    from posse_core._run.exports import enter_exports
+    from posse_core._simulator.returned import written
 
     registry = load_plugins().registry
-    writers = [registry.create("writer", name) for name in formats]
+    writers = {name: registry.create("writer", name) for name in formats}
     source = Dataset(dataset)
     _ = source.manifest  # a run that has not ended is not exported in part
     folder = source.folder if out is None else out
     folder.mkdir(parents=True, exist_ok=True)
-    for writer in writers:
-        for path in writer.write(source, folder):
+    for name, writer in writers.items():
+        paths = written(writer, name, source, folder)
+        if folder.resolve() == source.folder.resolve():
+            enter_exports(source.folder, paths)
+        for path in paths:
             click.echo(path)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 @click.argument("scenario", required=False)
 @click.option("--renderer", metavar="NAME", help="Who renders; 'posse plugins' lists the names.")
 @click.option("--out", help="Folder of the dataset, or s3://BUCKET/FOLDER.")
-@click.option("--workers", type=int, default=1, show_default=True, help="Number of workers.")
+@click.option("--workers", type=int, help="Number of workers (1, if not given).")
 @click.option("--executor", default="local", show_default=True, help="Where frames are made.")
 @click.option(
     "--frame-time-limit",
@@ -44,7 +44,7 @@ def command(
     scenario: str | None,
     renderer: str | None,
     out: str | None,
-    workers: int,
+    workers: int | None,
     executor: str,
     frame_time_limit: float | None,
     resume: bool,
@@ -103,7 +103,9 @@ def _started_in(out: str) -> Iterator[str]:
         ) from None
 
 
-def _executor(plugins: Plugins, name: str, workers: int, frame_time_limit_s: float | None) -> Executor:
+def _executor(
+    plugins: Plugins, name: str, workers: int | None, frame_time_limit_s: float | None
+) -> Executor:
     given = {"workers": workers, "frame_time_limit_s": frame_time_limit_s}
     given = {key: value for key, value in given.items() if value is not None}
     options = plugins.registry.options("executor", name, given, where="--")

@@ -10,6 +10,7 @@ from posse_core._detection.card import ModelCard
 from posse_core._errors import ComponentError, InputError
 from posse_core._interfaces.detector import Detector, KeypointFinder, Model
 from posse_core._plugins.registry import Registry
+from posse_core._simulator.returned import CheckedDetector, CheckedKeypointFinder
 
 ONNX = ".onnx"
 _TASK_OF = {"boxes": "finds boxes", "keypoints": "finds keypoints"}
@@ -45,20 +46,25 @@ def open_detector(path: Path, registry: Registry, options: Mapping[str, Any]) ->
     Raises:
         InputError: missing, not a model of POSSE, not one that finds boxes, or nothing here reads it.
     """
-    model = open_model(path, "boxes", registry, options)
-    assert isinstance(model, Detector), f"{type(model)} claims the capability 'boxes'"
-    return model
+    name, model = _opened(path, "boxes", registry, options)
+    assert isinstance(model, Detector)  # as the capability asks
+    return CheckedDetector(model, name)
 
 
 def open_keypoint_finder(path: Path, registry: Registry, options: Mapping[str, Any]) -> KeypointFinder:
     """As :func:`open_detector`, for a model that finds keypoints."""
-    model = open_model(path, "keypoints", registry, options)
-    assert isinstance(model, KeypointFinder), f"{type(model)} claims the capability 'keypoints'"
-    return model
+    name, model = _opened(path, "keypoints", registry, options)
+    assert isinstance(model, KeypointFinder)  # as the capability asks
+    return CheckedKeypointFinder(model, name)
 
 
 def open_model(path: Path, task: str, registry: Registry, options: Mapping[str, Any]) -> Model:
-    """The model of a file, which must do ``task``; see :func:`open_detector`."""
+    """The model of a file, which must do ``task``, as its plugin made it; see :func:`open_detector`."""
+    return _opened(path, task, registry, options)[1]
+
+
+def _opened(path: Path, task: str, registry: Registry, options: Mapping[str, Any]) -> tuple[str, Model]:
+    """The component that reads a file, by name, with the file's weights."""
     if not path.is_file():
         raise InputError(f"{path}: there is no such file; name a model by 'posse train'")
     if path.suffix == ONNX:
@@ -73,8 +79,10 @@ def open_model(path: Path, task: str, registry: Registry, options: Mapping[str, 
     model: Model = registry.create(
         "detector", name, registry.options("detector", name, options, where="option")
     )
+    if task not in registry.spec("detector", name).capabilities:
+        raise InputError(f"{path}: detector {name!r} has no capability {task!r}")
     model.load(path)
-    return model
+    return name, model
 
 
 def _shipped(task: str, registry: Registry) -> Path:

@@ -143,7 +143,7 @@ def _leftovers(dataset: Dataset, frames: Sequence[_Frame]) -> Result:
 def _checksums(dataset: Dataset, manifest: Manifest, frames: Sequence[_Frame]) -> Result:
     result = Result("checksums", "every file is as it was written")
     of_file = {name: frame.index for frame in frames for name in frame.files}
-    expected = {**manifest.sha256, **dataset.digests}
+    expected = {**manifest.sha256, **manifest.exports, **dataset.digests}
     for name, digest in expected.items():
         path = inside(dataset.folder, name)
         result.checked += 1

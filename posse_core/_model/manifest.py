@@ -71,7 +71,8 @@ class Manifest(_Record):
         seed, renderer, plugins: of the run; a dataset of ``posse collect`` has none.
         versions: of posse-core, Python and libraries.
         sources, selection: of a dataset of ``posse collect``: what was joined, and what was left out.
-        sha256: path → digest of every file but images and arrays.
+        sha256: path → digest of every file but images, arrays and exports.
+        exports: path → digest of every file that writers wrote in the dataset's folder.
         frame_checksums: the file with the digests of images and arrays.
     """
 
@@ -87,6 +88,7 @@ class Manifest(_Record):
     sources: list[Source] | None = None
     selection: list[Selection] | None = None
     sha256: dict[str, str]
+    exports: dict[str, str] = Field(default_factory=dict)
     frame_checksums: str = CHECKSUMS
 
     @property

@@ -18,8 +18,19 @@ from posse_core._run.worker import RENDERER_FILE
 _LIBRARIES = ("casadi", "embreex", "numpy", "opencv-contrib-python-headless", "scipy")
 
 
-def make_manifest(place: Place, plan: Plan, plugins: Plugins, failed: Mapping[int, str]) -> Manifest:
-    """The manifest of a run that has ended; ``failed`` maps frames to their errors."""
+def make_manifest(
+    place: Place,
+    plan: Plan,
+    plugins: Plugins,
+    failed: Mapping[int, str],
+    exports: Mapping[str, str],
+) -> Manifest:
+    """The manifest of a run that has ended.
+
+    Args:
+        failed: frame → its error.
+        exports: file that a writer wrote → its SHA-256.
+    """
     folder = place.books
     try:
         renderer = json.loads(place.store.read(RENDERER_FILE))
@@ -48,5 +59,6 @@ def make_manifest(place: Place, plan: Plan, plugins: Plugins, failed: Mapping[in
             for status in plugins.statuses
         },
         sha256={str(path.relative_to(folder)): sha256(path) for path in hashed},
+        exports=dict(exports),
         frame_checksums=CHECKSUMS,
     )

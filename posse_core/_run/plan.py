@@ -9,6 +9,7 @@ from posse_core._model.trajectory import Trajectory
 from posse_core._plugins.registry import Registry
 from posse_core._scenario.component import create
 from posse_core._scenario.model import Scenario
+from posse_core._simulator.returned import built
 from posse_core._trajectory.build import make_trajectory
 
 
@@ -27,5 +28,5 @@ def make_plan(scenario: Scenario, registry: Registry) -> Plan:
     Raises:
         InputError: the orbit, the model or a file of the scenario cannot be used.
     """
-    craft: Spacecraft = create(registry, "scene", scenario.target).build()
+    craft = built(create(registry, "scene", scenario.target), scenario.target.name)
     return Plan(scenario, make_trajectory(scenario, registry), craft)

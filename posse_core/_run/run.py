@@ -21,6 +21,7 @@ from posse_core._interfaces.executor import Executor, FrameMade, FrameResult
 from posse_core._model.manifest import Manifest
 from posse_core._plugins.loading import Plugins
 from posse_core._plugins.registry import Registry
+from posse_core._run.exports import export_digests
 from posse_core._run.manifest import make_manifest
 from posse_core._run.place import Place, place_at
 from posse_core._run.plan import Plan
@@ -28,6 +29,7 @@ from posse_core._run.shards import LabelLog
 from posse_core._run.worker import RunWorker
 from posse_core._scenario.component import create
 from posse_core._scenario.load import dump_scenario
+from posse_core._simulator.returned import written
 
 Progress = Callable[[Iterable[FrameResult[FrameMade]], int, int], Iterable[FrameResult[FrameMade]]]
 """Wraps the results of a run to show them: (results, frames in all, frames done before)."""
@@ -135,8 +137,11 @@ class _Run:
             self._place.save()
             self._plugins.notify("posse_run_started", dataset=self._folder, frames=frames)
             results = executor.run(partial(RunWorker, self._place.store.name), todo)
+            awaited = set(todo)
             for result in progress(results, frames, len(done)):
+                awaited.discard(result.index)
                 self._enter(result)
+            self._failed |= dict.fromkeys(awaited, "the executor gave no result")
             self._finish()
             self._place.save()
         made = len(todo) - len(self._failed)
@@ -177,10 +182,13 @@ class _Run:
         self._log.put_in_order()
         dataset = Dataset(self._folder)
         registry = self._plugins.registry
+        paths: list[Path] = []
         if len(dataset):
             for choice in self._plan.scenario.writers:
-                create(registry, "writer", choice).write(dataset, self._folder)
-        manifest = make_manifest(self._place, self._plan, self._plugins, self._failed)
+                writer = create(registry, "writer", choice)
+                paths += written(writer, choice.name, dataset, self._folder)
+        exports = export_digests(paths, self._folder)
+        manifest = make_manifest(self._place, self._plan, self._plugins, self._failed, exports)
         write_json(self._folder / "manifest.json", manifest.as_json())
         self._plugins.notify("posse_run_finished", dataset=self._folder, manifest=manifest)
 

@@ -5,19 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
 from pydantic import ValidationError
 
 from posse_core._arrays import AnyArray
 from posse_core._environment.time import Epoch
 from posse_core._errors import ComponentError
 from posse_core._interfaces.annotator import Annotator
-from posse_core._model.camera import Camera
 from posse_core._model.label_line import LabelLine, first_fault
 from posse_core._model.labels import View
 from posse_core._model.scene import FrameState, Scene
 from posse_core._plugins.registry import Registry
 from posse_core._scenario.component import ComponentChoice, create
+from posse_core._simulator.returned import checked_labels, full_size
 
 
 class Annotation:
@@ -56,7 +55,7 @@ class Annotation:
         labels: dict[str, Any] = {}
         arrays: dict[str, AnyArray] = {}
         for name, annotator in self._annotators.items():
-            own = annotator.annotate(self._scene, frame, view)
+            own = checked_labels(annotator.annotate(self._scene, frame, view), name, view)
             if name in self._core:
                 labels.update(own.values)
             elif own.values:
@@ -64,7 +63,7 @@ class Annotation:
             for array_name, array in own.arrays.items():
                 if array_name in arrays:
                     raise ComponentError(f"two annotators make the array {array_name!r}; choose one")
-                arrays[array_name] = _full_size(array, view, self._scene.camera)
+                arrays[array_name] = full_size(array, view, self._scene.camera)
         try:
             line = LabelLine(
                 index=frame.index,
@@ -81,12 +80,3 @@ class Annotation:
         except ValidationError as error:
             raise ComponentError(f"a label cannot be written: {first_fault(error)}") from None
         return line, arrays
-
-
-def _full_size(array: AnyArray, view: View, camera: Camera) -> AnyArray:
-    """Paste an array over the view's box into the whole image: −1 or NaN elsewhere."""
-    fill = -1 if np.issubdtype(array.dtype, np.integer) else np.nan
-    full = np.full((camera.height_px, camera.width_px, *array.shape[2:]), fill, dtype=array.dtype)
-    if not view.box.is_empty:
-        full[view.box.slices] = array
-    return full

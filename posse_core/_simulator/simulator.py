@@ -24,6 +24,7 @@ from posse_core._simulator.annotation import Annotation
 from posse_core._simulator.frame import Frame
 from posse_core._simulator.light import CraftLight
 from posse_core._simulator.reopening import ReopeningRenderer
+from posse_core._simulator.returned import CheckedRenderer, built
 from posse_core._simulator.states import States
 from posse_core._sky.sky import Sky
 from posse_core._sky.view import SkyView
@@ -61,7 +62,8 @@ class Simulator:
         """
         self.scenario = scenario
         camera = scenario.camera.camera()
-        self.scene = Scene(create(registry, "scene", scenario.target).build(), camera)
+        craft = built(create(registry, "scene", scenario.target), scenario.target.name)
+        self.scene = Scene(craft, camera)
         self._states = States(scenario, registry, trajectory)
         self._annotation = Annotation(
             scenario.annotators, registry, self.scene, orbit_epoch(scenario.orbit)
@@ -69,9 +71,8 @@ class Simulator:
         self._geometry = RayCaster(self.scene)
         self._sky = Sky(scenario.sky, camera, scenario.seed)
         self._sensor = Sensor(scenario.sensor, camera)
-        self._renderer: Renderer[Any] = LensRenderer(
-            ReopeningRenderer(partial(create, registry, "renderer", scenario.renderer))
-        )
+        renderer = ReopeningRenderer(partial(create, registry, "renderer", scenario.renderer))
+        self._renderer: Renderer[Any] = LensRenderer(CheckedRenderer(renderer, scenario.renderer.name))
         self._renderer.open(self.scene)
         self._craft_light = CraftLight(self._renderer, self._geometry, self._sky, camera, scenario.seed)
 

@@ -20,6 +20,7 @@ from posse_core._scenario.component import create
 from posse_core._scenario.model import Scenario
 from posse_core._trajectory.build import GivenAttitude, make_trajectory, times_s, trajectory_of
 from posse_core._trajectory.problem import orbit_epoch, resolve
+from posse_core._trajectory.returned import propagated
 from posse_core._trajectory.state import frame_state
 
 _SAME_INSTANT_S = 1e-6
@@ -115,7 +116,7 @@ class States:
                 )
         else:
             problem = self._problem(np.array([float(t_s)]))
-            motion = self._propagator.propagate(problem)
+            motion = propagated(self._propagator, problem, name, own_frames=False)
             rows = [_row_of(motion, i) for i in range(len(motion.t_s))]
         if len(rows) > 1 and not any_chaser:
             raise InputError(
@@ -139,7 +140,9 @@ class States:
     @cached_property
     def _own_motion(self) -> Motion:
         """All frames of a propagator that has frames of its own."""
-        return self._propagator.propagate(self._problem(times_s(self._scenario)))
+        problem = self._problem(times_s(self._scenario))
+        name = self._scenario.propagator.name
+        return propagated(self._propagator, problem, name, own_frames=True)
 
     def _problem(self, t_s: FloatArray) -> PropagationProblem:
         scenario = self._scenario

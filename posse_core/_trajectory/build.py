@@ -28,6 +28,7 @@ from posse_core._scenario.attitude import AttitudeConfig
 from posse_core._scenario.component import create
 from posse_core._scenario.model import Scenario
 from posse_core._trajectory.problem import orbit_period_s, resolve
+from posse_core._trajectory.returned import propagated
 
 _RATE_STEP_S = 1e-3
 """Half the step of rates of turn; a steady turn comes out exact, whatever the step."""
@@ -57,7 +58,9 @@ def make_trajectory(scenario: Scenario, registry: Registry) -> Trajectory:
 
     Raises:
         InputError: see :func:`posse_core._trajectory.problem.resolve` and :func:`build_trajectory`.
+        ComponentError: see :func:`build_trajectory`.
     """
+    name = scenario.propagator.name
     propagator: Propagator = create(registry, "propagator", scenario.propagator)
     problem = resolve(
         scenario.orbit,
@@ -67,7 +70,12 @@ def make_trajectory(scenario: Scenario, registry: Registry) -> Trajectory:
         needs_starts=propagator.needs_starts,
     )
     trajectory = build_trajectory(
-        propagator=propagator, problem=problem, attitude=scenario.attitude, seed=scenario.seed
+        propagator=propagator,
+        problem=problem,
+        attitude=scenario.attitude,
+        seed=scenario.seed,
+        name=name,
+        own_frames="own-frames" in registry.spec("propagator", name).capabilities,
     )
     if scenario.frames is None:
         return trajectory
@@ -85,14 +93,21 @@ def build_trajectory(
     problem: PropagationProblem,
     attitude: AttitudeConfig,
     seed: int,
+    name: str,
+    own_frames: bool = False,
 ) -> Trajectory:
     """Propagate, and add attitude and light by the laws. The same arguments give the same bits.
 
+    Args:
+        name: of the propagator.
+        own_frames: its motion may have other times than the problem's.
+
     Raises:
+        ComponentError: the propagator failed, or did not return a whole motion.
         InputError: the problem is outside the propagator's domain or the ephemeris, the target
             passes below the Earth's surface, or an attitude law is undetermined at a frame.
     """
-    motion = propagator.propagate(problem)
+    motion = propagated(propagator, problem, name, own_frames=own_frames)
     return trajectory_of(
         motion,
         epoch=problem.epoch,

@@ -21,6 +21,7 @@ from posse_core._plugins.loading import load_plugins
 from posse_core._randomness import random_generator
 from posse_core._scenario.component import create
 from posse_core._scenario.model import Scenario
+from posse_core._simulator.returned import built
 from posse_core._sky.sky import Sky
 from posse_core._trajectory.build import make_trajectory
 from posse_core._trajectory.state import frame_state
@@ -94,7 +95,8 @@ class ScenarioCase:
         scenario = self.scenario
         registry = load_plugins().registry
         camera = replace(scenario.camera.camera(), line_time_s=0.0)  # a renderer draws an instant
-        scene = Scene(create(registry, "scene", scenario.target).build(), camera)
+        craft = built(create(registry, "scene", scenario.target), scenario.target.name)
+        scene = Scene(craft, camera)
         trajectory = make_trajectory(scenario, registry)
         if self.poses == "random":
             frames = _random_frames(self, scene, trajectory)

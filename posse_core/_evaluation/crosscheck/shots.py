@@ -22,6 +22,7 @@ from posse_core._randomness import derived_seed
 from posse_core._scenario.component import ComponentChoice, create
 from posse_core._sensor.lens import LensRenderer
 from posse_core._simulator.reopening import ReopeningRenderer
+from posse_core._simulator.returned import CheckedRenderer
 
 NOISE_FRAMES = 3
 """Frames that are rendered with a second seed too."""
@@ -66,7 +67,7 @@ class Shooter:
         self._geometry = Geometry(self._setting.scene)
         start = time.perf_counter()
         make: Callable[[], Renderer[Any]] = partial(create, load_plugins().registry, "renderer", choice)
-        self._renderer = LensRenderer(ReopeningRenderer(make))
+        self._renderer = LensRenderer(CheckedRenderer(ReopeningRenderer(make), choice.name))
         self._renderer.open(self._setting.scene)
         self._opening_s: float | None = time.perf_counter() - start
 

@@ -29,18 +29,12 @@ def posse_annotators():
     return [
         ComponentSpec("nearest", "the nearest visible point", "posse_flat:Nearest"),
         ComponentSpec("range_m", "has the name of a label", "posse_flat:Nearest"),
-        ComponentSpec("single", "makes what JSON does not hold", "posse_flat:Single"),
     ]
 
 
 class Nearest(Annotator):
     def annotate(self, scene, frame, view):
         return Labels({"nearest_m": float(view.depth_m[view.mask].min())})
-
-
-class Single(Annotator):
-    def annotate(self, scene, frame, view):
-        return Labels({"nearest_m": view.depth_m[view.mask].min()})
 
 
 class FlatOptions(Options):

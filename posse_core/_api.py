@@ -147,7 +147,10 @@ def pose(
             f"pose: points_body_m is {body_m.shape} and points_px {px.shape};"
             " (K, 3) and (K, 2) are needed"
         )
-    sigma = np.broadcast_to(np.asarray(sigma_px, np.float64), len(body_m))
+    sigma = np.asarray(sigma_px, np.float64)
+    if sigma.shape not in ((), (len(body_m),)):
+        raise InputError(f"pose: sigma_px is {sigma.shape}; one number is needed, or one for each point")
+    sigma = np.broadcast_to(sigma, len(body_m))
     if not (np.isfinite(body_m).all() and np.isfinite(px).all() and (sigma > 0).all()):
         raise InputError("pose: a point is not finite, or a standard deviation not above 0")
     return solve_pose(body_m, px, sigma, camera)

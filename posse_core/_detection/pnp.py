@@ -49,6 +49,11 @@ class PoseEstimate:
         """Distance between the camera and the body's origin."""
         return float(np.linalg.norm(self.t_body_cam_m))
 
+    def __repr__(self) -> str:
+        of = "" if self.detection is None else f" of {self.detection.label}"
+        x, y, z = self.t_body_cam_m
+        return f"<PoseEstimate{of}: at {x:.2f}, {y:.2f}, {z:.2f} m, {self.inliers.sum()} inliers>"
+
 
 def solve_pose(
     points_body_m: FloatArray, points_px: FloatArray, sigma_px: FloatArray, camera: Camera

@@ -9,6 +9,7 @@ from typing import Any, Self
 
 from numpy.typing import ArrayLike
 
+from posse_core._environment.time import Epoch
 from posse_core._geometry.raycast import RayCaster
 from posse_core._interfaces.renderer import Renderer
 from posse_core._model.camera import Camera
@@ -65,9 +66,8 @@ class Simulator:
         craft = built(create(registry, "scene", scenario.target), scenario.target.name)
         self.scene = Scene(craft, camera)
         self._states = States(scenario, registry, trajectory)
-        self._annotation = Annotation(
-            scenario.annotators, registry, self.scene, orbit_epoch(scenario.orbit)
-        )
+        epoch = Epoch.from_iso(orbit_epoch(scenario.orbit).iso())  # as a trajectory's file has it
+        self._annotation = Annotation(scenario.annotators, registry, self.scene, epoch)
         self._geometry = RayCaster(self.scene)
         self._sky = Sky(scenario.sky, camera, scenario.seed)
         self._sensor = Sensor(scenario.sensor, camera)

@@ -16,7 +16,7 @@ from typing import Any, Final, TypeVar
 
 import numpy as np
 
-from posse_core._arrays import AnyArray, FloatArray, array_fault
+from posse_core._arrays import AnyArray, Float32Array, FloatArray, array_fault
 from posse_core._dataset.dataset import Dataset
 from posse_core._errors import ComponentError
 from posse_core._interfaces.detector import Detection, Detector, KeypointFinder
@@ -82,7 +82,7 @@ def checked_radiance(made: object, request: RenderRequest, name: str) -> Radianc
         (light.radiance_rgb, 0.0, _LARGEST, "radiance_rgb has numbers that are negative or not finite"),
         (light.coverage, -_ROUNDING, 1 + _ROUNDING, "coverage has numbers outside of 0 … 1"),
     ):
-        if not (array.min() >= low and array.max() <= high):  # false where there is a NaN, too
+        if not _within(array, low, high):
             raise ComponentError(f"renderer {name!r}: {words}")
     return light
 
@@ -344,6 +344,19 @@ def _floats(value: object, shape: tuple[int | None, ...], what: str) -> FloatArr
         raise ComponentError(f"{what} is {_type_of(value)}, and must be an array of numbers") from None
     _check(array, shape, "floating", what)
     return array
+
+
+def _within(array: Float32Array, low: float, high: float) -> bool:
+    """Whether all numbers are within ``low`` … ``high``, where ``low`` is at most 0; NaN is not.
+
+    A picture may be a million pixels, so what is usual takes one pass over them: the bits of floats from
+    +0 on, read as unsigned integers, are in the order of the numbers, and below the bits of infinity, of
+    NaN, and of all that have a minus sign.
+    """
+    bits = array.view(array.dtype.str.replace("f", "u"))
+    if bits.max() <= np.float32(high).view(np.uint32):
+        return True
+    return bool(array.min() >= low and array.max() <= high)
 
 
 def _check(

@@ -7,12 +7,15 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import math
 from dataclasses import replace
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from small_run import BOX_OBJ, SCENARIO
 
 from posse_core import (
@@ -192,6 +195,31 @@ def test_wrong_radiance_is_refused(made, words: str) -> None:
         checked_radiance(made, request, "lamp")
     assert str(error.value).startswith("renderer 'lamp'")
     assert words in str(error.value)
+
+
+NUMBERS = st.lists(
+    st.floats(-0.5, 2, width=32) | st.sampled_from([-0.0, 5e-39, 1.0, 3e38, -3e38, math.inf, math.nan]),
+    min_size=4,
+    max_size=4,
+)
+
+
+@given(rgb=NUMBERS, coverage=NUMBERS, order=st.sampled_from(["<f4", ">f4"]))
+def test_every_number_of_a_radiance_counts(rgb: list[float], coverage: list[float], order: str) -> None:
+    """Wherever it stands, and whatever the order of its bytes."""
+    state = scenes.frame(t_body_cam_m=(0, 0, 5), sun_direction_body=(0, 0, 1))
+    box = PixelBox(0, 0, 2, 2)
+    light = np.ones((2, 2, 3), order)
+    light[..., 1] = np.reshape(rgb, (2, 2))
+    made = Radiance(box, light, np.reshape(coverage, (2, 2)).astype(order))
+    request = RenderRequest(state.craft, box, None, 0)
+    sound = all(math.isfinite(x) and x >= 0 for x in rgb)
+    sound &= all(-1e-4 <= x <= 1 + 1e-4 for x in coverage)
+    if sound:
+        assert checked_radiance(made, request, "lamp") is made
+    else:
+        with pytest.raises(ComponentError, match=r"negative or not finite|outside of 0 … 1"):
+            checked_radiance(made, request, "lamp")
 
 
 class Fixed(Detector):

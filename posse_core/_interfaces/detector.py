@@ -6,10 +6,13 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from posse_core._arrays import AnyArray, FloatArray
-from posse_core._dataset.images import LabelledImages
 from posse_core._plugins.component import Component, OptionsT
+
+if TYPE_CHECKING:  # plugins that name this interface beside their hooks are loaded by every command
+    from posse_core._dataset.images import LabelledImages
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,12 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from posse_core._dataset.dataset import Dataset
 from posse_core._plugins.component import Component, OptionsT
+
+if TYPE_CHECKING:  # plugins that name this interface beside their hooks are loaded by every command
+    from posse_core._dataset.dataset import Dataset
 
 
 class Writer(Component[OptionsT]):

@@ -162,7 +162,8 @@ class Plugins:
         if spec.api != API_VERSION:
             raise _Refused(
                 "incompatible",
-                f"{kind.name} {spec.name!r} is of API {spec.api}, this core has {API_VERSION}",
+                f"{kind.name} {spec.name!r} was written for version {spec.api} of the interfaces, and"
+                f" this core has version {API_VERSION}; install releases of the two that go together",
             )
         unknown = kind.unknown_capability(spec.capabilities)
         if unknown:

@@ -17,8 +17,12 @@ from posse_core._errors import ComponentError, InputError, PosseError
 from posse_core._plugins.kinds import KINDS, import_target, shown
 from posse_core._plugins.options import nearest, validated
 
-API_VERSION: Final = 1
-"""Version of the interfaces of :mod:`posse_core`; a record for another one is refused."""
+API_VERSION: Final = 2
+"""Version of the interfaces of :mod:`posse_core`; a record for another one is refused.
+
+Version 2 came with ``Component[Options]``, ``PropagationProblem``, ``LabelLine``, and a
+``RenderRequest`` that holds the craft's state alone.
+"""
 
 CORE: Final = "core"
 """Name of the plugin that holds the core's own components."""

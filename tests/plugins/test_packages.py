@@ -35,7 +35,10 @@ BAD = {
     "posse-import-error": ("broken", "ModuleNotFoundError: No module named 'a_library_that_nobody_has'"),
     "posse-wrong-signature": ("incompatible", "'scene'"),
     "posse-taken-name": ("duplicate", "the propagator name 'roe' is taken by plugin 'core'"),
-    "posse-other-api": ("incompatible", "renderer 'future' is of API 99, this core has 1"),
+    "posse-other-api": (
+        "incompatible",
+        "renderer 'earlier' was written for version 1 of the interfaces, and this core has version 2;",
+    ),
     "posse-same-entry": ("duplicate", "posse-plain has a plugin of this name already"),
     "posse-raises": ("broken", "posse_writers: RuntimeError: no luck"),
     "posse-misspelt": (
@@ -115,9 +118,9 @@ def test_a_bad_package_is_named_with_its_cause(found: dict[str, Any], dist: str)
 
 def test_bad_packages_cost_only_themselves(found: dict[str, Any]) -> None:
     good = {dist for dist, status in found["plugins"].items() if status["state"] == "ok"}
-    assert {"posse-core", "posse-plain", "posse-observer"} <= good
+    assert {"posse-core", "posse-plain", "posse-observer", "posse-beside"} <= good
     assert not good & set(BAD)
-    assert not {"free", "future", "second"} & set(found["renderers"])
+    assert not {"free", "earlier", "second"} & set(found["renderers"])
     assert {"roe", "thesis"} <= set(found["propagators"])
 
 
@@ -134,6 +137,19 @@ heavy = {"scipy", "cv2", "numpy", "trimesh", "torch", "onnxruntime", "mitsuba", 
 print(sorted(heavy & sys.modules.keys()))
 """
     assert python(tmp_path, code).stdout.strip() == "[]"
+
+
+def test_loading_classes_that_stand_beside_their_hooks_imports_no_heavy_library(site: Path) -> None:
+    """NumPy comes with the interfaces; the libraries that read datasets and images do not."""
+    code = """
+import sys
+from posse_core._plugins.loading import load_plugins
+load_plugins()
+assert {"posse_beside", "posse_core._interfaces.writer"} <= sys.modules.keys()
+print(sorted({"scipy", "cv2", "trimesh", "embreex"} & sys.modules.keys()))
+"""
+    process = python(site, code)
+    assert process.stdout.strip() == "[]", process.stderr
 
 
 def test_an_official_plugin_keeps_its_name(found: dict[str, Any]) -> None:

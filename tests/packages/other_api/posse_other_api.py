@@ -1,8 +1,8 @@
-"""Written for interfaces that this core does not have."""
+"""Written for the interfaces of an earlier core, which it says."""
 
 from posse_core import ComponentSpec, hookimpl
 
 
 @hookimpl
 def posse_renderers():
-    return [ComponentSpec("future", "of another API", "posse_other_api:Nothing", api=99)]
+    return [ComponentSpec("earlier", "of another API", "posse_other_api:Nothing", api=1)]

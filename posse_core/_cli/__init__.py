@@ -1,5 +1,5 @@
 """The command line: a module for each command.
 
-Such a module imports what its options need, which is little, and each function imports what it works
-with. So the help of every command appears without waiting for numerical libraries to be imported.
+At its top, such a module imports only what its options need; each function imports the rest itself.
+So the help of every command appears without importing numerical libraries.
 """

@@ -1,4 +1,4 @@
-"""``posse collect``: one dataset out of several, less the frames that rules drop."""
+"""``posse collect``: joins datasets into one, without the frames that rules drop."""
 
 from __future__ import annotations
 
@@ -23,17 +23,38 @@ from posse_core._selection.rules import RULES, named
     + "; ".join(f"{axis.name}: {axis.why}" for axis in AXES.values()),
 )
 @click.argument("datasets", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--out", required=True, type=click.Path(path_type=Path), help="A new folder.")
-@click.option("--drop", multiple=True, metavar="RULE", help="Drop frames by this rule; may be repeated.")
+@click.option(
+    "--out",
+    required=True,
+    type=click.Path(path_type=Path),
+    help="Folder of the new dataset; it must not exist.",
+)
+@click.option(
+    "--drop",
+    multiple=True,
+    metavar="RULE",
+    help="Drop the frames that this rule names. May be repeated.",
+)
 @click.option(
     "--balance",
     "by",
     multiple=True,
     metavar="AXIS",
-    help="Of the rest, keep alike many in each bin of this; bins of several are crossed.",
+    help="Keep equally many of the remaining frames in each bin of this axis. With several axes, a bin"
+    " is a combination of theirs.",
 )
-@click.option("--frames", type=click.IntRange(min=1), help="Balance to so many, as even as can be.")
-@click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Of the balance.")
+@click.option(
+    "--frames",
+    type=click.IntRange(min=1),
+    help="Number of frames to keep when balancing, divided as evenly as possible.",
+)
+@click.option(
+    "--seed",
+    default=0,
+    show_default=True,
+    type=click.IntRange(min=0),
+    help="Seed of the draw of frames by --balance.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the counts as JSON.")
 def command(
     datasets: tuple[Path, ...],
@@ -44,16 +65,17 @@ def command(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Join DATASETS, with one camera, to one, without the frames that rules drop, and balanced.
+    """Join DATASETS into one, drop frames by rules, and balance the rest.
 
-    Frames are numbered anew. A frame counts for the first rule that drops it.
+    All datasets must have the same camera. Frames are numbered anew. A frame that several rules drop is
+    counted for the first of them.
     """
     from posse_core._dataset.dataset import Dataset
     from posse_core._selection.collect import collect
 
     rules = named(drop)
     if frames is not None and not by:
-        raise InputError("--frames: goes with --balance; name what is to be even")
+        raise InputError("--frames is for --balance only; name an axis by --balance")
     balance = Balance(axes_named(by), frames, seed) if by else None
     counts = collect([Dataset(folder) for folder in datasets], rules, balance, out, _progress)
     if as_json:

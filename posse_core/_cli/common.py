@@ -19,42 +19,44 @@ DEFAULT_SCENARIO = "aqua"
 
 
 def scenario_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """``-o``, ``--seed``, ``--frames``: what changes a scenario from the command line."""
+    """``-o``, ``--seed``, ``--frames``: options that change a scenario from the command line."""
     for option in (
         click.option("--seed", type=int, help="Seed of every random draw."),
-        click.option("--frames", type=int, help="Make only so many frames, evenly spread."),
+        click.option(
+            "--frames", type=int, help="Make only this many frames, evenly spread over the scenario."
+        ),
         click.option(
             "-o",
             "overrides",
             multiple=True,
             metavar="KEY=VALUE",
-            help="Set any key of the scenario, as in -o renderer.spp=64; may be repeated.",
+            help="Set any key of the scenario, as in -o renderer.spp=64. May be repeated.",
         ),
     ):
         command = option(command)
     return command
 
 
-def net_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """``-o``: options of the nets that a command runs."""
+def model_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """``-o``: options of the models that a command runs."""
     return click.option(
         "-o",
         "overrides",
         multiple=True,
         metavar="KEY=VALUE",
-        help="Set an option of the net, as in -o threads=1; may be repeated.",
+        help="Set an option of the model, as in -o threads=1. May be repeated.",
     )(command)
 
 
 def options_from(overrides: Sequence[str]) -> dict[str, Any]:
-    """Key → value of what ``-o`` gave."""
+    """The keys and values that ``-o`` gives."""
     from posse_core._scenario.load import parse_override
 
     return dict(parse_override(text) for text in overrides)
 
 
 def read_scenario(source: str, overrides: Sequence[str], **named: str | int | None) -> Scenario:
-    """The scenario with ``-o`` and the named options (None: not given) put in."""
+    """The scenario, changed by ``-o`` and by the named options (None: not given)."""
     from posse_core._scenario.load import load_scenario
 
     given = options_from(overrides)
@@ -64,7 +66,7 @@ def read_scenario(source: str, overrides: Sequence[str], **named: str | int | No
 
 @contextlib.contextmanager
 def naming(source: str) -> Iterator[None]:
-    """Put the scenario's name before what is wrong with what it asks for."""
+    """Prefix an input error with the name of the scenario that caused it."""
     try:
         yield
     except InputError as error:
@@ -72,12 +74,12 @@ def naming(source: str) -> Iterator[None]:
 
 
 def echo_json(value: Any) -> None:
-    """Print a value for a program to read."""
+    """Print a value as JSON."""
     click.echo(json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False))
 
 
 def echo_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print rows in columns as wide as they need."""
+    """Print rows in aligned columns."""
     table = [header, *rows]
     widths = [max(len(row[i]) for row in table) for i in range(len(header))]
     for row in table:

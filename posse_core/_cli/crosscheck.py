@@ -1,4 +1,4 @@
-"""``posse crosscheck``: the same frames by several renderers."""
+"""``posse crosscheck``: renders the same frames by several renderers and compares them."""
 
 from __future__ import annotations
 
@@ -38,16 +38,20 @@ def _threshold_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 @click.command(name="crosscheck")
 @click.argument("scenarios", metavar="[SCENARIO]...", nargs=-1)
-@click.option("--renderers", metavar="A,B,C", help="Who renders; by default all that are installed.")
-@click.option("--frames", type=click.IntRange(min=1), default=20, show_default=True, help="How many.")
+@click.option(
+    "--renderers", metavar="A,B,C", help="Renderers to compare; by default all that are installed."
+)
+@click.option(
+    "--frames", type=click.IntRange(min=1), default=20, show_default=True, help="Frames per scenario."
+)
 @click.option(
     "--poses",
     type=click.Choice(("random", "trajectory")),
     default="random",
     show_default=True,
-    help="Random attitudes at ranges of the scenario, or frames of its trajectory.",
+    help="Take random attitudes at the scenario's ranges, or frames of its trajectory.",
 )
-@click.option("--out", type=click.Path(path_type=Path), help="Write a page with pictures: an HTML file.")
+@click.option("--out", type=click.Path(path_type=Path), help="Write an HTML page with the images.")
 @click.option("--json", "as_json", is_flag=True, help="Print every number of every frame as JSON.")
 @click.option("--seed", type=int, help="Seed of every random draw.")
 @click.option(
@@ -56,7 +60,7 @@ def _threshold_options(command: Callable[..., Any]) -> Callable[..., Any]:
     multiple=True,
     metavar="KEY=VALUE",
     help="Set an option of a renderer, as in -o blender.spp=64, or a key of the scenarios, as in"
-    " -o camera.width_px=640; may be repeated.",
+    " -o camera.width_px=640. May be repeated.",
 )
 @_threshold_options
 def command(
@@ -73,8 +77,9 @@ def command(
     """Render the same frames by several renderers, and compare them with geometry and each other.
 
     SCENARIO is a YAML file, the name of a built-in scenario, or a closed form: lambert-sphere,
-    lambert-plate, mirror, glossy-sphere, paint-sphere, fiducials, checker. Scenarios are preceded by
-    the two lambert ones. Ends with code 1, and names what, when a threshold is broken.
+    lambert-plate, mirror, glossy-sphere, paint-sphere, fiducials, checker. Before scenarios, the two
+    lambert closed forms are always checked. When a number is outside its threshold, the command names it
+    and ends with code 1.
     """
     from posse_core._evaluation.crosscheck.closed_forms import ANCHORS, CLOSED_FORMS, ClosedFormCase
     from posse_core._evaluation.crosscheck.compare import compare
@@ -118,12 +123,12 @@ def command(
     if as_json:
         echo_json(_as_json(comparisons, verdicts))
     else:
-        _tell(comparisons)
+        _print(comparisons)
     _end(comparisons, verdicts)
 
 
 def _members(source: str) -> list[str]:
-    """As :func:`scenario_members`; a name that is like a closed form's is taken for that, misspelt."""
+    """As :func:`scenario_members`, but for an unknown name a similar closed form's is suggested."""
     from posse_core._evaluation.crosscheck.closed_forms import CLOSED_FORMS
     from posse_core._scenario.load import scenario_members
 
@@ -144,14 +149,14 @@ def _names(renderers: str | None, registry: Registry) -> list[str]:
     for name in names:
         registry.spec("renderer", name)
         if names.count(name) > 1:
-            raise InputError(f"--renderers: {name!r} stands twice")
+            raise InputError(f"--renderers: {name!r} is given twice")
     return names
 
 
 def _choices(
     names: Sequence[str], overrides: Sequence[str], registry: Registry
 ) -> tuple[dict[str, ComponentChoice], list[str]]:
-    """Renderers with their options, and the overrides that are the scenario's."""
+    """The renderers with their options, and the remaining overrides, which are for the scenario."""
     from posse_core._scenario.load import parse_override
 
     options: dict[str, dict[str, Any]] = {name: {} for name in names}
@@ -163,7 +168,7 @@ def _choices(
             options[first][option] = value
         elif first == "renderer":
             raise InputError(
-                f"option -o {text}: name the renderer that is meant, as in -o {names[0]}.{option}"
+                f"option -o {text}: name the renderer that it is for, as in -o {names[0]}.{option}"
             )
         elif first in registry.names("renderer"):
             raise InputError(f"option -o {text}: {first!r} is not among --renderers {','.join(names)}")
@@ -176,9 +181,9 @@ def _choices(
     return choices, rest
 
 
-def _bar(results: Iterable[FrameResult[Any]], count: int, words: str) -> Iterable[FrameResult[Any]]:
+def _bar(results: Iterable[FrameResult[Any]], count: int, title: str) -> Iterable[FrameResult[Any]]:
     shown: Iterable[FrameResult[Any]] = tqdm(
-        results, total=count, unit="frame", desc=words, file=sys.stderr, disable=None
+        results, total=count, unit="frame", desc=title, file=sys.stderr, disable=None
     )
     return shown
 
@@ -192,28 +197,28 @@ def _as_json(comparisons: Sequence[Comparison], verdicts: Sequence[Verdict]) -> 
     }
 
 
-def _tell(comparisons: Sequence[Comparison]) -> None:
+def _print(comparisons: Sequence[Comparison]) -> None:
     from posse_core._evaluation.crosscheck.page import PAIR_COLUMNS, RENDERER_COLUMNS
 
     for comparison in comparisons:
         click.echo(comparison.name)
-        _tell_numbers("renderer", comparison.renderers, RENDERER_COLUMNS)
+        _print_numbers("renderer", comparison.renderers, RENDERER_COLUMNS)
         if comparison.pairs:
-            _tell_numbers("pair", comparison.pairs, PAIR_COLUMNS)
-            _tell_numbers("ratio by material", *_turned(comparison.materials))
+            _print_numbers("pair", comparison.pairs, PAIR_COLUMNS)
+            _print_numbers("ratio by material", *_turned(comparison.materials))
         click.echo("")
 
 
 def _turned(
     ratios: Mapping[str, Mapping[str, float | None]],
 ) -> tuple[dict[str, dict[str, float | None]], dict[str, str]]:
-    """pair → material → ratio as a table with a row a material and a column a pair."""
+    """Turn pair → material → ratio into a table with a row per material and a column per pair."""
     names = next(iter(ratios.values()))
     rows = {name: {pair: ratios[pair][name] for pair in ratios} for name in names}
     return rows, {pair: pair for pair in ratios}
 
 
-def _tell_numbers(
+def _print_numbers(
     title: str, rows: Mapping[str, Mapping[str, float | None]], columns: Mapping[str, str]
 ) -> None:
     from posse_core._evaluation.crosscheck.page import columns_in_use

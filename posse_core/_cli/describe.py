@@ -1,4 +1,4 @@
-"""``posse describe``: the scenario's keys, or a component's options."""
+"""``posse describe``: describes the keys of a scenario or the options of a component."""
 
 from __future__ import annotations
 
@@ -23,10 +23,13 @@ from posse_core._scenario.component import ComponentChoice
 @click.argument("name", required=False)
 @click.option("--json", "as_json", is_flag=True, help="Print the JSON schema.")
 def command(kind: str, name: str | None, as_json: bool) -> None:
-    """Describe the keys of a scenario, a camera by name, a kind of component, or one component.
+    """Describe a scenario's keys, a named camera, a kind of component, or one component.
 
-    posse describe scenario; posse describe camera speed-plus; posse describe renderer;
-    posse describe renderer mitsuba
+    \b
+    posse describe scenario            every key of a scenario
+    posse describe camera speed-plus   a named camera
+    posse describe renderer            what renderers are, and which are installed
+    posse describe renderer mitsuba    the options of one renderer
     """
     from posse_core._scenario.load import built_in_names
     from posse_core._scenario.model import Scenario
@@ -59,7 +62,7 @@ def command(kind: str, name: str | None, as_json: bool) -> None:
 
 
 def _describe_kind(kind: Kind, registry: Registry, as_json: bool) -> None:
-    """What a component of a kind is, for who writes one; and the names of those installed."""
+    """Print what a kind of component must provide, and the names of those installed."""
     facts = {"hook": kind.hook, "interface": shown(kind.interface)}
     if kind.conformance is not None:
         facts["conformance"] = shown(kind.conformance)
@@ -79,13 +82,13 @@ def _describe_kind(kind: Kind, registry: Registry, as_json: bool) -> None:
 
 
 def _describe_camera(name: str | None, as_json: bool) -> None:
-    """The keys that a camera's name stands for, and where they are from."""
+    """Print the keys that a named camera sets, and their source."""
     from posse_core._scenario.presets import PRESETS
 
     preset = PRESETS.get(name or "")
     if preset is None:
         hint = nearest(name, PRESETS) if name else ""
-        wrong = f": no camera named {name!r}{hint}" if name else ": name one of them"
+        wrong = f": no camera named {name!r}{hint}" if name else ": give the name of a camera"
         raise InputError(f"describe camera{wrong} ({', '.join(PRESETS)})")
     keys = {"camera": dict(preset.camera), "sensor": dict(preset.sensor)}
     if as_json:
@@ -110,7 +113,7 @@ def _describe(model: type[BaseModel], indent: str) -> None:
 
 
 def _first_line(model: type[BaseModel]) -> str:
-    """What a model says of itself: the words for a key that only tells it from its siblings."""
+    """The first line of a model's docstring: describes a key that only selects the model."""
     return (model.__doc__ or "").strip().split("\n")[0]
 
 

@@ -1,4 +1,4 @@
-"""``posse detect``: find spacecraft in images."""
+"""``posse detect``: finds spacecraft in images."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from posse_core._cli.common import echo_json, net_options, options_from
+from posse_core._cli.common import echo_json, model_options, options_from
 from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
 
@@ -23,15 +23,27 @@ _SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 
 @click.command()
 @click.argument("images", type=click.Path(path_type=Path), nargs=-1, required=True)
-@click.option("--model", type=click.Path(path_type=Path), help="Finds spacecraft.")
+@click.option("--model", type=click.Path(path_type=Path), help="Model that finds spacecraft.")
 @click.option("--keypoints", type=click.Path(path_type=Path), help="Model that finds keypoints.")
-@click.option("--camera", type=click.Path(path_type=Path), help="camera.json: keypoints become a pose.")
-@click.option("--out", type=click.Path(path_type=Path), help="Folder for the images, drawn into.")
 @click.option(
-    "--score", default=0.3, show_default=True, type=click.FloatRange(0, 1), help="Least score."
+    "--camera",
+    type=click.Path(path_type=Path),
+    help="A camera.json, with which poses are computed from keypoints.",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="Folder for copies of the images with the detections drawn.",
+)
+@click.option(
+    "--score",
+    default=0.3,
+    show_default=True,
+    type=click.FloatRange(0, 1),
+    help="Drop detections with a lower score.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
-@net_options
+@model_options
 def command(
     images: tuple[Path, ...],
     model: Path | None,
@@ -44,7 +56,7 @@ def command(
 ) -> None:
     """Find spacecraft in IMAGES: files, or folders of them.
 
-    Without --model and --keypoints, the trained nets that come with posse-detect-onnx.
+    Without --model and --keypoints, the shipped models of posse-detect-onnx are used.
     """
     import cv2
 
@@ -75,8 +87,8 @@ def command(
             drawn = draw(image, found, detector.classes)
             write_bytes(out / f"{path.stem}.png", cv2.imencode(".png", drawn)[1].tobytes())
         if not as_json:
-            words = ", ".join(_words(row) for row in rows)
-            click.echo(f"{path}: {words or 'nothing'}")
+            text = ", ".join(_as_text(row) for row in rows)
+            click.echo(f"{path}: {text or 'nothing'}")
     if as_json:
         echo_json(results)
 
@@ -125,7 +137,7 @@ def _as_json(found: Detection, detector: PoseDetector, camera: Camera | None) ->
     return row
 
 
-def _words(row: dict[str, Any]) -> str:
+def _as_text(row: dict[str, Any]) -> str:
     box = " ".join(f"{v:.0f}" for v in row["box_px"])
     text = f"{row['label']} {row['score']:.2f} at {box}"
     if row.get("pose"):

@@ -1,4 +1,4 @@
-"""``posse doctor``: what works on this machine, and how to mend what does not."""
+"""``posse doctor``: reports what works on this machine, and how to repair what does not."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from posse_core._interfaces.renderer import Renderer
 
 Finding = tuple[str, bool, str]
-"""(what, works, detail with the way out)."""
+"""(what was checked, whether it works, a detail that says how to repair it)."""
 
 _LIBRARIES = (
     "casadi",
@@ -37,10 +37,10 @@ _LIBRARIES = (
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
 def command(as_json: bool) -> None:
-    """Check the installation.
+    """Check the installation: libraries, plugins, components, renderers.
 
-    Exit code 1 when a plugin or a component's class cannot be used, when nothing can render, or when the
-    core lacks a library.
+    Ends with code 1 when a plugin or a component's class cannot be used, when nothing can render, or
+    when the core lacks a library.
     """
     plugins = load_plugins()
     core = list(_core())
@@ -59,11 +59,11 @@ def command(as_json: bool) -> None:
     if unusable:
         raise CheckFailed(
             f"{', '.join(unusable)}: cannot be used, as said above; update or uninstall the plugin, or"
-            " leave it out by POSSE_DISABLE_PLUGINS"
+            " exclude it by POSSE_DISABLE_PLUGINS"
         )
     if not any(all(works for _, works, _ in found) for found in renderers.values()):
         raise CheckFailed(
-            "no renderer works here; 'pip install posse-render-mitsuba' needs nothing else"
+            "no renderer works here; try 'pip install posse-render-mitsuba', which needs nothing else"
         )
 
 
@@ -87,7 +87,7 @@ def _plugins(plugins: Plugins) -> Iterator[Finding]:
 
 
 def _classes(registry: Registry) -> Iterator[Finding]:
-    """Whether each component's class and options can be imported and are of its kind; none is made."""
+    """Import each component's class and options and check their kind, without making a component."""
     for kind in KINDS:
         faults = {}
         for name in registry.names(kind):

@@ -1,4 +1,4 @@
-"""``posse eval``: how right a detector is on one part of a dataset."""
+"""``posse eval``: measures the accuracy of models on one part of a dataset."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from posse_core._cli.common import echo_json, echo_table, net_options, options_from
+from posse_core._cli.common import echo_json, echo_table, model_options, options_from
 from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
 
@@ -19,12 +19,17 @@ if TYPE_CHECKING:
 
 @click.command(name="eval")
 @click.argument("dataset", type=click.Path(path_type=Path))
-@click.option("--model", type=click.Path(path_type=Path), help="Finds spacecraft.")
+@click.option("--model", type=click.Path(path_type=Path), help="Model that finds spacecraft.")
 @click.option("--keypoints", type=click.Path(path_type=Path), help="Model that finds keypoints.")
-@click.option("--part", default="test", show_default=True, help="Part of the dataset, or 'all'.")
-@click.option("--out", type=click.Path(path_type=Path), help="Write a page with plots: an HTML file.")
+@click.option(
+    "--part",
+    default="test",
+    show_default=True,
+    help="Part of the dataset (train, valid, test), or 'all'.",
+)
+@click.option("--out", type=click.Path(path_type=Path), help="Write an HTML page with plots.")
 @click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
-@net_options
+@model_options
 def command(
     dataset: Path,
     model: Path | None,
@@ -34,9 +39,10 @@ def command(
     as_json: bool,
     overrides: tuple[str, ...],
 ) -> None:
-    """Measure a model on a part of DATASET: COCO's averages, box overlap; with --keypoints, poses.
+    """Measure models on a part of DATASET: COCO's average precisions and the overlap of boxes, and with
+    --keypoints the errors of keypoints and poses.
 
-    Without --model and --keypoints, the trained nets that come with posse-detect-onnx.
+    Without --model and --keypoints, the shipped models of posse-detect-onnx are used.
     """
     from posse_core._dataset.coco import open_dataset
     from posse_core._detection.evaluate import evaluate, frames_of
@@ -57,7 +63,7 @@ def command(
     digest = source.sha256
     if out is not None:
         models = " and ".join(path.name for path in (model, keypoints) if path is not None)
-        title = f"{models or 'the shipped nets'} on {source.folder.resolve().name}, part {part}"
+        title = f"{models or 'the shipped models'} on {source.folder.resolve().name}, part {part}"
         write_bytes(
             out, make_page(title, f"Dataset's SHA-256: {digest}", source, judged, result).encode()
         )

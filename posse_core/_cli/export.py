@@ -1,4 +1,4 @@
-"""``posse export``: the labels of a dataset in another format."""
+"""``posse export``: writes the labels of a dataset in other formats."""
 
 from __future__ import annotations
 
@@ -11,17 +11,23 @@ from posse_core._plugins.loading import load_plugins
 
 @click.command(name="export")
 @click.argument("dataset", type=click.Path(path_type=Path))
-@click.option("--format", "formats", multiple=True, required=True, help="Such as coco; may be repeated.")
+@click.option(
+    "--format",
+    "formats",
+    multiple=True,
+    required=True,
+    help="Format to write, such as coco. May be repeated.",
+)
 @click.option(
     "--out",
     type=click.Path(path_type=Path, file_okay=False),
-    help="Folder to write to (the dataset's own, if not given).",
+    help="Folder to write to; by default the dataset's own.",
 )
 def command(dataset: Path, formats: tuple[str, ...], out: Path | None) -> None:
-    """Write the labels of DATASET in other formats; print the paths of what was written.
+    """Write the labels of DATASET in other formats, and print the paths of the files.
 
-    The formats are those that 'posse plugins' lists as writers. Image paths in the files are relative
-    to the dataset's folder.
+    'posse plugins' lists the formats as writers. Image paths in the files are relative to the dataset's
+    folder.
     """
     from posse_core._dataset.dataset import Dataset
     from posse_core._run.exports import enter_exports
@@ -30,7 +36,7 @@ def command(dataset: Path, formats: tuple[str, ...], out: Path | None) -> None:
     registry = load_plugins().registry
     writers = {name: registry.create("writer", name) for name in formats}
     source = Dataset(dataset)
-    _ = source.manifest  # a run that has not ended is not exported in part
+    _ = source.manifest  # raises if the run has not ended: no partial export
     folder = source.folder if out is None else out
     folder.mkdir(parents=True, exist_ok=True)
     for name, writer in writers.items():

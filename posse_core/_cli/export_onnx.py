@@ -1,4 +1,4 @@
-"""``posse export-onnx``: a trained net as ONNX, held against the net on real frames."""
+"""``posse export-onnx``: exports a trained model to ONNX and compares both on frames of a dataset."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from posse_core._arrays import evenly_spread
-from posse_core._cli.common import net_options, options_from
+from posse_core._cli.common import model_options, options_from
 from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
 
@@ -29,17 +29,23 @@ _INT8_FRAMES = 128
     "--dataset",
     type=click.Path(path_type=Path),
     required=True,
-    help=f"{_FRAMES} frames of it, evenly spread, go through the net and through its export.",
+    help=f"Dataset of which {_FRAMES} frames, evenly spread, go through MODEL and through its export.",
 )
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="A file that ends in .onnx.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    required=True,
+    help="File to write; its name ends in .onnx.",
+)
 @click.option(
     "--int8",
     is_flag=True,
-    help=f"Eight bits: half of {_INT8_FRAMES} frames calibrate them, the others tell what is lost.",
+    help=f"Quantise to eight bits. Half of {_INT8_FRAMES} frames calibrate, the others measure the loss"
+    " of accuracy.",
 )
-@net_options
+@model_options
 def command(model: Path, dataset: Path, out: Path, int8: bool, overrides: tuple[str, ...]) -> None:
-    """Write MODEL (.safetensors) as ONNX; it is kept only if it gives what MODEL gives."""
+    """Write MODEL (.safetensors) as ONNX. The file is kept only if its results agree with MODEL's."""
     from posse_core._dataset.coco import open_dataset
     from posse_core._detection.card import ModelCard
     from posse_core._detection.models import open_model
@@ -47,28 +53,28 @@ def command(model: Path, dataset: Path, out: Path, int8: bool, overrides: tuple[
     if out.suffix != ".onnx":
         raise InputError(f"--out {out}: the file's name must end in .onnx")
     if not model.is_file():
-        raise InputError(f"{model}: there is no such file; name a model by 'posse train'")
+        raise InputError(f"{model}: there is no such file; name a model that 'posse train' wrote")
     registry = load_plugins().registry
     card = ModelCard.read(model)
     able = registry.spec("detector", card.net).capabilities
     if "onnx" not in able:
         raise InputError(f"{model}: {card.net!r} cannot be exported")
     if int8 and "int8" not in able:
-        raise InputError(f"--int8: {card.net!r} can be exported in float32 alone")
+        raise InputError(f"--int8: {card.net!r} can be exported in float32 only")
     source = open_dataset(dataset)
     images = [source.image(index) for index in _spread(source, _FRAMES)]
     net = open_model(model, card.task, registry, options_from(overrides))
     with tempfile.TemporaryDirectory() as folder:
         exact = Path(folder) / out.name if int8 else out
         differences = net.export_onnx(exact, images)
-        found = ", ".join(f"{name} {value:.1e}" for name, value in differences.items())
-        click.echo(f"{out}: greatest differences on {len(images)} frames: {found}")
+        shown = ", ".join(f"{name} {value:.1e}" for name, value in differences.items())
+        click.echo(f"{out}: greatest differences on {len(images)} frames: {shown}")
         if int8:
             _write_int8(net, card.task, exact, out, source, registry)
 
 
 def _spread(source: LabelledImages, count: int) -> Sequence[int]:
-    """So many positions of frames, evenly spread."""
+    """``count`` positions of frames in the dataset, evenly spread."""
     from posse_core._detection.evaluate import frames_of
 
     positions = frames_of(source, "all")
@@ -84,12 +90,16 @@ def _write_int8(
 
     chosen = [index for index in _spread(source, _INT8_FRAMES) if true_boxes(source[index])]
     if not chosen:
-        raise InputError(f"{source.folder}: shows no spacecraft to calibrate eight bits on")
-    order = random_generator(0, 0, "eight bits").permutation(chosen)  # every second may be of one class
+        raise InputError(
+            f"{source.folder}: no frame shows a spacecraft, so eight bits cannot be calibrated"
+        )
+    order = random_generator(0, 0, "eight bits").permutation(
+        chosen
+    )  # shuffled, since classes may alternate
     half = (len(chosen) + 1) // 2
     seen = [(source.image(i), true_boxes(source[i])[0].box_px) for i in order[:half].tolist()]
     net.write_int8(exact, out, seen)
     others = order[half:].tolist() or chosen
     before, after = (accuracy(source, others, path, task, registry) for path in (exact, out))
-    words = ", ".join(f"{name} {before[name]:.4g} to {after[name]:.4g}" for name in before)
-    click.echo(f"{out}: eight bits, calibrated on {len(seen)} frames; on {len(others)} others: {words}")
+    losses = ", ".join(f"{name} {before[name]:.4g} to {after[name]:.4g}" for name in before)
+    click.echo(f"{out}: eight bits, calibrated on {len(seen)} frames; on {len(others)} others: {losses}")

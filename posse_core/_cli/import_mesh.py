@@ -1,4 +1,4 @@
-"""``posse import``: a spacecraft package from a mesh."""
+"""``posse import``: makes a spacecraft package from a mesh."""
 
 from __future__ import annotations
 
@@ -21,16 +21,22 @@ if TYPE_CHECKING:
 
 @click.command("import")
 @click.argument("model", type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), help="Folder to make; by default the name.")
-@click.option("--name", help="Class name in the labels; by default the file's name.")
-@click.option("--scale", "scale_m_per_unit", type=float, help="Metres that one unit of the file is.")
-@click.option("--length", "length_m", type=float, help="Instead: metres along the longest side.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="Folder to make; by default named like the spacecraft.",
+)
+@click.option("--name", help="Name of the spacecraft in the labels; by default the file's name.")
+@click.option("--scale", "scale_m_per_unit", type=float, help="Length of one unit of the file, metres.")
+@click.option(
+    "--length", "length_m", type=float, help="Instead of --scale: length of the longest side, metres."
+)
 @click.option(
     "--axes",
     "body_axes",
     default="x y z",
     show_default=True,
-    help="Mesh axis along each body axis, as in 'x -z y'.",
+    help="Axes of the mesh that lie along body x, y and z, as in 'x -z y'.",
 )
 @click.option(
     "--centre-of-mass",
@@ -38,28 +44,29 @@ if TYPE_CHECKING:
     nargs=3,
     type=float,
     metavar="X Y Z",
-    help="Metres along body axes from the file's origin; by default the surface's centroid.",
+    help="Position in body axes from the file's origin, metres; by default the centroid of the surface.",
 )
 @click.option(
     "--keypoints",
     type=click.Path(path_type=Path),
-    help="YAML or JSON file: points, or corners of parts.",
+    help="YAML or JSON file with keypoints, as points or as corners of parts.",
 )
 @click.option(
     "--keypoint-count",
     default=16,
     show_default=True,
     type=click.IntRange(0, 200),
-    help="Keypoints to propose where there is no file.",
+    help="Number of keypoints to propose if there is no file of them.",
 )
 @click.option(
     "--symmetry",
     "symmetries",
     multiple=True,
     metavar="AXIS:ORDER",
-    help="A turn that leaves its looks unchanged, as in z:2; may be repeated.",
+    help="A rotation that leaves the spacecraft's appearance unchanged, as in z:2 for half a turn about"
+    " Z. May be repeated.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print what was found and made as JSON.")
+@click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
 def command(
     model: Path,
     out: Path | None,
@@ -73,10 +80,11 @@ def command(
     symmetries: tuple[str, ...],
     as_json: bool,
 ) -> None:
-    """Make a spacecraft package from a mesh: glTF, OBJ, PLY, STL.
+    """Make a spacecraft package from MODEL, a mesh in glTF, OBJ, PLY or STL.
 
-    It shows what is in the file, takes its scale and axes (and asks for the scale at a terminal),
-    proposes keypoints, and writes a folder that a scenario names by 'target: {package: FOLDER}'.
+    The command lists the parts of the file, scales and turns the mesh (it asks for the scale if none is
+    given at a terminal), proposes keypoints, and writes a folder that a scenario names by
+    'target: {package: FOLDER}'.
     """
     import numpy as np
 
@@ -129,7 +137,7 @@ def command(
     if as_json:
         echo_json({**about, **made})
     else:
-        _tell(made)
+        _print(made)
 
 
 def _group(symmetries: tuple[str, ...]) -> tuple[FloatArray, ...]:
@@ -144,7 +152,9 @@ def _group(symmetries: tuple[str, ...]) -> tuple[FloatArray, ...]:
 def _symmetry(text: str) -> tuple[str, int]:
     axis, _, order = text.partition(":")
     if axis not in ("x", "y", "z") or not order.isdigit() or not 2 <= int(order) <= 360:
-        raise InputError(f"--symmetry {text}: an axis and an order, as in z:2 for a half turn about Z")
+        raise InputError(
+            f"--symmetry {text}: write an axis and an order, as in z:2 for half a turn about Z"
+        )
     return axis, int(order)
 
 
@@ -152,7 +162,7 @@ def _scale(raw: RawMesh, path: Path, scale: float | None, length_m: float | None
     from posse_core._spacecraft.mesh import stated_scale
 
     if scale is not None and length_m is not None:
-        raise InputError("--scale and --length say the same thing; give one of them")
+        raise InputError("--scale and --length set the same quantity; give one of them")
     longest = float((raw.bounds[1] - raw.bounds[0]).max())
     if scale is None and length_m is None and sys.stdin.isatty():
         length_m = click.prompt(f"Its longest side is {longest:.6g} units. How many metres?", type=float)
@@ -182,7 +192,7 @@ def _show(path: Path, about: dict[str, Any]) -> None:
     echo_table(["part", "triangles", "watertight", "material", "textures"], rows)
 
 
-def _tell(made: dict[str, Any]) -> None:
+def _print(made: dict[str, Any]) -> None:
     from posse_core._spacecraft.importing import SCENARIO
 
     size = " × ".join(f"{x:.4g}" for x in made["size_m"])
@@ -193,5 +203,5 @@ def _tell(made: dict[str, Any]) -> None:
         echo_table(["keypoint", "x, m", "y, m", "z, m"], rows)
     if made["shape_repeats"] and not made["symmetries"]:
         turns = ", ".join(made["shape_repeats"])
-        click.echo(f"Its shape repeats under {turns}; if its looks do too, say so with --symmetry.")
+        click.echo(f"Its shape repeats under {turns}; if its appearance does too, add --symmetry.")
     click.echo(f"target: {{package: {made['package']}}}, or: posse run {made['package']}/{SCENARIO}")

@@ -1,4 +1,4 @@
-"""``posse import-poses``: somebody's labels become a scenario."""
+"""``posse import-poses``: makes a scenario from the poses of another dataset's labels."""
 
 from __future__ import annotations
 
@@ -12,8 +12,14 @@ from posse_core._plugins.loading import load_plugins
 
 @click.command("import-poses")
 @click.argument("labels", type=click.Path(path_type=Path))
-@click.option("--out", required=True, type=click.Path(path_type=Path), help="A new folder.")
-@click.option("--target", required=True, help="Spacecraft to render; 'posse plugins' lists them.")
+@click.option(
+    "--out", required=True, type=click.Path(path_type=Path), help="Folder to make; it must not exist."
+)
+@click.option(
+    "--target",
+    required=True,
+    help="Name of the spacecraft to render; 'posse plugins' lists them as scenes.",
+)
 @click.option(
     "--sun",
     "sun_cam",
@@ -22,21 +28,21 @@ from posse_core._plugins.loading import load_plugins
     default=(-0.5, -0.5, -0.7),
     show_default=True,
     metavar="X Y Z",
-    help="Towards the Sun in camera axes: right, down, forward.",
+    help="Direction of the Sun in camera axes: right, down, forward.",
 )
 @click.option(
     "--camera",
     "camera_file",
     type=click.Path(path_type=Path),
-    help="A camera.json as SPEED+ has it; by default the one beside LABELS or in the folder above.",
+    help="A camera.json as in SPEED+; by default the one beside LABELS or in the folder above.",
 )
 def command(
     labels: Path, out: Path, target: str, sun_cam: tuple[float, float, float], camera_file: Path | None
 ) -> None:
-    """Make a scenario that shows the poses of LABELS: SPEED's or SPEED+'s JSON, or URSO's poses_gt.csv.
+    """Make a scenario with the poses of LABELS: SPEED's or SPEED+'s JSON, or URSO's poses_gt.csv.
 
-    'posse run OUT/scenario.yaml' then renders them anew. Labels do not say where the Sun and the Earth
-    are: the Sun is put at --sun, and there is no Earth.
+    'posse run OUT/scenario.yaml' then renders them anew. The labels do not say where the Sun and the
+    Earth are, so the Sun is assumed in the direction of --sun, and there is no Earth.
     """
     import numpy as np
 
@@ -47,13 +53,14 @@ def command(
     registry = load_plugins().registry
     registry.options("scene", target, {}, where=f"--target {target}")
     if out.exists():
-        raise InputError(f"{out}: exists already; name a new folder")
+        raise InputError(f"{out}: this folder exists already; name a new one")
     poses = read_poses(labels)
     camera = read_camera(camera_file) if camera_file else camera_beside(labels)
     path = write_scenario(labels, poses, np.array(sun_cam), target, camera, out)
     if camera is None:
         click.echo(
-            f"posse: no camera.json beside {labels}: the scenario has the default camera; see --camera",
+            f"posse: no camera.json beside {labels}; the scenario has the default camera;"
+            " give another by --camera",
             err=True,
         )
     click.echo(f"{path}: {len(poses.names)} poses")

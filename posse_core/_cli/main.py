@@ -1,4 +1,4 @@
-"""The command ``posse``: finds its subcommands among the plugins, tells errors in one line."""
+"""The command ``posse``: finds its subcommands among the plugins and reports errors in one line."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from posse_core._plugins.options import nearest
 
 
 class _Commands(click.Group):
-    """Subcommands come from the registry; listing them imports none."""
+    """The subcommands of the registry. Listing them does not import them."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return load_plugins().registry.names("subcommand")
@@ -48,7 +48,7 @@ class _Commands(click.Group):
 def posse() -> None:
     """Labelled, radiometric images of spacecraft: from a TLE and a relative orbit to a dataset.
 
-    Exit codes: 0 ok, 1 a check failed, 2 bad input, 3 a component failed.
+    Exit codes: 0 success, 1 a check failed, 2 bad input, 3 a component failed.
     """
 
 
@@ -65,7 +65,7 @@ def _show_warning(
     file: TextIO | None = None,
     line: str | None = None,
 ) -> None:
-    """A warning as the user reads it: what is wrong, and not where our code says so."""
+    """Print what a warning says without the line of code that issued it."""
     _say(f"warning: {message}")
 
 

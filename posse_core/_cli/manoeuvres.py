@@ -1,4 +1,4 @@
-"""``posse manoeuvres``: the impulses of a scenario's plan, and what they cost."""
+"""``posse manoeuvres``: lists the impulses of a scenario's plan and their total."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from posse_core._errors import InputError
 def command(
     scenario: str, as_json: bool, seed: int | None, frames: int | None, overrides: tuple[str, ...]
 ) -> None:
-    """List the impulses of SCENARIO's relative.plan with their sum and the least possible."""
+    """List the impulses of SCENARIO's relative.plan and their sum; for a transfer, also the least sum."""
     from posse_core._trajectory.problem import planned, starts_of, target_at_epoch
 
     checked = read_scenario(scenario, overrides, seed=seed, frames=frames)
     if checked.relative.plan is None:
-        raise InputError(f"{scenario}: has no relative.plan; add burns or a transfer")
+        raise InputError(f"{scenario}: there is no relative.plan; add one with burns or a transfer")
     with naming(scenario):
         target = target_at_epoch(checked.orbit, checked.constants)
         plan = planned(checked.relative.plan, starts_of(target, checked.relative)[0])

@@ -1,4 +1,4 @@
-"""``posse model-errors``: how far each model of relative motion is off."""
+"""``posse model-errors``: measures the error of each model of relative motion."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from posse_core._cli.common import echo_json, echo_table
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
 def command(as_json: bool) -> None:
-    """Largest position error of each model, in metres, against integrated motion.
+    """Print the largest position error of each model of relative motion, metres.
 
-    Aqua over one and ten orbits, Cluster (e = 0.52) over one; a separation of 100 m and more.
+    The reference is numerically integrated motion: of Aqua over one and ten orbits, of Cluster
+    (e = 0.52) over one, with separations of 100 m and more.
     """
     import numpy as np
 

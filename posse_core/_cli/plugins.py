@@ -1,4 +1,4 @@
-"""``posse plugins``: what is installed, and what became of it."""
+"""``posse plugins``: lists the installed plugins with their state and components."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from posse_core._plugins.loading import load_plugins
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
 def command(as_json: bool) -> None:
-    """List the plugins and the components that they bring."""
+    """List the installed plugins and the components that they provide."""
     plugins = load_plugins()
     if as_json:
         echo_json([asdict(status) for status in plugins.statuses])

@@ -1,4 +1,4 @@
-"""``posse propagate``: the trajectory of a scenario, alone."""
+"""``posse propagate``: writes the trajectory of a scenario without rendering it."""
 
 from __future__ import annotations
 
@@ -14,13 +14,16 @@ from posse_core._plugins.loading import load_plugins
 @click.command()
 @click.argument("scenario")
 @click.option(
-    "--out", type=click.Path(path_type=Path), required=True, help="A file that ends in .npz or .csv."
+    "--out",
+    type=click.Path(path_type=Path),
+    required=True,
+    help="File to write; its name ends in .npz or .csv.",
 )
 @scenario_options
 def command(
     scenario: str, out: Path, seed: int | None, frames: int | None, overrides: tuple[str, ...]
 ) -> None:
-    """Write the trajectory of SCENARIO: target and chaser, attitudes, Sun, eclipse, flux."""
+    """Write the trajectory of SCENARIO: target, chaser, attitudes, Sun, eclipse and solar flux."""
     from posse_core._files.trajectory import save_trajectory
     from posse_core._trajectory.build import make_trajectory
 

@@ -1,4 +1,4 @@
-"""``posse run``: a scenario becomes a dataset."""
+"""``posse run``: makes a dataset from a scenario."""
 
 from __future__ import annotations
 
@@ -25,20 +25,25 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("scenario", required=False)
-@click.option("--renderer", metavar="NAME", help="Who renders; 'posse plugins' lists the names.")
-@click.option("--out", help="Folder of the dataset, or s3://BUCKET/FOLDER.")
-@click.option("--workers", type=int, help="Number of workers (1, if not given).")
-@click.option("--executor", default="local", show_default=True, help="Where frames are made.")
+@click.option("--renderer", metavar="NAME", help="Renderer to use; 'posse plugins' lists the names.")
+@click.option(
+    "--out", help="Folder of the dataset, or s3://BUCKET/FOLDER; by default a new one in out/."
+)
+@click.option("--workers", type=int, help="Number of workers; by default 1.")
+@click.option(
+    "--executor",
+    default="local",
+    show_default=True,
+    help="Executor that makes the frames; 'posse plugins' lists the names.",
+)
 @click.option(
     "--frame-time-limit",
     type=float,
     metavar="SECONDS",
-    help="Stop a frame after this, and try it again.",
+    help="Stop and retry a frame that takes longer.",
 )
-@click.option("--resume", is_flag=True, help="Go on with the run in --out.")
-@click.option(
-    "--json", "as_json", is_flag=True, help="Print what happens, one JSON object a line, as it happens."
-)
+@click.option("--resume", is_flag=True, help="Continue the run in --out.")
+@click.option("--json", "as_json", is_flag=True, help="Print each event as one line of JSON.")
 @scenario_options
 def command(
     scenario: str | None,
@@ -55,7 +60,7 @@ def command(
 ) -> int:
     """Make a labelled dataset from SCENARIO: a YAML file, or the name of a built-in scenario.
 
-    Without SCENARIO it makes one of Aqua over the Earth. A collection of scenarios makes a folder each.
+    By default it is 'aqua', Aqua over the Earth. A collection of scenarios makes a folder for each.
     """
     from posse_core._run.plan import make_plan
     from posse_core._run.run import run
@@ -83,13 +88,13 @@ def command(
             _emit("finished", **_as_json(result))
         results.append(result)
     for result in results:
-        _tell(result, to_stdout=not as_json)
+        _print(result, to_stdout=not as_json)
     return 3 if any(result.failed for result in results) else 0
 
 
 @contextlib.contextmanager
 def _started_in(out: str) -> Iterator[str]:
-    """The scenario of the run at a place."""
+    """A local copy of the scenario of the run at a location."""
     from posse_core._files.store import open_store
 
     try:
@@ -99,7 +104,7 @@ def _started_in(out: str) -> Iterator[str]:
             yield str(path)
     except FileNotFoundError:
         raise InputError(
-            f"--resume: {out} has no scenario.yaml; name the scenario that was run into it"
+            f"--resume: {out} has no scenario.yaml; name the scenario that the run was started with"
         ) from None
 
 
@@ -114,7 +119,7 @@ def _executor(
 
 
 def _free_folder(stem: str) -> str:
-    """``out/STEM-20260131-120000``: a folder that no run has yet."""
+    """The folder of a run without ``--out``: ``out/STEM-20260131-120000``."""
     return f"out/{stem}-{time.strftime('%Y%m%d-%H%M%S')}"
 
 
@@ -130,7 +135,7 @@ def _bar(
 def _events(
     out: str, results: Iterable[FrameResult[FrameMade]], frames: int, done: int
 ) -> Iterable[FrameResult[FrameMade]]:
-    """A line when the run starts, and one a frame when its labels are on the disk."""
+    """Print a line when the run starts, and one per frame once its labels are on disk."""
     _emit("started", dataset=out, frames=frames, done=done)
     for result in results:
         yield result
@@ -154,7 +159,7 @@ def _as_json(result: RunResult) -> dict[str, Any]:
     }
 
 
-def _tell(result: RunResult, *, to_stdout: bool) -> None:
+def _print(result: RunResult, *, to_stdout: bool) -> None:
     if to_stdout:
         click.echo(
             f"{result.out}: {result.made} frames made of {result.frames} in {result.seconds:.1f} s"

@@ -1,4 +1,4 @@
-"""``posse train``: a detector learns from a dataset."""
+"""``posse train``: trains a detector on a dataset."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from posse_core._cli.common import net_options, options_from
+from posse_core._cli.common import model_options, options_from
 from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
 
@@ -17,14 +17,24 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("dataset", type=click.Path(path_type=Path))
-@click.option("--detector", required=True, metavar="NAME", help="Who learns; see 'posse plugins'.")
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder of the training.")
-@net_options
+@click.option(
+    "--detector",
+    required=True,
+    metavar="NAME",
+    help="Detector to train; 'posse plugins' lists the names.",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    required=True,
+    help="Folder for the model, the checkpoints and the learning curves.",
+)
+@model_options
 def command(dataset: Path, detector: str, out: Path, overrides: tuple[str, ...]) -> None:
-    """Train a net on the train part of DATASET, and watch it on the valid part.
+    """Train a detector on the train part of DATASET and evaluate it on the valid part.
 
-    A training that was cut short goes on when the command is given again. 'posse describe detector NAME'
-    tells the options.
+    Repeat the command to continue a training that was interrupted. 'posse describe detector NAME' lists
+    the options.
     """
     from posse_core._dataset.coco import open_dataset
 
@@ -34,7 +44,7 @@ def command(dataset: Path, detector: str, out: Path, overrides: tuple[str, ...])
         raise InputError(f"detector {detector!r} cannot be trained; these can: {', '.join(able)}")
     options = registry.options("detector", detector, options_from(overrides), where="option")
     source = open_dataset(dataset)
-    _ = source.sha256  # a run that has not ended has frames to come
+    _ = source.sha256  # raises if the run has not ended: frames would be missing
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -1,4 +1,4 @@
-"""``posse validate``: proof of a dataset."""
+"""``posse validate``: proves the labels of a dataset."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ if TYPE_CHECKING:
     from posse_core._evaluation.result import Report
 
 SHOWN = 10
-"""Frames that the error names at most; ``--json`` names all."""
+"""The most frames that the error names; ``--json`` lists all."""
 
 
 @click.command(name="validate")
 @click.argument("dataset", type=click.Path(path_type=Path))
 @click.option("--json", "as_json", is_flag=True, help="Print every fault of every frame as JSON.")
 def command(dataset: Path, as_json: bool) -> None:
-    """Prove the labels of DATASET: files, checksums, and each label against pose, camera and mesh.
+    """Check the files and checksums of DATASET, and each label against pose, camera and mesh.
 
-    DATASET is a folder made by POSSE; or labels of any other origin: a COCO or SPEED file, or a BOP or
-    YOLO-pose folder. Ends with code 1, and names the frames, when a check fails.
+    DATASET is a folder made by POSSE, or labels of any other origin: a COCO or SPEED file, or a BOP or
+    YOLO-pose folder. When a check fails, the command names the frames and ends with code 1.
     """
     from posse_core._dataset.dataset import Dataset
     from posse_core._evaluation.foreign import validate_foreign
@@ -45,8 +45,8 @@ def command(dataset: Path, as_json: bool) -> None:
         raise CheckFailed(_summary(report))
 
 
-def _progress(places: Iterable[int], frames: int) -> Iterable[int]:
-    shown: Iterable[int] = tqdm(places, total=frames, unit="frame", disable=None)
+def _progress(indices: Iterable[int], frames: int) -> Iterable[int]:
+    shown: Iterable[int] = tqdm(indices, total=frames, unit="frame", disable=None)
     return shown
 
 

@@ -1,4 +1,4 @@
-"""``posse view``: a page to look at a dataset with."""
+"""``posse view``: writes an HTML page that shows a dataset."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from posse_core._errors import InputError
 @click.command(name="view")
 @click.argument("dataset", type=click.Path(path_type=Path))
 @click.option(
-    "--out", type=click.Path(path_type=Path), help="The page (DATASET/view.html, if not given)."
+    "--out", type=click.Path(path_type=Path), help="File to write; by default DATASET/view.html."
 )
-@click.option("--frames", type=click.IntRange(min=1), help="Show only so many frames, evenly spread.")
+@click.option("--frames", type=click.IntRange(min=1), help="Show only this many frames, evenly spread.")
 @click.option(
     "--max-mib",
     type=click.FloatRange(min=0, min_open=True),
     default=64,
     show_default=True,
-    help="Size of the page at most; frames whose preview has no room are shown from the dataset.",
+    help="Largest size of the page. Frames whose preview does not fit are loaded from the dataset.",
 )
 def command(dataset: Path, out: Path | None, frames: int | None, max_mib: float) -> None:
     """Write one HTML page that shows DATASET in a browser: frames with their labels drawn, filters,
     the relative orbit, distributions, the manifest.
 
-    It needs no server and no network.
+    The page needs no server and no network.
     """
     from posse_core._dataset.dataset import Dataset
     from posse_core._view.page import write_page
@@ -46,6 +46,6 @@ def command(dataset: Path, out: Path | None, frames: int | None, max_mib: float)
     )
 
 
-def _progress(places: Iterable[int], frames: int) -> Iterable[int]:
-    shown: Iterable[int] = tqdm(places, total=frames, unit="frame", disable=None)
+def _progress(indices: Iterable[int], frames: int) -> Iterable[int]:
+    shown: Iterable[int] = tqdm(indices, total=frames, unit="frame", disable=None)
     return shown

@@ -1,1 +1,1 @@
-"""The scenario: a YAML file that says everything about a run."""
+"""The scenario: everything that defines a run, as YAML or a mapping."""

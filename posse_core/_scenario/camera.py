@@ -18,42 +18,46 @@ Positive = Annotated[float, Field(gt=0)]
 
 
 class CameraConfig(Options):
-    """The defaults are the thesis' Table 3.5: square pixels, the principal point in the middle."""
+    """Intrinsics. The defaults are the thesis' Table 3.5: square pixels, central principal point."""
 
     preset: str | None = Field(
         None,
-        description=f"a camera by name ({', '.join(PRESETS)}), which gives every key of camera and"
-        " sensor that is not written; 'posse describe camera NAME' shows it",
+        description=f"a published camera by name ({', '.join(PRESETS)}): it sets every key of camera and"
+        " sensor that the scenario does not; 'posse describe camera NAME' shows them",
     )
     width_px: int = Field(
         1280,
         ge=1,
         le=16384,
-        description="image width, pixels; another one than the preset's bins or divides its pixels",
+        description="image width, pixels; a width other than the preset's changes the size of its"
+        " pixels",
     )
     height_px: int = Field(960, ge=1, le=16384, description="image height, pixels")
     hfov_deg: float | None = Field(
         None,
         gt=0,
         lt=180,
-        description="horizontal field of view, without distortion, degrees; 90 if focal_px is not given",
+        description="horizontal field of view without distortion, degrees; 90 if focal_px is not given",
     )
     focal_px: tuple[Positive, Positive] | None = Field(
-        None, description="focal lengths along x and y, pixels, instead of hfov_deg"
+        None, description="focal lengths along x and y, pixels; instead of hfov_deg"
     )
     centre_px: tuple[float, float] | None = Field(
-        None, description="principal point, with the first pixel's centre at (0, 0); null is the middle"
+        None,
+        description="principal point, pixels, with the first pixel's centre at (0, 0); null is the"
+        " image's middle",
     )
     sensor_width_mm: float = Field(36.0, gt=0, description="width of the sensor, mm")
     line_time_s: float = Field(
         0.0,
         ge=0,
-        description="time from one row's exposure to the next one's, top row first: a rolling shutter;"
-        " 0 for a global one",
+        description="time from the exposure of one row to that of the next, top row first, of a rolling"
+        " shutter; 0 for a global shutter",
     )
     distortion: tuple[float, float, float, float, float] | None = Field(
         None,
-        description="k1, k2, p1, p2, k3 of Brown and Conrady as OpenCV gives them; null is a pinhole",
+        description="k1, k2, p1, p2, k3 of Brown and Conrady's model in OpenCV's order; null for a"
+        " pinhole",
     )
 
     @model_validator(mode="before")
@@ -67,7 +71,9 @@ class CameraConfig(Options):
     @classmethod
     def _known(cls, name: str | None) -> str | None:
         if name is not None and name not in PRESETS:
-            raise ValueError(f"no camera of this name{nearest(name, PRESETS)} ({', '.join(PRESETS)})")
+            raise ValueError(
+                f"there is no camera of this name{nearest(name, PRESETS)} ({', '.join(PRESETS)})"
+            )
         return name
 
     @field_validator("focal_px")
@@ -80,16 +86,16 @@ class CameraConfig(Options):
     @field_validator("distortion")
     @classmethod
     def _one_to_one(cls, distortion: Any, info: ValidationInfo) -> Any:
-        """The keys before this one are in ``info``, if they are right."""
+        """Check that the distortion is one-to-one; ``info`` has the keys above if they are valid."""
         if distortion is not None and len(info.data) == len(cls.model_fields) - 1:
             cls.model_construct(**info.data, distortion=distortion).camera()
         return distortion
 
     def camera(self) -> Camera:
-        """The intrinsics in pixels and metres.
+        """The camera that these keys describe.
 
         Raises:
-            ValueError: the distortion folds over inside the image.
+            ValueError: the distortion maps two directions to one pixel inside the image.
         """
         if self.focal_px is not None:
             fx_px, fy_px = self.focal_px
@@ -113,10 +119,10 @@ class CameraConfig(Options):
 def preset_camera(name: str) -> Camera:
     """A published camera by name, such as ``speed`` or ``speed-plus``.
 
-    ``posse describe camera NAME`` shows what it is and where its numbers are from.
+    ``posse describe camera NAME`` prints its keys and their source.
 
     Raises:
-        InputError: no camera of this name.
+        InputError: there is no camera of this name.
     """
     if name not in PRESETS:
         raise InputError(f"no camera named {name!r}{nearest(name, PRESETS)} ({', '.join(PRESETS)})")

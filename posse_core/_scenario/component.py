@@ -1,4 +1,4 @@
-"""A component chosen in a scenario: a name, and options that its own model checks."""
+"""A component chosen in a scenario: its name, and options that the component's own model checks."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from posse_core._plugins.registry import Registry
 
 
 class ComponentChoice(Options):
-    """Written as a name, or as a mapping with ``name`` and the component's options beside it."""
+    """A component, written as its name or as a mapping of ``name`` and the component's options."""
 
     name: str = Field(description="name of the component; 'posse plugins' lists them")
     options: Mapping[str, Any] = Field(
-        default_factory=dict, description="its options; see 'posse describe KIND NAME'"
+        default_factory=dict, description="the component's options; see 'posse describe KIND NAME'"
     )
 
     @model_validator(mode="before")
@@ -44,13 +44,13 @@ class TargetChoice(ComponentChoice):
 
 
 def create(registry: Registry, kind: str, choice: ComponentChoice) -> Any:
-    """Make the component that a scenario chose."""
+    """Make the component that a scenario chooses."""
     options = registry.options(kind, choice.name, choice.options)
     return registry.create(kind, choice.name, options)
 
 
 def _gathered(raw: Any) -> Any:
-    """The options beside ``name`` go into ``options``."""
+    """Move the keys beside ``name`` into ``options``."""
     if isinstance(raw, str):
         return {"name": raw}
     if isinstance(raw, Mapping) and "options" not in raw:

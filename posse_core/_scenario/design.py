@@ -1,4 +1,4 @@
-"""Scenario keys of relative orbits by name, and of manoeuvres."""
+"""Scenario keys of named relative orbits and of manoeuvres."""
 
 from __future__ import annotations
 
@@ -12,8 +12,11 @@ Metres3 = tuple[float, float, float]
 
 
 class FlyAround(Options):
-    """Natural circle about the target at constant range, in an orbit of low eccentricity; its plane
-    is 30° off the local horizon and it crosses neither pole of the view sphere."""
+    """Natural motion on a circle about a target in a nearly circular orbit, at constant range.
+
+    The circle's plane is inclined by 30° to the local horizon; it crosses neither pole of the view
+    sphere.
+    """
 
     name: Literal["fly-around"]
     range_m: float = Field(gt=0, description="distance from the target")
@@ -21,77 +24,92 @@ class FlyAround(Options):
 
 
 class SafeEllipse(Options):
-    """Passively safe natural ellipse: parallel relative eccentricity and inclination vectors, so
-    that R and N never vanish together (D'Amico and Montenbruck 2006)."""
+    """Passively safe natural ellipse.
+
+    The relative eccentricity and inclination vectors are parallel, so that R and N are never zero
+    together (D'Amico and Montenbruck 2006).
+    """
 
     name: Literal["safe-ellipse"]
     radial_m: float = Field(gt=0, description="amplitude along R, a·|δe|; along T it is twice this")
     normal_m: float = Field(gt=0, description="amplitude along N, a·|δi|")
     along_m: float = Field(0.0, description="mean along-track offset, a·δλ")
-    phase_deg: float = Field(0.0, description="direction of both vectors")
+    phase_deg: float = Field(0.0, description="direction of both vectors: an argument of latitude")
 
 
 class VBarHop(Options):
-    """Natural arc from one point of V-bar to another, by one impulse along V-bar; it takes one
-    orbit. Circular target: the arc is closed on Hill's equations."""
+    """Natural arc from one point of V-bar to another in one orbit, after one impulse along V-bar.
+
+    It assumes a circular target orbit: the arc is a closed form of Hill's equations.
+    """
 
     name: Literal["v-bar-hop"]
-    start_m: float = Field(description="place along V-bar at the epoch; positive is ahead")
-    end_m: float = Field(description="place along V-bar after one orbit")
+    start_m: float = Field(description="position along V-bar at the epoch; positive is ahead")
+    end_m: float = Field(description="position along V-bar after one orbit")
 
 
 class VBarApproach(Options):
-    """Forced straight line along V-bar at constant speed, then a hold at its end."""
+    """Forced motion along V-bar at constant speed, then a hold at its end."""
 
     name: Literal["v-bar-approach"]
-    start_m: float = Field(description="place at the epoch; positive is ahead of the target")
-    end_m: float = Field(description="place at the end")
+    start_m: float = Field(description="position at the epoch; positive is ahead of the target")
+    end_m: float = Field(description="position at the end")
     duration_s: float = Field(gt=0, description="time from start to end")
 
 
 class RBarApproach(Options):
-    """Forced straight line along R-bar at constant speed, then a hold at its end."""
+    """Forced motion along R-bar at constant speed, then a hold at its end."""
 
     name: Literal["r-bar-approach"]
-    start_m: float = Field(description="place at the epoch; positive is below the target")
-    end_m: float = Field(description="place at the end")
+    start_m: float = Field(description="position at the epoch; positive is below the target")
+    end_m: float = Field(description="position at the end")
     duration_s: float = Field(gt=0, description="time from start to end")
 
 
 class HoldPoint(Options):
-    """Forced stay at a point of the RTN frame."""
+    """Forced hold at a fixed position in RTN axes."""
 
     name: Literal["hold-point"]
-    r_rtn_m: Metres3 = Field(description="radial, along-track, cross-track, m")
+    r_rtn_m: Metres3 = Field(description="radial, along-track, cross-track position, m")
 
 
 class Algorithm31(Options):
-    """The thesis' Algorithm 3.1 with the core's dynamics: H relative orbits over all the times,
-    its jumps and repetitions included."""
+    """The thesis' Algorithm 3.1 with the core's dynamics: H relative orbits over all the times.
+
+    It includes the jumps and repetitions of the original.
+    """
 
     name: Literal["algorithm-3-1"]
-    relative_orbits: int = Field(25, ge=1, description="H")
+    relative_orbits: int = Field(25, ge=1, description="H, the number of relative orbits")
     delta_e_m: tuple[float, float] = Field(description="a·(δex, δey)")
-    delta_i_m: tuple[float, float] = Field(description="a·(δix, δiy) to start from")
+    delta_i_m: tuple[float, float] = Field(description="a·(δix, δiy) of the first relative orbit")
 
 
 class Algorithm31Repaired(Options):
-    """Algorithm 3.1 mended: all H relative orbits differ, neighbours are near each other, and the
-    first follows the last; both vectors turn, so cameras leave the line parallel to N."""
+    """Algorithm 3.1 repaired: all H relative orbits differ.
+
+    Successive orbits are close to each other, and the first is close to the last. Both vectors rotate,
+    so that the cameras do not stay on a line parallel to N.
+    """
 
     name: Literal["algorithm-3-1-repaired"]
-    relative_orbits: int = Field(25, ge=2, description="H")
-    size_m: float = Field(gt=0, description="a·|δe|: the least distance; the largest is 4.5 times it")
+    relative_orbits: int = Field(25, ge=2, description="H, the number of relative orbits")
+    size_m: float = Field(
+        gt=0, description="a·|δe|, which is the least distance; the largest is 4.5 times as much"
+    )
 
 
 class ViewSphere(Options):
-    """Cameras on directions spread evenly over the sphere (Fibonacci lattice), one a frame, for
-    training sets that must see every side; no dynamics tie one frame to the next."""
+    """Viewing directions spread evenly over the sphere (Fibonacci lattice), one for each frame.
+
+    This is for training sets that must show every side; no dynamics connect one frame with the next.
+    """
 
     name: Literal["view-sphere"]
     range_m: tuple[float, float] = Field(description="least and largest distance")
     range_law: Literal["uniform", "logarithmic"] = Field(
-        "uniform", description="spread of the distances; logarithmic has as many near as far"
+        "uniform",
+        description="distribution of the distances; logarithmic gives each octave equally many",
     )
 
     @model_validator(mode="after")
@@ -119,24 +137,28 @@ class BurnConfig(Options):
     """One impulse."""
 
     t_s: float = Field(ge=0, description="seconds after the epoch")
-    dv_rtn_m_s: Metres3 = Field(description="change of velocity, target's RTN axes, m/s")
+    dv_rtn_m_s: Metres3 = Field(description="change of velocity in the target's RTN axes, m/s")
 
 
 class TransferConfig(Options):
     """A reconfiguration whose impulses are computed."""
 
     to_roe_m: tuple[float, float, float, float, float, float] = Field(
-        description="a·(δa, δλ, δex, δey, δix, δiy) wanted at end_s"
+        description="wanted a·(δa, δλ, δex, δey, δix, δiy) at end_s"
     )
-    start_s: float = Field(0.0, ge=0, description="not before this")
-    end_s: float = Field(gt=0, description="reached at this time")
+    start_s: float = Field(0.0, ge=0, description="earliest time of an impulse, seconds after the epoch")
+    end_s: float = Field(
+        gt=0, description="time at which the elements are reached, seconds after the epoch"
+    )
 
 
 class PlanConfig(Options):
-    """Manoeuvres of the chaser; exactly one key."""
+    """Manoeuvres of the chaser. Give exactly one key."""
 
     burns: tuple[BurnConfig, ...] | None = Field(None, min_length=1, description="given impulses")
-    transfer: TransferConfig | None = Field(None, description="a transfer to other ROE")
+    transfer: TransferConfig | None = Field(
+        None, description="a transfer to other relative orbital elements"
+    )
 
     @model_validator(mode="after")
     def _exactly_one(self) -> PlanConfig:

@@ -1,8 +1,9 @@
-"""A scenario from poses that the labels of another dataset give: the same views, of any craft.
+"""A scenario from the poses that another dataset's labels give: the same views of any spacecraft.
 
-Labels say where the craft is in the camera, and nothing of orbit, time or light. These are assumed, for
-each frame by itself: the target on a circular orbit, right under the Sun, so never in shadow; the Sun
-in one direction of the camera's axes; frames a second apart, each a sequence of its own.
+The labels give the pose of the spacecraft in camera axes, and nothing about orbit, time or illumination.
+These are assumed for each frame by itself: the target is on a circular orbit between the Earth and the
+Sun, so never in shadow; the Sun is in one direction of the camera axes; frames are one second apart, and
+each is a sequence of its own.
 """
 
 from __future__ import annotations
@@ -34,11 +35,11 @@ from posse_core._model.poses import Poses
 EPOCH_UTC = "2022-03-20T12:00:00"
 RADIUS_M = 7.0e6
 _PARALLEL_SINE = 1e-6
-"""Sine of the angle between two directions below which they count as parallel."""
+"""Two directions count as parallel below this sine of the angle between them."""
 _HEADER = """\
 # The {frames} poses of {labels}, to be rendered anew: posse run {scenario}
 # Assumed, since labels do not say: the Sun at {sun} in camera axes (right, down, forward), never
-# in eclipse; no Earth. With sky.earth true it stands opposite to the Sun, in full light.
+# in eclipse; no Earth. With sky.earth true the Earth is opposite to the Sun, fully lit.
 """
 
 
@@ -46,19 +47,21 @@ def motion_of(poses: Poses, sun_cam: FloatArray) -> dict[str, FloatArray]:
     """Arrays of a trajectory in which the camera sees these poses, by the names of ``tables``.
 
     Args:
-        sun_cam: (3,) towards the Sun in camera axes, of any length.
+        sun_cam: (3,) direction of the Sun in camera axes, of any length.
 
     Raises:
         InputError: ``sun_cam`` is zero.
     """
     if not np.any(sun_cam):
-        raise InputError("--sun 0 0 0: no direction; three numbers towards the Sun, in camera axes")
+        raise InputError(
+            "--sun 0 0 0 is no direction; give three numbers towards the Sun in camera axes"
+        )
     t_s = np.arange(len(poses.names), dtype=np.float64)
     sun_eci = unit(sun_eci_m(*Epoch.from_iso(EPOCH_UTC).tdb(t_s)))
     r_target_m = RADIUS_M * sun_eci
     along = unit(np.cross(ECLIPTIC_NORTH_ECI, sun_eci))
     v_target_m_s = np.sqrt(Constants().mu_earth_m3_s2 / RADIUS_M) * along
-    # Turning about the Sun's direction is free: the image's top is kept near ecliptic north.
+    # A rotation about the Sun's direction is arbitrary: the image's top is kept near ecliptic north.
     up_cam = np.array([0.0, -1.0, 0.0])
     if np.linalg.norm(np.cross(unit(sun_cam), up_cam)) < _PARALLEL_SINE:
         up_cam = np.array([0.0, 0.0, 1.0])
@@ -80,12 +83,12 @@ def motion_of(poses: Poses, sun_cam: FloatArray) -> dict[str, FloatArray]:
 def write_scenario(
     labels: Path, poses: Poses, sun_cam: FloatArray, target: str, camera: Camera | None, out: Path
 ) -> Path:
-    """Write ``scenario.yaml``, its ``trajectory.npz``, and ``images.csv``: which frame is which image.
+    """Write ``scenario.yaml``, its ``trajectory.npz``, and ``images.csv``, the image of each frame.
 
     Args:
-        sun_cam: as in :func:`motion_of`.
+        sun_cam: (3,), as in :func:`motion_of`.
         target: name of the spacecraft to render.
-        camera: that of the labels; None for a scenario's own default.
+        camera: the camera of the labels; None for the default camera of scenarios.
 
     Returns:
         The scenario's path.
@@ -117,7 +120,7 @@ def write_scenario(
 
 
 def _keys_of(camera: Camera) -> dict[str, Any]:
-    """The scenario's keys that give this very camera."""
+    """The scenario keys that describe this camera."""
     return {
         "width_px": camera.width_px,
         "height_px": camera.height_px,

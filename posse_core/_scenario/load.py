@@ -1,4 +1,4 @@
-"""From a file or a name to a checked scenario, and back to YAML."""
+"""Loads scenarios from a file or by name, checks them, and writes them back to YAML."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def built_in_names() -> list[str]:
 
 
 def scenario_members(source: str) -> list[str]:
-    """The scenarios that a source stands for: itself, or the ``members`` of a collection.
+    """The scenarios of a source: the source itself, or the ``members`` of a collection.
 
     A collection is a YAML file whose one key, ``members``, lists names or files of scenarios.
 
@@ -50,15 +50,15 @@ def load_scenario(
     registry: Registry,
     overrides: Mapping[str, Any] | None = None,
 ) -> Scenario:
-    """Read a scenario and check all of it, options of components too.
+    """Read a scenario and check all of it, the options of components included.
 
     Args:
         source: path of a YAML file, the name of a built-in scenario, or the keys of a scenario, whose
             paths are then relative to the working directory.
-        overrides: dotted key → value, put in place of the file's, as in ``renderer.spp``.
+        overrides: dotted key, as in ``renderer.spp``, → value that replaces the scenario's.
 
     Raises:
-        InputError: one line with file, line, key, value and the way out.
+        InputError: the scenario is not valid; the message names file, line, key and value in one line.
     """
     text = YamlText.of(source, "scenario") if isinstance(source, Mapping) else _read(source)
     raw = text.value
@@ -83,10 +83,10 @@ def load_scenario(
 
 
 def parse_override(text: str) -> tuple[str, Any]:
-    """``"renderer.spp=64"`` → ``("renderer.spp", 64)``; the value is YAML.
+    """Split ``"renderer.spp=64"`` into ``("renderer.spp", 64)``; the value is YAML.
 
     Raises:
-        InputError: not of the form KEY=VALUE.
+        InputError: the text is not of the form KEY=VALUE.
     """
     key, equals, value = text.partition("=")
     if not equals or not all(key.split(".")):
@@ -95,7 +95,7 @@ def parse_override(text: str) -> tuple[str, Any]:
 
 
 def dump_scenario(scenario: Scenario) -> str:
-    """YAML of the whole scenario, defaults included: loading it gives the same scenario."""
+    """YAML of the whole scenario with its defaults. Loading it gives the same scenario."""
     return yaml.safe_dump(scenario.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
 
 
@@ -113,8 +113,8 @@ def _read(source: str) -> YamlText:
 
 
 def _put(raw: dict[str, Any], path: Sequence[str], value: Any) -> None:
-    """Set a nested key. A component given by its name alone becomes a mapping, and naming another
-    component leaves the former one's options behind."""
+    """Set a nested key. A component given by its name alone becomes a mapping; naming another component
+    drops the options of the former one."""
     if len(path) == 2 and path[1] == "name" and path[0] in raw:
         block = raw[path[0]]
         if value != (block.get("name") if isinstance(block, dict) else block):
@@ -145,7 +145,7 @@ _FILES = (
 
 
 def _anchor_files(raw: dict[str, Any], base: Path) -> None:
-    """Paths in a scenario file are relative to that file."""
+    """Make paths absolute: in a scenario file they are relative to that file."""
     for *blocks, key in _FILES:
         inner: Any = raw
         for block in blocks:
@@ -155,12 +155,12 @@ def _anchor_files(raw: dict[str, Any], base: Path) -> None:
 
 
 def _refuse_pinhole_writers(scenario: Scenario, registry: Registry, where: Any) -> None:
-    """Told before the run, which ends with the writers."""
+    """Refuse them before the run, since writers work only at its end."""
     for i, choice in enumerate(scenario.writers):
         if "pinhole-only" in registry.spec("writer", choice.name).capabilities:
             raise InputError(
-                f"{where(('writers', i, 'name'))}: {choice.name!r} knows pinholes only, and"
-                " camera.distortion is given; leave one of them out"
+                f"{where(('writers', i, 'name'))}: {choice.name!r} supports only pinhole cameras,"
+                " and camera.distortion is given; leave one of them out"
             )
 
 

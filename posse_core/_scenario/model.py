@@ -1,4 +1,4 @@
-"""The scenario as a frozen record; every key is described, units are in the names."""
+"""The scenario as a frozen record. Every key has a description; its name has the unit."""
 
 from __future__ import annotations
 
@@ -21,14 +21,18 @@ from posse_core._scenario.sky import SkyConfig
 
 
 class TimesConfig(Options):
-    """When frames are taken: a list of times, or a count over a duration (both ends included)."""
+    """When frames are taken: at listed times, or evenly spaced over a duration, ends included."""
 
     t_s: tuple[float, ...] | None = Field(
-        None, min_length=1, description="seconds after the epoch, one a frame"
+        None, min_length=1, description="time of each frame, seconds after the epoch"
     )
-    duration_orbits: float | None = Field(None, gt=0, description="in periods of the target")
-    duration_s: float | None = Field(None, gt=0, description="in seconds")
-    count: int | None = Field(None, ge=1, le=10_000_000, description="number of times")
+    duration_orbits: float | None = Field(
+        None, gt=0, description="duration, periods of the target's orbit"
+    )
+    duration_s: float | None = Field(None, gt=0, description="duration, seconds")
+    count: int | None = Field(
+        None, ge=1, le=10_000_000, description="number of frames over the duration; null is 101"
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -47,11 +51,11 @@ class TimesConfig(Options):
         return self
 
     def seconds(self, period_s: Callable[[], float]) -> FloatArray:
-        """(T,) seconds after the epoch.
+        """(F,) times of the frames, seconds after the epoch.
 
         Args:
-            period_s: the target's orbital period; asked for only where a duration is in orbits, since
-                a hyperbolic orbit has none.
+            period_s: gives the target's orbital period. It is called only where the duration is in
+                orbits, since a hyperbolic orbit has no period.
         """
         if self.t_s is not None:
             return np.asarray(self.t_s, dtype=np.float64)
@@ -62,7 +66,7 @@ class TimesConfig(Options):
 
 
 class Scenario(Options):
-    """Everything about a run. Only ``target`` and ``orbit`` have no default."""
+    """Everything that defines a run. Only ``target`` and ``orbit`` have no default."""
 
     target: TargetChoice = Field(
         description="the spacecraft: {name: aqua}, {mesh: model.glb, scale_m_per_unit: 0.0385,"
@@ -71,7 +75,7 @@ class Scenario(Options):
     orbit: OrbitConfig = Field(description="the target's orbit: one of tle, elements, state_eci")
     relative: RelativeConfig = Field(
         RelativeConfig(roe_m=(0.0, 0.0, 20.0, 0.0, 20.0, 0.0)),
-        description="the camera's motion relative to the target",
+        description="the chaser's motion relative to the target",
     )
     times: TimesConfig = Field(
         TimesConfig(duration_orbits=1.0, count=101), description="when frames are taken"
@@ -80,30 +84,33 @@ class Scenario(Options):
         None, ge=1, description="make only this many of the frames, evenly spread; null for all"
     )
     propagator: ComponentChoice = Field(
-        ComponentChoice(name="roe"), description="model of the motion: a name, or {name, options}"
+        ComponentChoice(name="roe"),
+        description="model of the orbital motion: a name, or {name, options}",
     )
     attitude: AttitudeConfig = Field(AttitudeConfig(), description="attitude of target and camera")
     camera: CameraConfig = Field(CameraConfig(), description="the camera's geometry")
-    sky: SkyConfig = Field(SkyConfig(), description="what is behind the spacecraft")
-    sensor: SensorConfig = Field(SensorConfig(), description="from light to numbers")
+    sky: SkyConfig = Field(SkyConfig(), description="what is behind and around the spacecraft")
+    sensor: SensorConfig = Field(SensorConfig(), description="from radiance to digital numbers")
     renderer: ComponentChoice = Field(
-        ComponentChoice(name="mitsuba"), description="who renders: a name, or {name, options}"
+        ComponentChoice(name="mitsuba"),
+        description="renderer of the spacecraft: a name, or {name, options}",
     )
     annotators: tuple[ComponentChoice, ...] = Field(
         tuple(ComponentChoice(name=n) for n in ("box", "mask", "parts", "depth", "keypoints", "pose")),
-        description="which labels are made",
+        description="annotators that make the labels: names, or {name, options}",
     )
     writers: tuple[ComponentChoice, ...] = Field(
         (ComponentChoice(name="coco"), ComponentChoice(name="speed")),
-        description="formats that the labels are exported to when the run ends",
+        description="writers that export the labels when the run ends: names, or {name, options}",
     )
     constants: Constants = Field(Constants(), description="physical constants")
-    seed: int = Field(0, ge=0, lt=2**63, description="of every random draw")
+    seed: int = Field(0, ge=0, lt=2**63, description="seed of every random draw")
 
     @model_validator(mode="before")
     @classmethod
     def _names(cls, raw: Any) -> Any:
-        """Options without a name are the default component's; a camera's name gives its keys."""
+        """Give options without a name the default component's name, and fill in a named camera's
+        keys."""
         if not isinstance(raw, dict):
             return raw
         named = with_preset(raw)
@@ -115,7 +122,7 @@ class Scenario(Options):
     @model_validator(mode="before")
     @classmethod
     def _constants_of_the_thesis(cls, raw: Any) -> Any:
-        """Propagator ``thesis`` has its solar constant too, unless the scenario gives one."""
+        """Propagator ``thesis`` uses the thesis' solar constant, unless the scenario gives another."""
         if not isinstance(raw, dict) or not isinstance(given := raw.get("constants", {}), dict):
             return raw
         propagator = raw.get("propagator")
@@ -130,5 +137,5 @@ class Scenario(Options):
         names = [choice.name for choice in choices]
         for name in names:
             if names.count(name) > 1:
-                raise ValueError(f"{name!r} stands twice")
+                raise ValueError(f"{name!r} is given twice")
         return choices

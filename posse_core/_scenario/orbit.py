@@ -25,7 +25,7 @@ class ElementsConfig(Options):
 
 
 class StateEciConfig(Options):
-    """A state in GCRF axes at an epoch."""
+    """Position and velocity in GCRF axes at an epoch."""
 
     epoch_utc: str = Field(description="UTC, ISO 8601")
     r_m: Vector3 = Field(description="geocentric position, m")
@@ -33,7 +33,7 @@ class StateEciConfig(Options):
 
 
 class OrbitConfig(Options):
-    """The target's orbit; exactly one key."""
+    """The target's orbit. Give exactly one key."""
 
     tle: tuple[str, str] | None = Field(None, description="the two lines of a two-line element set")
     elements: ElementsConfig | None = Field(None, description="osculating Keplerian elements")
@@ -45,16 +45,16 @@ class OrbitConfig(Options):
         if len(given) != 1:
             raise ValueError(
                 "give exactly one of tle, elements, state_eci"
-                + (f"; here are {' and '.join(given)}" if given else "")
+                + (f", not {' and '.join(given)}" if given else "")
             )
         return self
 
 
 class StateRtnConfig(Options):
-    """A relative state in the target's RTN axes."""
+    """Relative position and velocity in the target's RTN axes."""
 
     r_m: Vector3 = Field(description="radial, along-track, cross-track position, m")
-    v_m_s: Vector3 = Field(description="velocity in the rotating frame, m/s")
+    v_m_s: Vector3 = Field(description="velocity in the rotating axes, m/s")
 
 
 class RelativeStateEciConfig(Options):
@@ -65,7 +65,7 @@ class RelativeStateEciConfig(Options):
 
 
 class RelativeConfig(Options):
-    """The chaser's motion relative to the target; exactly one key, and maybe a plan beside it."""
+    """The chaser's motion relative to the target. Give exactly one key, and optionally a plan."""
 
     roe_m: tuple[float, float, float, float, float, float] | None = Field(
         None,
@@ -75,12 +75,14 @@ class RelativeConfig(Options):
     roe_equinoctial_m: tuple[float, float, float, float, float, float] | None = Field(
         None,
         description="equinoctial relative orbital elements times the target's semi-major axis,"
-        " a·(δa, δl, δex, δey, δp, δq), m: for inclinations near 0° and 180°",
+        " a·(δa, δl, δex, δey, δp, δq), m; for inclinations near 0° and 180°",
     )
-    state_rtn: StateRtnConfig | None = Field(None, description="state in the target's RTN axes")
-    state_eci: RelativeStateEciConfig | None = Field(None, description="the chaser's own state")
-    design: DesignConfig | None = Field(None, description="a relative orbit by its name")
-    plan: PlanConfig | None = Field(None, description="manoeuvres")
+    state_rtn: StateRtnConfig | None = Field(None, description="relative state in the target's RTN axes")
+    state_eci: RelativeStateEciConfig | None = Field(
+        None, description="the chaser's own state in GCRF axes"
+    )
+    design: DesignConfig | None = Field(None, description="a named relative orbit")
+    plan: PlanConfig | None = Field(None, description="manoeuvres of the chaser")
 
     @model_validator(mode="after")
     def _exactly_one(self) -> RelativeConfig:
@@ -89,6 +91,6 @@ class RelativeConfig(Options):
         if len(given) != 1:
             raise ValueError(
                 f"give exactly one of {', '.join(ways)}"
-                + (f"; here are {' and '.join(given)}" if given else "")
+                + (f", not {' and '.join(given)}" if given else "")
             )
         return self

@@ -1,4 +1,4 @@
-"""Cameras by name: what is published of them, as keys of a scenario's ``camera`` and ``sensor``."""
+"""Published cameras by name, as keys of a scenario's ``camera`` and ``sensor``."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class CameraPreset:
     """A camera by name.
 
     Attributes:
-        source: where the numbers are from, and which of them are not published.
+        source: where the numbers come from, and which of them are not published.
         camera, sensor: keys of the scenario.
     """
 
@@ -22,11 +22,12 @@ class CameraPreset:
     sensor: Mapping[str, Any]
 
     def keys_for(self, camera: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-        """The preset's ``camera`` and ``sensor`` keys beside what a scenario writes of its camera.
+        """The preset's ``camera`` and ``sensor`` keys, adapted to the camera keys that a scenario gives.
 
-        With another ``width_px`` the same sensor is divided into other pixels: focal length and
-        principal point go with it, a pixel's full well with its area, and the height, if not written,
-        too. Another ``height_px`` is cut, or added, above and below alike.
+        Another ``width_px`` divides the same sensor into pixels of another size: focal length and
+        principal point scale with it, a pixel's full well with its area, and the height too if the
+        scenario does not give one. Another ``height_px`` crops or extends the image equally above and
+        below.
         """
         keys, sensor = dict(self.camera), dict(self.sensor)
         width_px, height_px = (camera.get(key, keys[key]) for key in ("width_px", "height_px"))
@@ -113,7 +114,7 @@ PRESETS: Mapping[str, CameraPreset] = MappingProxyType(
 
 
 def with_preset(raw: Mapping[str, Any]) -> dict[str, Any]:
-    """A scenario's raw keys, with those of ``camera.preset`` wherever it writes none itself."""
+    """A scenario's raw keys, completed by those of ``camera.preset``."""
     filled = dict(raw)
     camera, sensor = raw.get("camera"), raw.get("sensor", {})
     name = camera.get("preset") if isinstance(camera, Mapping) else None
@@ -126,7 +127,7 @@ def with_preset(raw: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _merged(under: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
-    """Keys of both; where both have a mapping, merged in turn; else ``over`` has the say."""
+    """The keys of both. Mappings in both are merged in turn; for other values ``over`` prevails."""
     both = {**under, **over}
     for key in under.keys() & over.keys():
         if isinstance(under[key], Mapping) and isinstance(over[key], Mapping):

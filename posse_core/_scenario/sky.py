@@ -14,21 +14,26 @@ class StarsConfig(Options):
 
     catalogue: Literal["hipparcos", "thesis"] = Field(
         "hipparcos",
-        description="hipparcos is the sky as it is; thesis is a field drawn at random from the seed, in"
-        " three sizes and three colours",
+        description="hipparcos: the real sky; thesis: a field drawn at random from the seed, with stars"
+        " of three sizes and three colours",
     )
-    max_magnitude: float = Field(6.5, ge=-2, le=13, description="faintest star, Johnson V")
+    max_magnitude: float = Field(
+        6.5, ge=-2, le=13, description="magnitude of the faintest star, Johnson V"
+    )
     gain: float = Field(
         1.0,
         gt=0,
-        description="multiplies the light of stars; 1 is physical. An exposure for a sunlit spacecraft"
-        " shows no stars, as in real photographs; the built-in scenarios raise the gain so that it does",
+        description="factor on the light of stars; 1 is physical. As in real photographs, an exposure"
+        " for a sunlit spacecraft shows no stars; the built-in scenarios raise the gain to make them"
+        " visible",
     )
 
 
 class SkyConfig(Options):
     """What is behind and around the spacecraft."""
 
-    earth: bool = Field(True, description="show the Earth and let it light the spacecraft")
-    stars: StarsConfig | None = Field(StarsConfig(), description="null for a sky without stars")
-    sun_disc: bool = Field(True, description="show the Sun where it is in the field of view")
+    earth: bool = Field(True, description="show the Earth, and let it illuminate the spacecraft")
+    stars: StarsConfig | None = Field(
+        StarsConfig(), description="the stars; null for a sky without them"
+    )
+    sun_disc: bool = Field(True, description="show the Sun's disc where it is in the field of view")

@@ -1,7 +1,7 @@
-"""YAML as the user means it, with the line of every key.
+"""YAML by the rules of YAML 1.2, with the line of every key.
 
-Safe loading only. Numbers, booleans and null are those of YAML 1.2: ``1e-5`` is a number, ``no`` is
-a word, and a date stays the text that it is.
+Only safe loading is used. Numbers, booleans and null are those of YAML 1.2: ``1e-5`` is a number, ``no``
+is a string, and a date stays a string.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class YamlText:
     """A parsed text: its value, and the line of each key.
 
     Raises:
-        InputError: not YAML, or a key stands twice.
+        InputError: the text is not YAML, or a key is given twice.
     """
 
     def __init__(self, text: str, name: str) -> None:
@@ -62,34 +62,35 @@ class YamlText:
 
     @classmethod
     def read(cls, path: Path) -> YamlText:
-        """Parse a file of UTF-8.
+        """Parse a file in UTF-8.
 
         Raises:
-            InputError: it cannot be read, or is not YAML.
+            InputError: the file cannot be read, or is not YAML.
         """
         try:
             return cls(path.read_text(encoding="utf-8"), str(path))
         except OSError as error:
             raise InputError(f"{path}: cannot be read: {error.strerror}") from None
         except UnicodeDecodeError:
-            raise InputError(f"{path}: not a text in UTF-8; a scenario is a YAML file") from None
+            raise InputError(f"{path}: this is not text in UTF-8; a scenario is a YAML file") from None
 
     @classmethod
     def of(cls, value: Mapping[str, Any], name: str) -> YamlText:
-        """The same for keys that come from a program and so have no lines; they are copied."""
+        """The same for a mapping, which has no lines. It is copied."""
         text = cls("", name)
         text.value = deepcopy(dict(value))
         return text
 
     def where(self, path: KeyPath) -> str:
-        """``"file.yaml, line 7: orbit.tle"`` for a key, or for the nearest key above it."""
+        """Where a key is, as in ``"file.yaml, line 7: orbit.tle"``; the line may be of the nearest key
+        above."""
         for length in range(len(path), -1, -1):
             line = self.lines.get(path[:length])
             if line is not None:
                 break
-        place = f"{self.name}, line {line}" if line is not None and path else self.name
+        source = f"{self.name}, line {line}" if line is not None and path else self.name
         dotted = ".".join(str(step) for step in path)
-        return f"{place}: {dotted}" if dotted else place
+        return f"{source}: {dotted}" if dotted else source
 
     def _walk(self, node: yaml.Node, path: KeyPath) -> None:
         self.lines[path] = node.start_mark.line + 1
@@ -99,7 +100,7 @@ class YamlText:
                 if key.value in seen:
                     raise InputError(
                         f"{self.name}, line {key.start_mark.line + 1}: the key"
-                        f" {key.value!r} stands twice; keep one"
+                        f" {key.value!r} is given twice; keep one"
                     )
                 seen.add(key.value)
                 self._walk(value, (*path, key.value))

@@ -122,7 +122,7 @@ def test_a_crash_of_one_is_one_line_and_the_others_are_still_compared(crosscheck
 
 BAD_INPUT = [
     ("aqua --renderers uprigt", "no renderer named 'uprigt'; did you mean 'upright'?"),
-    ("aqua --renderers upright,upright", "'upright' stands twice"),
+    ("aqua --renderers upright,upright", "'upright' is given twice"),
     ("aqua --renderers upright -o renderer.gain=2", "as in -o upright.gain"),
     ("aqua --renderers upright -o crooked.gain=2", "not among --renderers upright"),
     ("aqua --renderers upright -o upright.gian=2", "did you mean 'gain'?"),

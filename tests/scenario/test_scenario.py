@@ -138,7 +138,7 @@ def test_options_without_a_name_are_the_defaults(tmp_path):
         ),
         (
             MINIMAL + "camera: {distortion: [0.01, 0, 0, 0, 0]}\nwriters: [coco, bop]\n",
-            ["line 7", "writers.1.name", "'bop' knows pinholes only"],
+            ["line 7", "writers.1.name", "'bop' supports only pinhole cameras"],
         ),
         (MINIMAL + "sensor: {exposure_s: .nan}\n", ["sensor.exposure_s", "nan"]),
         (MINIMAL + "sensor: {exposure_s: -1}\n", ["sensor.exposure_s", "-1"]),
@@ -146,7 +146,7 @@ def test_options_without_a_name_are_the_defaults(tmp_path):
         (MINIMAL + "relative: {}\n", ["relative", "exactly one of"]),
         (MINIMAL + "times: {count: 0}\n", ["times.count"]),
         (MINIMAL + "times: {t_s: [1], count: 3}\n", ["times", "count goes with a duration"]),
-        (MINIMAL + "annotators: [box, box]\n", ["annotators", "'box' stands twice"]),
+        (MINIMAL + "annotators: [box, box]\n", ["annotators", "'box' is given twice"]),
         (MINIMAL + "annotators: [boxx]\n", ["annotators.0.name", "'boxx'", "did you mean 'box'"]),
         (MINIMAL.replace("aqua", "acqua"), ["line 1", "target.name", "did you mean 'aqua'"]),
         (MINIMAL.replace("orbit:", "orbits:"), ["orbits", "did you mean 'orbit'"]),

@@ -152,7 +152,7 @@ def test_refusals(crafts, tmp_path):
     cuboid.write_lines(brick, lines)
     for options, words in (
         (("--balance", "clas"), "cannot balance by 'clas'; did you mean 'class'?"),
-        (("--frames", 3), "--frames: goes with --balance"),
+        (("--frames", 3), "--frames is for --balance only"),
         (("--balance", "range"), "frame 2 has no 'range_m', which balancing by range asks for"),
     ):
         result = run(brick, "--out", tmp_path / "new", *options)

@@ -15,7 +15,7 @@ from posse_core._errors import InputError
 def command(
     scenario: str, as_json: bool, seed: int | None, frames: int | None, overrides: tuple[str, ...]
 ) -> None:
-    """List the impulses of SCENARIO's relative.plan and their sum; for a transfer, also the least sum."""
+    """List the impulses of SCENARIO's relative.plan and their sum; for a transfer, the least sum too."""
     from posse_core._trajectory.problem import planned, starts_of, target_at_epoch
 
     checked = read_scenario(scenario, overrides, seed=seed, frames=frames)

@@ -44,3 +44,7 @@ def test_the_first_example_finds_the_pose(tmp_path: Path) -> None:
         "assert abs(shot.labels.range_m - np.sqrt(6**2 + 22**2 + 9**2)) < 1e-9\n"
     )
     subprocess.run([sys.executable, "-c", script], cwd=tmp_path, check=True, timeout=300)
+
+
+def test_the_readme_has_the_first_example() -> None:
+    assert EXAMPLES[0] in (ROOT / "README.md").read_text(encoding="utf-8")

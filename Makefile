@@ -7,7 +7,7 @@ PLUGINS := $(wildcard plugins/*/pyproject.toml)
 OUT ?= out/aqua-$(shell date +%Y%m%d-%H%M%S)
 FRAMES ?= 12
 START := $(shell date +%s)
-# Runs a command and prints how long the target took, its set-up included: $(call timed,command)
+# $(call timed,command) runs a command and prints how long the target took, with its set-up.
 timed = @$(1) || exit $$?; echo "make $@ took $$(( $$(date +%s) - $(START) )) s"
 
 .PHONY: run test check bench clean
@@ -34,8 +34,8 @@ $(VENV)/ready: pyproject.toml plugins/render_mitsuba/pyproject.toml
 	$(BIN)/python -m pip install -qq --editable plugins/render_mitsuba
 	touch $@
 
-# The plugins are installed after the core, which they depend on. TORCH is named since pip would take the
-# newest one, on Linux a build for CUDA of several GB; any of 2.9 or later does.
+# The plugins are installed after the core, which they depend on. TORCH names a version because pip would take
+# the newest, which on Linux is a build for CUDA of several GB; any version from 2.9 on works.
 TORCH ?= torch==2.13.0
 $(VENV)/ready-to-test: $(VENV)/ready $(PLUGINS)
 	$(BIN)/python -m pip install -qq --editable '.[test]'
@@ -43,8 +43,8 @@ $(VENV)/ready-to-test: $(VENV)/ready $(PLUGINS)
 	$(BIN)/python -m pip install -qq $(foreach plugin,$(PLUGINS),--editable $(dir $(plugin)))
 	touch $@
 
-# Blender's own Python: bpy pins its Python and numpy. Where pip has none, the Blender plugin's tests
-# say that they did not run.
+# Blender needs its own environment, because bpy pins the versions of Python and numpy. If pip finds no bpy, the
+# Blender plugin's tests report that they were skipped.
 $(BLENDER_VENV)/ready:
 	$(PYTHON) -m venv $(BLENDER_VENV)
 	-$(BLENDER_VENV)/bin/python -m pip install -qq 'bpy==5.0.1' 'numpy<2'

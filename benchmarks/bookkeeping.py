@@ -1,8 +1,8 @@
-"""What a run costs beside its frames: ``python benchmarks/bookkeeping.py --frames 100000``.
+"""The cost of a run's bookkeeping: ``python benchmarks/bookkeeping.py --frames 100000``.
 
-The run is a real one, with its worker processes, but a frame is two small files and labels of the usual
-length, which no geometry and no renderer has made. Printed are frames a second by tenths of the run, the
-peak memory of the process that keeps the books, and how long a resumed run takes to see what is done.
+The run is real, with worker processes, but a frame is two small files and invented labels of the usual
+length, without geometry and renderer. The script prints frames per second for each tenth of the run, the
+peak memory of the main process, and the time that a resumed run takes to find the finished frames.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ TENTHS = 10
 
 
 class NullWorker:
-    """Writes a frame's files and returns its labels, all made up."""
+    """Writes a frame's files and returns its labels, all with invented content."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -73,7 +73,7 @@ class NullWorker:
 
 
 class NullExecutor(LocalExecutor):
-    """The pool of every run; only the worker is another one."""
+    """The usual pool of processes with a different worker."""
 
     def __init__(self, options: PoolOptions, folder: Path) -> None:
         super().__init__(options)
@@ -86,7 +86,8 @@ class NullExecutor(LocalExecutor):
 
 
 class Clock:
-    """Notes when each tenth of the frames has come: wall clock, and processor time of this process."""
+    """Records wall-clock and processor time of this process when each tenth of the frames has
+    arrived."""
 
     def __init__(self) -> None:
         self.ticks: list[tuple[float, float]] = []
@@ -108,7 +109,7 @@ class Clock:
 @click.option("--frames", type=click.IntRange(min=10), default=5000, show_default=True)
 @click.option("--workers", type=click.IntRange(min=1), default=1, show_default=True)
 def main(frames: int, workers: int) -> None:
-    """Make a dataset of made-up frames, and resume it."""
+    """Make a dataset of invented frames, and resume it."""
     plugins = load_plugins()
     changes = {"target.name": "cubesat", "times.count": frames, "writers": ["speed"]}
     plan = make_plan(load_scenario("aqua", plugins.registry, changes), plugins.registry)
@@ -140,7 +141,7 @@ def main(frames: int, workers: int) -> None:
 
 
 def _peak_mib() -> float:
-    """Of this process, without its workers."""
+    """Peak memory of this process in MiB, without its workers."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 

@@ -1,4 +1,4 @@
-"""How long detectors take from image to pose, by ONNX on the CPU, and how large they are.
+"""Measures the time from image to pose with ONNX models on the CPU, and the models' size.
 
     python benchmarks/detectors.py --threads 2
 
@@ -121,7 +121,7 @@ def _count(net: nn.Module) -> int:
 
 
 def _ms(run: Callable[[], object], repeats: int) -> str:
-    """Median and least of so many runs: on a busy machine the least is nearer to the truth."""
+    """Median and least time of several runs. On a busy machine the least is the better estimate."""
     for _ in range(3):
         run()
     times = []

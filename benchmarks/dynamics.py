@@ -1,7 +1,7 @@
-"""Relative states by the exact map: casadi Functions beside hand-written numpy.
+"""Compares casadi Functions with hand-written numpy for relative states by the exact map.
 
-``python benchmarks/dynamics.py`` prints times, the ratio, and the memory that streaming takes. One
-thread each; the better of several rounds, the two taking turns.
+``python benchmarks/dynamics.py`` prints times, their ratio, and the memory that streaming needs. Both
+use one thread and run in turn; the least time of several rounds counts.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def numpy_blocks(
 ) -> Iterator[FloatArray]:
     """The formula of stream_rtn in blocks that fit the cache, for one pair of orbits.
 
-    All that is constant is taken out of the loop, and Kepler's equation stops when it has converged.
+    Constants are computed outside the loop, and the solution of Kepler's equation stops on convergence.
     """
     a, l, ex, ey, p, q = chief
     da, dl, dex, dey, dp, dq = roe
@@ -85,7 +85,7 @@ def numpy_in_plane(a: float, l: FloatArray, ex: float, ey: float) -> tuple[Float
         d = -f / (f1 + d * f2 / 2 + d**2 * f3 / 6)
         d = -f / (f1 + d * f2 / 2 + d**2 * f3 / 6 - d**3 * f2 / 24)
         F = F + d
-        if np.max(np.abs(d)) < 1e-4:  # of fifth order: what is left is below 1e-20
+        if np.max(np.abs(d)) < 1e-4:  # of fifth order: the remaining error is below 1e-20
             break
     s, c = np.sin(F), np.cos(F)
     eta = np.sqrt(1 - ex * ex - ey * ey)
@@ -100,7 +100,7 @@ def numpy_in_plane(a: float, l: FloatArray, ex: float, ey: float) -> tuple[Float
 
 
 def best_s(*ways: Callable[[], object]) -> list[float]:
-    """Least seconds of processor time of each way, taking turns."""
+    """Least processor time of each function, seconds; they run in turn."""
     times: list[list[float]] = [[] for _ in ways]
     for _ in range(ROUNDS):
         for way, spent in zip(ways, times, strict=True):

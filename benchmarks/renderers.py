@@ -1,17 +1,17 @@
-"""The renderers side by side: CPU-seconds a frame at equal noise, start-up, memory.
+"""Compares renderers: CPU-seconds per frame at equal noise, time to start, memory.
 
-``python benchmarks/renderers.py`` prints a table. Each renderer runs in a process of its own, and all
-CPU time of it and its children counts. They take turns, and the least of the rounds counts, so that
-other work and a changing clock of the machine matter little. Blender is found
-as the plugin finds it (POSSE_BLENDER_PYTHON). Linux only: it reads /proc.
+``python benchmarks/renderers.py`` prints a table. Each renderer runs in its own process, and the CPU
+time of this process and its children counts. They run in turn, and the least of several rounds counts,
+so that other programs and a changing clock of the machine matter little. Blender is found as the plugin
+finds it (POSSE_BLENDER_PYTHON). The script needs Linux, since it reads /proc.
 
-Noise is what another seed changes on the craft's pixels: each round has its own. It is told as the root
-mean square over the mean, with radiance clipped at a white plate's that faces the Sun: brighter is a
-glint of a few pixels, without which the picture stays the same and with which the noise is theirs alone.
+Noise is the difference on the spacecraft's pixels between seeds; each round has its own seed. It is the
+root mean square over the mean, with radiance clipped at that of a white plate that faces the Sun.
+Brighter pixels are a few glints, which hardly change the image but would make up all of the noise.
 
 The reference is Cycles with equally many samples in every pixel of the whole image. Its noise falls with
-the root of its time, so its cost is told at the noise that another renderer has with its own options,
-pose by pose; ratios of poses are averaged as logarithms.
+the square root of its time, so its cost is scaled to the noise that another renderer has with its own
+options, pose by pose; the ratios of the poses are averaged as logarithms.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ SAMPLED = ("mitsuba", "blender")
 
 @dataclass(frozen=True)
 class Cost:
-    """Of one call, in seconds."""
+    """The cost of one call, in seconds."""
 
     cpu_s: float
     wall_s: float
@@ -63,7 +63,8 @@ class Cost:
 
 @contextmanager
 def measured() -> Iterator[Callable[[], Cost]]:
-    """Afterwards the function says what the block cost in this process and its children."""
+    """Yield a function that afterwards returns the cost of the block in this process and its
+    children."""
     cpu, wall = _cpu_s(os.getpid()), time.perf_counter()
     done: list[Cost] = []
     yield lambda: done[0]
@@ -76,7 +77,8 @@ def _family(pid: int) -> list[int]:
 
 
 def _cpu_s(pid: int) -> float:
-    """User and system time of a process, its living children, and those that it has waited for."""
+    """User and system time of a process, its living children, and those that it has waited for,
+    seconds."""
     ticks = 0
     for member in _family(pid):
         stat = Path(f"/proc/{member}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
@@ -93,7 +95,7 @@ def _memory_mb(pid: int) -> float:
 
 
 class Bench:
-    """Lives in a renderer's process, and answers questions about it."""
+    """Measures a renderer in the renderer's own process."""
 
     def __init__(self, case: ScenarioCase) -> None:
         self._setting: Setting = case.build()
@@ -105,7 +107,7 @@ class Bench:
         self._images: list[list[Radiance]] = [[] for _ in self._boxes]
 
     def open(self, name: str, options: Mapping[str, Any]) -> Cost:
-        """Replace the renderer that is open; what opening and a first frame cost."""
+        """Replace the open renderer, and return the cost of opening and of a first frame."""
         self.close()
         with measured() as cost:
             choice = ComponentChoice(name=name, options=dict(options))
@@ -115,7 +117,7 @@ class Bench:
         return cost()
 
     def boxes(self, seed: int) -> list[Cost]:
-        """What each frame's box costs. The images are kept for :meth:`noise`."""
+        """The cost of each frame's box. The images are kept for :meth:`noise`."""
         costs = []
         for i, (images, box) in enumerate(zip(self._images, self._boxes, strict=True)):
             image, cost = self._timed(i, box, seed)
@@ -124,20 +126,20 @@ class Bench:
         return costs
 
     def wholes(self) -> list[Cost]:
-        """What each frame's whole image costs."""
+        """The cost of each frame's whole image."""
         camera = self._setting.scene.camera
         image = PixelBox(0, 0, camera.width_px, camera.height_px)
         return [self._timed(i, image, seed=0)[1] for i in range(len(self._boxes))]
 
     def noise(self) -> list[float]:
-        """Of each frame, over the images of its box so far; see the module's text."""
+        """The noise of each frame over the images of its box so far; see the module's docstring."""
         return [
             _noise(images, frame.craft.sun_irradiance_rgb_w_m2 / np.pi)
             for images, frame in zip(self._images, self._setting.frames, strict=True)
         ]
 
     def memory(self, count: int) -> tuple[float, float]:
-        """MB in use after the fifth and after the last of ``count`` frames more."""
+        """Memory in MB after the fifth and after the last of ``count`` more frames."""
         used = []
         for k in range(count):
             i = k % len(self._boxes)
@@ -146,7 +148,7 @@ class Bench:
         return used[min(4, count - 1)], used[-1]
 
     def labels(self) -> Cost:
-        """What exact geometry and all annotators cost, mean over the frames."""
+        """The mean cost per frame of exact geometry and all annotators."""
         registry = load_plugins().registry
         scene = self._setting.scene
         annotators = [registry.create("annotator", name) for name in registry.names("annotator")]
@@ -184,7 +186,7 @@ def _noise(images: Sequence[Radiance], white_rgb: AnyArray) -> float:
 
 
 def _serve(case: ScenarioCase, pipe: Connection) -> None:
-    """The child: makes a bench, and calls the methods that are asked for."""
+    """Run in the child process: make a bench and call the requested methods."""
     bench = Bench(case)
     while (call := pipe.recv()) is not None:
         method, arguments = call
@@ -205,7 +207,7 @@ class Remote:
         self._process.start()
 
     def ask(self, method: str, *arguments: Any) -> Any:
-        """The method's answer.
+        """Call a method of the bench and return its result.
 
         Raises:
             click.ClickException: the renderer failed.
@@ -224,8 +226,8 @@ class Remote:
 
 @dataclass
 class Entry:
-    """A renderer in its process, and a line of the table; costs, the least of the rounds, and noise are
-    of each frame."""
+    """A renderer in its process, and a line of the table. Costs (the least of the rounds) and noise are
+    per frame."""
 
     title: str
     name: str
@@ -238,7 +240,7 @@ class Entry:
 
     @property
     def sampled(self) -> bool:
-        """Whether there is noise."""
+        """Whether the renderer samples, so that its images have noise."""
         return self.name in SAMPLED
 
     def take_turn(self, seed: int) -> None:
@@ -247,7 +249,7 @@ class Entry:
         self.wholes = _least(self.wholes, self.remote.ask("wholes"))
 
     def memory_mb(self, frames: int) -> tuple[float, float]:
-        """See :meth:`Bench.memory`; with few samples, on which it does not depend."""
+        """As :meth:`Bench.memory`, with few samples, since memory does not depend on them."""
         if self.sampled:
             self.remote.ask("open", self.name, {**self.options, "spp": MEMORY_SPP})
         fifth_and_last: tuple[float, float] = self.remote.ask("memory", frames)
@@ -279,7 +281,7 @@ def enter(case: ScenarioCase, title: str, name: str, options: dict[str, Any]) ->
 @click.option("--spp", default=64, show_default=True, help="Samples a pixel of the reference.")
 @click.option("--threads", default=1, show_default=True, help="Of each path tracer.")
 def main(scenario: str, frames: int, rounds: int, memory_frames: int, spp: int, threads: int) -> None:
-    """Measure all renderers that are installed, Cycles on the whole frame being the reference."""
+    """Measure all installed renderers, with Cycles on the whole frame as the reference."""
     registry = load_plugins().registry
     checked = load_scenario(scenario, registry, {"renderer.name": "blender"})
     case = ScenarioCase(scenario, checked, "random", frames)
@@ -317,8 +319,9 @@ def main(scenario: str, frames: int, rounds: int, memory_frames: int, spp: int, 
 
 
 def _tell(entry: Entry, reference: Entry, labels: Cost, memory_frames: int) -> None:
-    """``Cycles then``: the reference's whole image at this one's noise; ``ratio``: that over box and
-    labels, the geometric mean over the poses. What has no noise is held to the reference's own."""
+    """A line of the table. ``Cycles then``: the cost of the reference's whole image at this renderer's
+    noise; ``ratio``: that over box and labels, the geometric mean over the poses. A renderer without
+    noise is compared at the reference's own."""
     noise = entry.noise if entry.sampled else reference.noise
     cycles_s = [
         whole.cpu_s * (theirs / mine) ** 2

@@ -1,6 +1,7 @@
-"""Seconds of one core for the sky: ``python benchmarks/sky.py`` prints a table.
+"""Measures the time of one core for the sky: ``python benchmarks/sky.py`` prints a table in seconds.
 
-A 1280 × 960 image with 90° across, 700 km up. The first frame of a view is left out.
+The image has 1280 × 960 pixels, 90° wide, at an altitude of 700 km. The first frame of a view is left
+out.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ REPEATS = 5
 
 
 def looking(up_share: float) -> FrameState:
-    """Over 35° N, 15° E at noon; ``up_share`` is the sine of the camera's elevation."""
+    """A state over 35° N, 15° E at noon; ``up_share`` is the sine of the camera's elevation."""
     up = np.array([0.79, 0.21, 0.57])
     up /= np.linalg.norm(up)
     east = np.cross([0.0, 0.0, 1.0], up)

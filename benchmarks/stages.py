@@ -1,7 +1,7 @@
-"""Seconds a frame for each stage of a run: ``python benchmarks/stages.py`` prints a table.
+"""Measures seconds per frame for each stage of a run: ``python benchmarks/stages.py`` prints a table.
 
-The run is a real one, made in this process, with a clock around the public methods of each stage.
-The first frame warms up caches and compilers and is left out; medians are over the others.
+The run is real but in this process, with a clock around the public methods of each stage. The first
+frame fills caches and compiles and is left out; medians are over the others.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ STAGES = ("geometry", "annotators", "render", "sky", "sensor")
 
 
 class Clock:
-    """Seconds by stage, in the frame that is being made."""
+    """Seconds by stage in the current frame."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
@@ -52,7 +52,7 @@ class Clock:
 
 
 class InThisProcess(Executor):
-    """Makes frames one after another, and keeps each one's seconds by stage."""
+    """Makes frames one after another, and records the seconds of each by stage."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock

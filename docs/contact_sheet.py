@@ -1,6 +1,7 @@
 """Makes the contact sheet of sky.md: ``python docs/contact_sheet.py``, with mitsuba installed.
 
-Each picture is a place of the camera beside the craft at a time of a built-in scenario's orbit.
+Each image is taken from a position of the camera relative to the spacecraft, at a time on a built-in
+scenario's orbit.
 """
 
 from __future__ import annotations
@@ -24,13 +25,13 @@ SHEET = Path(__file__).parent / "images" / "contact_sheet.jpg"
 WIDTH_PX, HEIGHT_PX, COLUMNS, STRIP_PX = 400, 300, 4, 22
 AQUA_ORBIT_S = 5929.5
 LOOK_UP_DEG = {"aqua": (8, 0, 0), "cluster": (0, 0, 0)}
-"""Aqua's wing reaches far beyond its origin."""
+"""Aqua's wing extends far from its origin."""
 
 
 @dataclass(frozen=True)
 class Shot:
-    """A picture: the craft, seconds after its scenario's epoch, the camera's place in the target's RTN
-    axes (m), the gain of starlight, the exposure (None: automatic)."""
+    """An image: the spacecraft, seconds after its scenario's epoch, the camera's position in the
+    target's RTN axes (m), the gain of starlight, the exposure in seconds (None: automatic)."""
 
     caption: str
     craft: str

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +20,7 @@ from posse_core._plugins.registry import Registry
 from posse_core._scenario.component import ComponentChoice
 
 if TYPE_CHECKING:
-    from posse_core._evaluation.crosscheck.compare import Comparison
+    from posse_core._evaluation.crosscheck.measures import Comparison
     from posse_core._evaluation.crosscheck.settings import Case, Poses
     from posse_core._interfaces.executor import Executor, FrameResult
 
@@ -198,35 +198,17 @@ def _as_json(comparisons: Sequence[Comparison], verdicts: Sequence[Verdict]) -> 
 
 
 def _print(comparisons: Sequence[Comparison]) -> None:
-    from posse_core._evaluation.crosscheck.page import PAIR_COLUMNS, RENDERER_COLUMNS
+    from posse_core._evaluation.crosscheck.tables import pair_table, ratio_table, renderer_table
 
     for comparison in comparisons:
         click.echo(comparison.name)
-        _print_numbers("renderer", comparison.renderers, RENDERER_COLUMNS)
+        tables = [renderer_table("renderer", comparison.renderers)]
         if comparison.pairs:
-            _print_numbers("pair", comparison.pairs, PAIR_COLUMNS)
-            _print_numbers("ratio by material", *_turned(comparison.materials))
+            tables.append(pair_table("pair", comparison.pairs))
+            tables.append(ratio_table("ratio by material", comparison.materials))
+        for table in tables:
+            echo_table(table.header, table.rows)
         click.echo("")
-
-
-def _turned(
-    ratios: Mapping[str, Mapping[str, float | None]],
-) -> tuple[dict[str, dict[str, float | None]], dict[str, str]]:
-    """Turn pair → material → ratio into a table with a row per material and a column per pair."""
-    names = next(iter(ratios.values()))
-    rows = {name: {pair: ratios[pair][name] for pair in ratios} for name in names}
-    return rows, {pair: pair for pair in ratios}
-
-
-def _print_numbers(
-    title: str, rows: Mapping[str, Mapping[str, float | None]], columns: Mapping[str, str]
-) -> None:
-    from posse_core._evaluation.crosscheck.page import columns_in_use
-    from posse_core._evaluation.pages import number
-
-    used = columns_in_use(rows.values(), columns)
-    cells = [[name, *(number(row.get(key)) for key in used)] for name, row in rows.items()]
-    echo_table((title, *used.values()), cells)
 
 
 def _end(comparisons: Sequence[Comparison], verdicts: Sequence[Verdict]) -> None:

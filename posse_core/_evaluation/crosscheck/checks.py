@@ -11,7 +11,7 @@ from pydantic import Field
 from posse_core._plugins.options import Options
 
 if TYPE_CHECKING:
-    from posse_core._evaluation.crosscheck.compare import Comparison
+    from posse_core._evaluation.crosscheck.measures import Comparison
 
 
 class Thresholds(Options):
@@ -57,20 +57,18 @@ def judge(
         if value is not None:
             yield Verdict(case, who, what, value, limit, value <= limit)
 
-    for name, values in comparison.renderers.items():
-        iou = values["iou"]
-        if iou is not None:
-            limit = thresholds.min_iou
-            yield Verdict(case, name, "silhouette IoU", iou, limit, iou >= limit)
+    for name, measured in comparison.renderers.items():
+        limit = thresholds.min_iou
+        yield Verdict(case, name, "silhouette IoU", measured.iou, limit, measured.iou >= limit)
         edge = thresholds.max_edge_px if name in traced else thresholds.max_edge_other_px
-        yield from at_most(name, "edge distance (px)", values["edge_worst_px"], edge)
-        yield from at_most(name, "landmark distance (px)", values["landmark_worst_px"], edge)
-        ratio = values["expected_ratio"]
+        yield from at_most(name, "edge distance (px)", measured.edge_worst_px, edge)
+        yield from at_most(name, "landmark distance (px)", measured.landmark_worst_px, edge)
+        ratio = measured.expected_ratio
         if comparison.lambertian and ratio is not None:
             off = thresholds.max_lambert if name in traced else thresholds.max_lambert_other
             yield from at_most(name, "Lambertian radiance error", abs(ratio - 1), off)
-    for pair, values in comparison.pairs.items():
-        ratio = values["radiance_ratio"]
-        if ratio is not None and set(pair.split(" / ")) <= traced:
+    for pair, shared in comparison.pairs.items():
+        ratio = shared.radiance_ratio
+        if ratio is not None and traced.issuperset(pair):
             error = abs(ratio - 1)
-            yield from at_most(pair, "mean radiance difference", error, thresholds.max_mean)
+            yield from at_most(str(pair), "mean radiance difference", error, thresholds.max_mean)

@@ -2,43 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from markupsafe import Markup
 
 from posse_core._evaluation.crosscheck.checks import Verdict
-from posse_core._evaluation.crosscheck.compare import Comparison, FrameMeasures
+from posse_core._evaluation.crosscheck.measures import Comparison, FrameMeasures
+from posse_core._evaluation.crosscheck.tables import Table, pair_table, ratio_table, renderer_table
 from posse_core._evaluation.pages import heading, number, page, paragraph, strip, table
-
-RENDERER_COLUMNS = {
-    "frames": "frames",
-    "iou": "IoU",
-    "iou_worst": "IoU, worst frame",
-    "edge_px": "edge, px",
-    "edge_worst_px": "edge, worst frame, px",
-    "shift_worst_px": "shift, worst, px",
-    "growth_px": "growth, px",
-    "landmark_worst_px": "landmark, worst, px",
-    "depth_median_m": "depth, median, m",
-    "depth_p99_m": "depth, 99 %, m",
-    "mean_radiance_w_m2_sr": "mean radiance, W/m²/sr",
-    "expected_ratio": "to closed form, worst",
-    "expected_rms": "RMS to closed form",
-    "noise": "noise",
-    "opening_s": "opening, s",
-    "first_frame_s": "first frame, s",
-    "frame_s": "frame, s",
-}
-PAIR_COLUMNS = {
-    "radiance_ratio": "radiance ratio",
-    "radiance_ratio_least": "least",
-    "radiance_ratio_most": "most",
-    "ssim": "SSIM",
-    "ssim_worst": "SSIM, worst frame",
-    "iou": "IoU",
-    "edge_px": "edge, px",
-}
 
 
 def make_page(comparisons: Sequence[Comparison], verdicts: Sequence[Verdict]) -> str:
@@ -48,16 +20,6 @@ def make_page(comparisons: Sequence[Comparison], verdicts: Sequence[Verdict]) ->
     body = [_verdicts(verdicts), *(part for comparison in comparisons for part in _case(comparison))]
     title = "Crosscheck of " + ", ".join(comparison.name for comparison in comparisons)
     return page(title, summary, body)
-
-
-def columns_in_use(
-    rows: Iterable[Mapping[str, float | None]], columns: Mapping[str, str]
-) -> dict[str, str]:
-    """The columns that hold a number somewhere."""
-    rows = list(rows)
-    return {
-        key: words for key, words in columns.items() if any(row.get(key) is not None for row in rows)
-    }
 
 
 def _verdicts(verdicts: Sequence[Verdict]) -> Markup:
@@ -76,13 +38,11 @@ def _case(comparison: Comparison) -> Iterator[Markup]:
     for name, said in comparison.versions.items():
         words = ", ".join(f"{key} {value}" for key, value in said.items())
         yield paragraph(f"{name}: {words}")
-    yield _numbers("renderer, against geometry", comparison.renderers, RENDERER_COLUMNS)
+    yield _html(renderer_table("renderer, against geometry", comparison.renderers))
     if comparison.pairs:
-        yield _numbers("pair", comparison.pairs, PAIR_COLUMNS)
-        for what, ratios in (("material", comparison.materials), ("part", comparison.parts)):
-            names = list(next(iter(ratios.values())))
-            rows = [[name, *(number(ratios[pair][name]) for pair in ratios)] for name in names]
-            yield table((f"radiance ratio by {what}", *ratios), rows)
+        yield _html(pair_table("pair", comparison.pairs))
+        yield _html(ratio_table("radiance ratio by material", comparison.materials))
+        yield _html(ratio_table("radiance ratio by part", comparison.parts))
     yield paragraph(
         "Pictures: each renderer, to the power 1/2.2, the brightest per cent white. Then light as a"
         " ratio: blue half, red twice, grey too dark to say. Then coverage minus the exact one: blue a"
@@ -94,15 +54,11 @@ def _case(comparison: Comparison) -> Iterator[Markup]:
 def _strip(frame: FrameMeasures) -> Markup:
     words = f"frame {frame.index}: {frame.range_m:.1f} m, phase {np.degrees(frame.phase_rad):.0f}°"
     ratios = [
-        f"{pair} {number(v['radiance_ratio'])} (SSIM {number(v['ssim'])})"
-        for pair, v in frame.pairs.items()
+        f"{pair} {number(shared.radiance_ratio)} (SSIM {number(shared.ssim)})"
+        for pair, shared in frame.pairs.items()
     ]
     return strip("; ".join([words, *ratios]), frame.pictures.captions, frame.pictures.jpegs)
 
 
-def _numbers(
-    title: str, rows: Mapping[str, Mapping[str, float | None]], columns: Mapping[str, str]
-) -> Markup:
-    used = columns_in_use(rows.values(), columns)
-    cells = [[name, *(number(row.get(key)) for key in used)] for name, row in rows.items()]
-    return table((title, *used.values()), cells)
+def _html(made: Table) -> Markup:
+    return table(made.header, made.rows)

@@ -72,14 +72,14 @@ AXES = {
         Axis("class", "the spacecraft", _class, str, ("spacecraft",)),
         Axis(
             "range",
-            f"the distance, {RANGES_PER_OCTAVE} bins an octave",
+            f"the distance, {RANGES_PER_OCTAVE} bins per octave",
             _range,
             _name_of_range,
             ("range_m",),
         ),
         Axis(
             "direction",
-            f"where the camera is in body axes, {BANDS * SECTORS} bins of equal area",
+            f"direction to the camera in body axes, {BANDS * SECTORS} bins of equal area",
             _direction,
             _name_of_direction,
             ("q_cam_from_body", "t_body_cam_m", "range_m"),
@@ -106,7 +106,7 @@ class Balance:
     @property
     def why(self) -> str:
         """For the manifest."""
-        even = "even" if self.frames is None else f"{self.frames} frames, as even as can be"
+        even = "even" if self.frames is None else f"{self.frames} frames, as even as possible"
         return f"{even} over {', '.join(axis.name for axis in self.axes)} (seed {self.seed})"
 
     def bin_of(self, place: str, labels: LabelLine) -> Bin:

@@ -55,21 +55,21 @@ RULES = {
     for rule in (
         Rule(
             "eclipse",
-            f"less than {ECLIPSE_DISC_SHARE:.0%} of the Sun's disc is seen by the target or by the"
-            " camera",
+            f"less than {ECLIPSE_DISC_SHARE:.0%} of the Sun's disc is visible from the target or from"
+            " the camera",
             _eclipse,
             ("sun_fraction_target", "sun_fraction_camera"),
         ),
         Rule(
             "few-keypoints",
-            f"fewer than {ENOUGH_KEYPOINTS} keypoints are seen",
+            f"fewer than {ENOUGH_KEYPOINTS} keypoints are visible",
             _few_keypoints,
             ("keypoints",),
         ),
         Rule(
             "dark",
-            f"{DARK_PIXEL_SHARE:.0%} of the craft's pixels are below {DARK_LEVEL_SHARE:.0%} of the full"
-            " scale",
+            f"{DARK_PIXEL_SHARE:.0%} of the spacecraft's pixels are below {DARK_LEVEL_SHARE:.0%} of the"
+            " full scale",
             _dark,
             ("mask_rle",),
         ),

@@ -130,7 +130,7 @@ def test_rules_go_before_balance_and_bins_are_crossed(crafts, tmp_path):
     rule, balance = Dataset(tmp_path / "even").manifest.selection
     assert rule.rule == "few-keypoints"
     assert rule.dropped >= 1
-    assert balance.why == "7 frames, as even as can be over class, range (seed 3)"
+    assert balance.why == "7 frames, as even as possible over class, range (seed 3)"
     assert sum(each["kept"] for each in balance.bins) == 7
     assert sum(each["frames"] for each in balance.bins) == 7 + balance.dropped
     assert all(set(each) == {"class", "range", "frames", "kept"} for each in balance.bins)

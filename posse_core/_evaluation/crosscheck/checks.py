@@ -15,19 +15,25 @@ if TYPE_CHECKING:
 
 
 class Thresholds(Options):
-    """What holds, or the check fails; ``path-traced`` is a renderer's capability."""
+    """The thresholds of a crosscheck. Path tracers are renderers with the capability ``path-traced``."""
 
-    min_iou: float = Field(0.995, ge=0, le=1, description="silhouettes against geometry, all frames")
+    min_iou: float = Field(
+        0.995, ge=0, le=1, description="Least IoU of silhouettes with exact geometry over all frames."
+    )
     max_edge_px: float = Field(
-        0.1, ge=0, description="mean edge distance in the worst frame, px, of path tracers"
+        0.1, ge=0, description="Largest mean edge distance in any frame, pixels, for path tracers."
     )
-    max_edge_other_px: float = Field(0.5, ge=0, description="the same of other renderers, px")
+    max_edge_other_px: float = Field(
+        0.5, ge=0, description="Largest mean edge distance, pixels, for other renderers."
+    )
     max_lambert: float = Field(
-        0.01, ge=0, description="Lambertian radiance off its closed form, relative, of path tracers"
+        0.01, ge=0, description="Largest relative error of Lambertian radiance for path tracers."
     )
-    max_lambert_other: float = Field(0.03, ge=0, description="the same of other renderers")
+    max_lambert_other: float = Field(
+        0.03, ge=0, description="Largest relative error of Lambertian radiance for other renderers."
+    )
     max_mean: float = Field(
-        0.05, ge=0, description="mean radiance of the craft between path tracers, relative"
+        0.05, ge=0, description="Largest relative difference of the mean radiance between path tracers."
     )
 
 

@@ -95,10 +95,11 @@ def command(
 @contextlib.contextmanager
 def _started_in(out: str) -> Iterator[str]:
     """A local copy of the scenario of the run at a location."""
+    from posse_core._dataset.layout import SCENARIO
     from posse_core._files.store import open_store
 
     try:
-        with open_store(out).local_copy("scenario.yaml") as path:
+        with open_store(out).local_copy(SCENARIO) as path:
             if not path.exists():
                 raise FileNotFoundError
             yield str(path)

@@ -10,6 +10,7 @@ import yaml
 
 from posse_core._arrays import FloatArray
 from posse_core._dataset.dataset import Dataset
+from posse_core._dataset.layout import SCENARIO, TRAJECTORY
 from posse_core._environment.earth import R_itrf_from_gcrf
 from posse_core._environment.time import Epoch
 from posse_core._errors import InputError
@@ -38,7 +39,7 @@ def backgrounds(dataset: Dataset, lines: Sequence[LabelLine]) -> list[str | None
     has_earth = {file: _earth_in(file) for file in set(files) if file is not None}
     if True not in has_earth.values():
         return [None if file is None else BACKGROUNDS[0] for file in files]
-    table = read_table(dataset.folder / "trajectory.npz", _FIELDS)
+    table = read_table(dataset.folder / TRAJECTORY, _FIELDS)
     if table.epoch_utc is None:
         raise InputError(f"{table.path} has no 'epoch_utc'; those of 'posse run' have")
     epoch, camera = Epoch.from_iso(table.epoch_utc), dataset.camera
@@ -88,7 +89,7 @@ def _sun_is_up(places_m: FloatArray, r_sun_m: FloatArray) -> float:
 
 def _scenario_file(dataset: Dataset, line: LabelLine) -> Path | None:
     """The scenario that a frame was made by, where it is there."""
-    name = "scenario.yaml"
+    name = SCENARIO
     if line.has("origin"):  # of 'posse collect', which keeps the scenario of each source
         sources = [s for s in dataset.manifest.sources or () if s.dataset == line.origin[0]]
         name = (sources[0].scenario if len(sources) == 1 else None) or ""

@@ -11,7 +11,7 @@ import numpy as np
 
 from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.files import read_image, read_json
-from posse_core._dataset.layout import PARTITION_FILE, inside
+from posse_core._dataset.layout import IMAGES, LABELS, PARTITION_FILE, TRUTH, inside
 from posse_core._errors import InputError
 from posse_core._evaluation.case import Case
 from posse_core._evaluation.checks import CHECKS, SCHEMA
@@ -111,7 +111,7 @@ def _files_named(line: bytes) -> tuple[str, ...]:
 def _lines(dataset: Dataset) -> Result:
     lines = dataset.label_lines
     result = Result("lines", "every label line is whole, and no frame is labelled twice", len(lines))
-    result.faults = [Fault(None, f"labels/{where}: not a label") for where in lines.damaged]
+    result.faults = [Fault(None, f"{LABELS}/{where}: not a label") for where in lines.damaged]
     indices, counts = np.unique(lines.indices, return_counts=True)
     for index, count in zip(indices[counts > 1].tolist(), counts[counts > 1].tolist(), strict=True):
         result.faults.append(Fault(index, f"labelled {count} times"))
@@ -131,8 +131,8 @@ def _frames(dataset: Dataset, manifest: Manifest) -> Result:
 
 def _leftovers(dataset: Dataset, frames: Sequence[_Frame]) -> Result:
     named = {name for frame in frames for name in frame.files}
-    result = Result("leftovers", "images/ and truth/ hold no file that no frame names", len(named))
-    for part in ("images", "truth"):
+    result = Result("leftovers", f"{IMAGES}/ and {TRUTH}/ hold no file that no frame names", len(named))
+    for part in (IMAGES, TRUTH):
         for path in sorted((dataset.folder / part).glob("[!.]*")):
             name = f"{part}/{path.name}"
             if name not in named:

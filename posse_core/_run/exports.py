@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from posse_core._dataset.layout import MANIFEST
 from posse_core._files.atomic import sha256, write_json
 from posse_core._model.manifest import Manifest
 
@@ -27,7 +28,7 @@ def enter_exports(folder: Path, paths: Sequence[Path]) -> None:
     What was entered before of the same files and folders is replaced.
     """
     replaced = [path.resolve().relative_to(folder.resolve()) for path in paths]
-    manifest = Manifest.from_json((folder / "manifest.json").read_bytes())
+    manifest = Manifest.from_json((folder / MANIFEST).read_bytes())
     kept = {
         name: digest
         for name, digest in manifest.exports.items()
@@ -35,4 +36,4 @@ def enter_exports(folder: Path, paths: Sequence[Path]) -> None:
     }
     entered = dict(sorted({**kept, **export_digests(paths, folder)}.items()))
     changed = manifest.model_copy(update={"exports": entered})
-    write_json(folder / "manifest.json", changed.as_json())
+    write_json(folder / MANIFEST, changed.as_json())

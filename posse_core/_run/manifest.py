@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from importlib import metadata
 
 from posse_core import __version__
+from posse_core._dataset.layout import CAMERA, LABELS, SCENARIO, SPACECRAFT, TRAJECTORY
 from posse_core._files.atomic import sha256
 from posse_core._model.manifest import CHECKSUMS, FORMAT, FORMAT_VERSION, Manifest, PluginVersion
 from posse_core._plugins.loading import Plugins
@@ -38,7 +39,7 @@ def make_manifest(
         renderer = {}
     hashed = sorted(
         path
-        for pattern in ("scenario.yaml", "trajectory.npz", "camera.json", "spacecraft/*", "labels/*")
+        for pattern in (SCENARIO, TRAJECTORY, CAMERA, f"{SPACECRAFT}/*", f"{LABELS}/*")
         for path in folder.glob(pattern)
     )
     return Manifest(

@@ -20,6 +20,7 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
+from posse_core._dataset.layout import LABELS, MANIFEST, SCENARIO, SPACECRAFT
 from posse_core._errors import InputError, StoreError
 from posse_core._files.store import LocalStore, RemoteStore, Store, is_remote
 from posse_core._run.lease import Lease
@@ -27,7 +28,7 @@ from posse_core._run.shards import replay
 
 JOURNAL = ".journal"
 JOURNAL_EVERY_S = 5.0
-_MARK, _LAST = "scenario.yaml", "manifest.json"
+_MARK, _LAST = SCENARIO, MANIFEST
 
 
 class Place(ABC):
@@ -130,7 +131,7 @@ class RemotePlace(Place):
             for name in names:
                 (self.books / name).touch()
             return
-        for part in ("labels", "spacecraft"):
+        for part in (LABELS, SPACECRAFT):
             (self.books / part).mkdir()
             names += self.store.names(part)
         for name in names:

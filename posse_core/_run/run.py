@@ -12,6 +12,16 @@ from pathlib import Path
 
 from posse_core._dataset.camera import write_camera
 from posse_core._dataset.dataset import Dataset
+from posse_core._dataset.layout import (
+    CAMERA,
+    IMAGES,
+    LABELS,
+    MANIFEST,
+    SCENARIO,
+    SPACECRAFT,
+    TRAJECTORY,
+    TRUTH,
+)
 from posse_core._dataset.spacecraft import write_spacecraft
 from posse_core._errors import ComponentError, InputError, PosseError, StoreError
 from posse_core._files.atomic import PARTIAL, write_bytes, write_json
@@ -77,7 +87,7 @@ def run(
             try:
                 return _Run(plan, out, place, plugins).make(executor, progress)
             except (OSError, PosseError):
-                made_some = not fresh or any(place.books.glob("labels/*.jsonl"))
+                made_some = not fresh or any((place.books / LABELS).glob("*.jsonl"))
                 if not made_some:
                     place.discard()
                 raise
@@ -91,7 +101,7 @@ def _check_claim(place: Place, out: str, plan: Plan, *, resume: bool) -> bool:
     """Make sure that the place is this run's; True when nothing was in it."""
     if all(path.name.startswith(".") for path in place.books.iterdir()):
         return True
-    scenario_file = place.books / "scenario.yaml"
+    scenario_file = place.books / SCENARIO
     if not scenario_file.exists():
         raise InputError(f"--out {out}: is not empty and holds no run; name another folder")
     if not resume:
@@ -133,7 +143,7 @@ class _Run:
         done = self._log.recover(store.sha256, store.readers)
         todo = [index for index in range(frames) if index not in done]
         if todo or not self._is_complete():
-            (self._folder / "manifest.json").unlink(missing_ok=True)
+            (self._folder / MANIFEST).unlink(missing_ok=True)
             self._place.save()
             self._plugins.notify("posse_run_started", dataset=self._folder, frames=frames)
             results = executor.run(partial(RunWorker, self._place.store.name), todo)
@@ -150,22 +160,22 @@ class _Run:
     def _write_statics(self) -> None:
         """What does not change from frame to frame; the scenario first, since it marks the folder."""
         plan, folder = self._plan, self._folder
-        if not (folder / "scenario.yaml").exists():
-            write_bytes(folder / "scenario.yaml", dump_scenario(plan.scenario).encode())
-        if not (folder / "trajectory.npz").exists():
-            save_trajectory(plan.trajectory, folder / "trajectory.npz")
-        for name in ("spacecraft", "images", "truth", "labels"):
+        if not (folder / SCENARIO).exists():
+            write_bytes(folder / SCENARIO, dump_scenario(plan.scenario).encode())
+        if not (folder / TRAJECTORY).exists():
+            save_trajectory(plan.trajectory, folder / TRAJECTORY)
+        for name in (SPACECRAFT, IMAGES, TRUTH, LABELS):
             (folder / name).mkdir(exist_ok=True)
-        for part in (".", "spacecraft", "images", "truth", "labels"):
+        for part in (".", SPACECRAFT, IMAGES, TRUTH, LABELS):
             for name in os.listdir(folder / part):
                 if name.endswith(PARTIAL):
                     (folder / part / name).unlink(missing_ok=True)
-        write_camera(plan.scenario.camera.camera(), folder / "camera.json")
-        write_spacecraft(plan.spacecraft, folder / "spacecraft")
+        write_camera(plan.scenario.camera.camera(), folder / CAMERA)
+        write_spacecraft(plan.spacecraft, folder / SPACECRAFT)
 
     def _is_complete(self) -> bool:
         try:
-            return Manifest.from_json((self._folder / "manifest.json").read_bytes()).is_complete
+            return Manifest.from_json((self._folder / MANIFEST).read_bytes()).is_complete
         except (FileNotFoundError, InputError):
             return False
 
@@ -189,7 +199,7 @@ class _Run:
                 paths += written(writer, choice.name, dataset, self._folder)
         exports = export_digests(paths, self._folder)
         manifest = make_manifest(self._place, self._plan, self._plugins, self._failed, exports)
-        write_json(self._folder / "manifest.json", manifest.as_json())
+        write_json(self._folder / MANIFEST, manifest.as_json())
         self._plugins.notify("posse_run_finished", dataset=self._folder, manifest=manifest)
 
 

@@ -19,6 +19,7 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
+from posse_core._dataset.layout import LABELS
 from posse_core._files.atomic import write_bytes
 from posse_core._model.label_line import LabelLine
 from posse_core._model.manifest import CHECKSUMS
@@ -31,7 +32,7 @@ _SEAL = re.compile(rb"# [0-9a-f]{64}  frame (\d{1,15})\n")
 
 def shard_path(folder: Path, index: int) -> Path:
     """The shard that holds the line of frame ``index``."""
-    return folder / "labels" / f"shard-{index // FRAMES_PER_SHARD:05d}.jsonl"
+    return folder / LABELS / f"shard-{index // FRAMES_PER_SHARD:05d}.jsonl"
 
 
 def whole_lines(path: Path) -> Iterator[bytes]:
@@ -50,7 +51,7 @@ class LabelLog:
     def __init__(self, folder: Path, frames: int) -> None:
         self._folder = folder
         self._shards = [shard_path(folder, first) for first in range(0, frames, FRAMES_PER_SHARD)]
-        (folder / "labels").mkdir(exist_ok=True)
+        (folder / LABELS).mkdir(exist_ok=True)
 
     def append(self, labels: LabelLine, digests: Mapping[str, str]) -> bytes:
         """Enter a frame whose files are complete; ``digests`` maps each to its SHA-256.

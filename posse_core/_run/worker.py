@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from posse_core._arrays import AnyArray
+from posse_core._dataset.layout import IMAGES, SCENARIO, TRAJECTORY, TRUTH
 from posse_core._errors import ComponentError
 from posse_core._files.store import open_store
 from posse_core._files.trajectory import load_trajectory
@@ -31,9 +32,9 @@ class RunWorker:
         """dataset: path or URL of its folder, which holds the scenario and the trajectory."""
         self._store = open_store(dataset)
         registry = load_plugins().registry
-        with self._store.local_copy("scenario.yaml") as path:
+        with self._store.local_copy(SCENARIO) as path:
             scenario = load_scenario(str(path), registry)
-        with self._store.local_copy("trajectory.npz") as path:
+        with self._store.local_copy(TRAJECTORY) as path:
             trajectory = load_trajectory(path)
         self._simulator = Simulator(scenario, registry, trajectory)
         described = json.dumps(dict(self._simulator.describe_renderer()), indent=2, ensure_ascii=False)
@@ -42,7 +43,7 @@ class RunWorker:
     def make(self, index: int) -> FrameMade:
         """Make one frame and write its files."""
         frame = self._simulator.frame(self._simulator.state(index))
-        image, truth = f"images/{index:06d}.png", f"truth/{index:06d}.npz"
+        image, truth = f"{IMAGES}/{index:06d}.png", f"{TRUTH}/{index:06d}.npz"
         files = {image: _png(frame.image)}
         if frame.arrays:
             files[truth] = _npz(frame.arrays)

@@ -14,7 +14,19 @@ import numpy as np
 
 from posse_core import __version__
 from posse_core._dataset.dataset import Dataset
-from posse_core._dataset.layout import inside
+from posse_core._dataset.layout import (
+    CAMERA,
+    IMAGES,
+    LABELS,
+    MANIFEST,
+    SCENARIO,
+    SPACECRAFT,
+    TRAJECTORY,
+    TRUTH,
+    inside,
+    mesh_file,
+    spacecraft_file,
+)
 from posse_core._environment.time import SECONDS_PER_DAY, Epoch
 from posse_core._errors import InputError
 from posse_core._files.atomic import sha256, write_json
@@ -135,15 +147,15 @@ def _check_alike(sources: Sequence[Dataset]) -> None:
         if dataset.camera != first.camera:
             raise InputError(f"{dataset.folder}: its camera is not that of {first.folder}")
         for name in dataset.spacecraft_by_name:
-            files = (dataset.folder / "spacecraft" / f"{name}.{kind}" for kind in ("json", "ply"))
-            digest = " ".join(sha256(path) for path in files)
+            files = (file_of(dataset.folder, name) for file_of in (spacecraft_file, mesh_file))
+            digest = " ".join(map(sha256, files))
             known, other = meshes.setdefault(name, (digest, dataset))
             if known != digest:
                 raise InputError(f"{dataset.folder}: its {name!r} is not that of {other.folder}")
 
 
 def _build(sources: Sequence[Dataset], choice: Choice, folder: Path, progress: Progress) -> None:
-    for name in ("images", "truth", "spacecraft"):
+    for name in (IMAGES, TRUTH, SPACECRAFT):
         (folder / name).mkdir()
     frames = sum(map(len, choice.kept))
     log = LabelLog(folder, frames)
@@ -164,8 +176,8 @@ def _build(sources: Sequence[Dataset], choice: Choice, folder: Path, progress: P
         moved = replace(trajectory, t_s=trajectory.t_s + later_s, sequence=sequences)
         trajectories.append(moved.rows(np.array(kept, dtype=np.int64)))
         records.append(_record(dataset, number, folder))
-    save_trajectory(_joined(trajectories), folder / "trajectory.npz")
-    shutil.copyfile(sources[0].folder / "camera.json", folder / "camera.json")
+    save_trajectory(_joined(trajectories), folder / TRAJECTORY)
+    shutil.copyfile(sources[0].folder / CAMERA, folder / CAMERA)
     _write_manifest(folder, records, frames, choice)
 
 
@@ -219,10 +231,9 @@ def _joined(trajectories: Sequence[Trajectory]) -> Trajectory:
 def _record(dataset: Dataset, number: int, folder: Path) -> Source:
     """Copy what a source was made from; returns what the manifest says of it."""
     for name in dataset.spacecraft_by_name:
-        for kind in ("json", "ply"):
-            file = f"spacecraft/{name}.{kind}"
-            shutil.copyfile(dataset.folder / file, folder / file)
-    scenario = dataset.folder / "scenario.yaml"
+        for file_of in (spacecraft_file, mesh_file):
+            shutil.copyfile(file_of(dataset.folder, name), file_of(folder, name))
+    scenario = dataset.folder / SCENARIO
     copy = f"scenario-{number}.yaml"
     if scenario.exists():
         shutil.copyfile(scenario, folder / copy)
@@ -236,7 +247,7 @@ def _record(dataset: Dataset, number: int, folder: Path) -> Source:
 
 def _write_manifest(folder: Path, records: list[Source], frames: int, choice: Choice) -> None:
     files = [path for path in sorted(folder.glob("*")) if path.is_file() and path.name != CHECKSUMS]
-    files += sorted([*folder.glob("spacecraft/*"), *folder.glob("labels/*")])
+    files += sorted([*(folder / SPACECRAFT).iterdir(), *(folder / LABELS).iterdir()])
     manifest = Manifest(
         format=FORMAT,
         format_version=FORMAT_VERSION,
@@ -249,4 +260,4 @@ def _write_manifest(folder: Path, records: list[Source], frames: int, choice: Ch
         sha256={str(path.relative_to(folder)): sha256(path) for path in files},
         frame_checksums=CHECKSUMS,
     )
-    write_json(folder / "manifest.json", manifest.as_json())
+    write_json(folder / MANIFEST, manifest.as_json())

@@ -15,6 +15,7 @@ import numpy as np
 
 from posse_core._arrays import IntArray, evenly_spread
 from posse_core._dataset.dataset import Dataset
+from posse_core._dataset.layout import MANIFEST
 from posse_core._errors import InputError
 from posse_core._files.atomic import atomic_file
 from posse_core._model.label_line import LabelLine
@@ -92,7 +93,7 @@ def _previewed(dataset: Dataset, places: list[int], room: int) -> set[int]:
 def _dataset_block(dataset: Dataset, out: Path, places: list[int]) -> bytes:
     index: IntArray = dataset.indices[places]
     trajectory = dataset.trajectory
-    ended = (dataset.folder / "manifest.json").exists()
+    ended = (dataset.folder / MANIFEST).exists()
     relative = Path(os.path.relpath(dataset.folder.resolve(), out.resolve().parent)).as_posix()
     value = {
         "name": dataset.folder.resolve().name,

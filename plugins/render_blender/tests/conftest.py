@@ -1,4 +1,4 @@
-"""Every render in these tests is made by a real Cycles."""
+"""Fixtures that open the renderer with a real Blender."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ def _missing() -> str | None:
 
 @pytest.fixture(scope="session")
 def blender() -> None:
-    """Ask for this where a test needs Blender."""
+    """Requested by tests that need Blender; skips them, or fails with POSSE_REQUIRE_BLENDER=1, if there
+    is none."""
     reason = _missing()
     if reason is None:
         return
@@ -34,7 +35,7 @@ def blender() -> None:
 
 @pytest.fixture
 def opened(blender: None) -> Iterator[Callable[..., BlenderRenderer]]:
-    """Open a renderer on a scene with these options; it is closed after the test."""
+    """Returns a function that opens a renderer on a scene with options; it is closed after the test."""
     renderers: list[BlenderRenderer] = []
 
     def open_renderer(scene: Scene, **options: object) -> BlenderRenderer:

@@ -1,4 +1,4 @@
-"""What is missing, wrong or dying ends in one line that says what to do."""
+"""Whatever is missing, wrong or dies is reported in one line that says what to do."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def request() -> RenderRequest:
 
 
 def failure(options: BlenderOptions) -> str:
-    """The message with which opening fails; it is one line and names a way out."""
+    """The message with which opening fails, checked to be one line."""
     with pytest.raises(ComponentError) as caught:
         BlenderRenderer(options).open(plate())
     message = str(caught.value)
@@ -58,27 +58,27 @@ def program(path: Path, text: str) -> str:
 
 
 def python_with(path: Path, prelude: str) -> str:
-    """A Python that runs ``prelude`` before the script that it is given."""
+    """A Python that runs ``prelude`` before its script."""
     code = f"import runpy, sys, types; {prelude}; sys.argv = sys.argv[1:]; "
     code += "runpy.run_path(sys.argv[0], run_name='__main__')"
     return program(path, f'exec {shlex.quote(sys.executable)} -c {shlex.quote(code)} "$@"\n')
 
 
-def test_a_program_that_is_not_there() -> None:
+def test_a_program_that_does_not_exist() -> None:
     message = failure(BlenderOptions(python="/nowhere/python3.11"))
-    assert "renderer.python names '/nowhere/python3.11', which is no program" in message
+    assert "renderer.python names '/nowhere/python3.11', which is not a program" in message
     assert "POSSE_BLENDER_PYTHON" in message
 
 
 def test_a_file_that_cannot_be_executed(tmp_path: Path) -> None:
     path = tmp_path / "blender"
     path.write_text("not a program")
-    assert "which is no program" in failure(BlenderOptions(executable=str(path)))
+    assert "which is not a program" in failure(BlenderOptions(executable=str(path)))
     path.chmod(0o755)
     assert "cannot be started: Exec format error" in failure(BlenderOptions(executable=str(path)))
 
 
-def test_a_program_that_is_no_blender(tmp_path: Path) -> None:
+def test_a_program_that_is_not_blender(tmp_path: Path) -> None:
     path = program(tmp_path / "blender", "echo usage: something else; exit 2\n")
     message = failure(BlenderOptions(executable=path))
     assert "is not a Blender" in message
@@ -86,7 +86,7 @@ def test_a_program_that_is_no_blender(tmp_path: Path) -> None:
     assert "usage: something else" in message
 
 
-def test_a_program_that_talks_nonsense(tmp_path: Path) -> None:
+def test_a_program_that_sends_no_message(tmp_path: Path) -> None:
     path = program(tmp_path / "python", 'eval "echo good morning to you >&$3"\n')
     assert "is not a Python with bpy" in failure(BlenderOptions(python=path))
 
@@ -116,7 +116,7 @@ def test_a_blender_that_is_too_old(tmp_path: Path) -> None:
     assert "has Blender 3.6.0, older than 4.5.0" in failure(BlenderOptions(python=path))
 
 
-def test_the_order_in_which_an_interpreter_is_sought(tmp_path: Path) -> None:
+def test_the_order_in_which_interpreters_are_looked_for(tmp_path: Path) -> None:
     one, two = (program(tmp_path / name, "exit 0\n") for name in ("one", "two"))
     both = {"POSSE_BLENDER_PYTHON": one, "POSSE_BLENDER": two}
 
@@ -144,7 +144,7 @@ def test_a_gpu_that_is_absent(blender: None) -> None:
     assert BlenderRenderer.doctor(options)[-1][:2] == ("device", False)
 
 
-def test_doctor_says_what_works(blender: None) -> None:
+def test_doctor_reports_what_works(blender: None) -> None:
     records = BlenderRenderer.doctor(BlenderOptions())
     assert [(what, ok) for what, ok, _ in records] == [
         ("interpreter", True),
@@ -153,7 +153,7 @@ def test_doctor_says_what_works(blender: None) -> None:
     ]
 
 
-def test_a_worker_killed_in_mid_frame(opened: Callable[..., BlenderRenderer]) -> None:
+def test_a_worker_that_is_killed_during_a_frame(opened: Callable[..., BlenderRenderer]) -> None:
     renderer = opened(plate(), spp=ENDLESS_SPP, adaptive_threshold=0)
     pid = renderer.worker_pid
     assert pid is not None
@@ -162,7 +162,7 @@ def test_a_worker_killed_in_mid_frame(opened: Callable[..., BlenderRenderer]) ->
     with pytest.raises(WorkerLost, match=rf"process {pid}.*SIGKILL while rendering frame 0") as caught:
         renderer.render(request())
     assert "\n" not in str(caught.value)
-    with pytest.raises(ComponentError):  # it does not come back by itself
+    with pytest.raises(ComponentError):  # the worker is not restarted automatically
         renderer.render(request())
     renderer.options = BlenderOptions(spp=4, threads=1)
     renderer.open(plate())
@@ -170,7 +170,9 @@ def test_a_worker_killed_in_mid_frame(opened: Callable[..., BlenderRenderer]) ->
     assert renderer.render(request()).coverage.max() == 1.0
 
 
-def test_an_exception_in_the_worker_is_told_and_survived(opened: Callable[..., BlenderRenderer]) -> None:
+def test_an_exception_in_the_worker_is_reported_and_survived(
+    opened: Callable[..., BlenderRenderer],
+) -> None:
     renderer = opened(plate())
     good = request()
     bad = RenderRequest(replace(good.craft, t_body_cam_m=np.zeros(2)), good.box, None, seed=1)
@@ -192,7 +194,7 @@ renderer.render(test_faults.request())
 """
 
 
-def test_the_worker_dies_with_its_parent_in_mid_frame(blender: None, tmp_path: Path) -> None:
+def test_the_worker_ends_with_its_parent_during_a_frame(blender: None, tmp_path: Path) -> None:
     code = PARENT.format(folder=str(Path(__file__).parent))
     with subprocess.Popen(
         [sys.executable, "-c", code],
@@ -205,7 +207,7 @@ def test_the_worker_dies_with_its_parent_in_mid_frame(blender: None, tmp_path: P
         time.sleep(1.0)
         assert _is_running(pid)
         parent.kill()
-    # It ends in the middle of a frame, which would take it days, and takes its folder with it.
+    # The frame would take days; the worker must end in the middle of it and delete its folder.
     deadline = time.monotonic() + 30
     while _is_running(pid) and time.monotonic() < deadline:
         time.sleep(0.05)
@@ -214,14 +216,14 @@ def test_the_worker_dies_with_its_parent_in_mid_frame(blender: None, tmp_path: P
 
 
 def _is_running(pid: int) -> bool:
-    """Whether a process does something still: a zombie that nobody has waited for does not."""
+    """Whether a process still runs; a zombie that has not been waited for does not."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
     except FileNotFoundError:
         return False
 
 
-def test_two_at_once(opened: Callable[..., BlenderRenderer]) -> None:
+def test_two_renderers_at_once(opened: Callable[..., BlenderRenderer]) -> None:
     one, two = opened(plate()), opened(plate())
     first, second = one.render(request()), two.render(request())
     np.testing.assert_array_equal(first.radiance_rgb, second.radiance_rgb)
@@ -229,7 +231,7 @@ def test_two_at_once(opened: Callable[..., BlenderRenderer]) -> None:
     np.testing.assert_array_equal(two.render(request()).radiance_rgb, second.radiance_rgb)
 
 
-def test_nothing_reaches_the_screen(
+def test_nothing_is_printed(
     opened: Callable[..., BlenderRenderer], capfd: pytest.CaptureFixture[str]
 ) -> None:
     renderer = opened(plate())

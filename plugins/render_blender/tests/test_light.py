@@ -1,4 +1,5 @@
-"""What the conformance kit leaves open: mirrors, odd cameras, and the bits of a box and a seed."""
+"""Behaviour that the conformance kit does not cover: mirrors, cameras without square pixels, and equal
+bits for any box and the same seed."""
 
 from __future__ import annotations
 
@@ -42,8 +43,8 @@ def sky(function: Callable[[FloatArray], FloatArray], height: int = 64) -> Envir
     return EnvironmentMap(function(directions(height)).astype(np.float32))
 
 
-def test_a_pixel_not_square_and_a_principal_point_off_the_middle(opened: Open) -> None:
-    """A small plate is where the pinhole's formula puts it, and its depth is planar z."""
+def test_non_square_pixels_and_a_principal_point_off_the_centre(opened: Open) -> None:
+    """A small plate has the position and area of the pinhole projection, and its depth is planar z."""
     camera = Camera(64, 48, fx_px=70.0, fy_px=90.0, cx_px=25.3, cy_px=28.9, sensor_width_m=0.01)
     craft = scenes.rectangle(
         "plate", "white", centre_m=(0.2, 0.1, 0.3), u_m=(0.3, 0, 0), v_m=(0, 0.2, 0)
@@ -97,7 +98,8 @@ def test_the_seed_is_used_and_nothing_else_is_random(opened: Open) -> None:
 
 
 def test_the_sun_is_mirrored_but_not_seen(opened: Open) -> None:
-    """A mirror shows the Sun's disc with its radiance E/(π sin²α); looking at it shows nothing."""
+    """A mirror shows the Sun's disc with the radiance E/(π sin²α); the camera does not see it
+    directly."""
     camera = scenes.camera(33, 33, hfov_rad=0.2)
     craft = scenes.rectangle("plate", "mirror", u_m=(9, 0, 0), v_m=(0, 9, 0))
     renderer = opened(scenes.scene(craft, materials=(MIRROR,), camera=camera), spp=256)
@@ -117,8 +119,8 @@ def test_the_sun_is_mirrored_but_not_seen(opened: Open) -> None:
     assert image.coverage.max() == 0
 
 
-def test_a_mirror_shows_the_sky_where_it_is(opened: Open) -> None:
-    """Each band is linear in one camera axis, so the mirrored direction can be read off."""
+def test_a_mirror_shows_the_sky_in_the_right_direction(opened: Open) -> None:
+    """Each band is linear in one camera axis, so the radiance gives the mirrored direction."""
     camera = scenes.camera(24, 18)
     craft = scenes.rectangle("plate", "mirror", u_m=(9, 0, 0), v_m=(0, 9, 0))
     renderer = opened(scenes.scene(craft, materials=(MIRROR,), camera=camera), spp=64)
@@ -147,13 +149,13 @@ def test_metallic_and_roughness_are_read_from_their_own_channels(opened: Open) -
     craft = scenes.rectangle("plate", "paint", u_m=(3, 0, 0), v_m=(0, 3, 0))
     frame = scenes.frame(t_body_cam_m=(0, 0, 4), sun_direction_body=(0.6, 0, 0.8))
     image = shot(opened(scenes.scene(craft, materials=(paint,), camera=camera)), camera, frame)
-    assert image.radiance_rgb[:, 1:5].max() == 0  # the Sun is mirrored elsewhere
+    assert image.radiance_rgb[:, 1:5].max() == 0  # the Sun's reflection is outside the image
     np.testing.assert_allclose(
         image.radiance_rgb[6, 12], frame.craft.sun_irradiance_rgb_w_m2 * 0.8 / np.pi, rtol=1e-2
     )
 
 
-def test_it_tells_versions_and_device(opened: Open) -> None:
+def test_describe_reports_versions_and_device(opened: Open) -> None:
     camera = scenes.camera(16, 12)
     renderer = opened(
         scenes.scene(scenes.rectangle("plate", "white"), materials=(WHITE,), camera=camera)

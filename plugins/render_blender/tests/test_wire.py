@@ -1,4 +1,4 @@
-"""Messages survive the wire, and nothing else does."""
+"""Messages arrive as they were sent, and everything else is refused."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ MESSAGES = st.builds(
 
 
 class Trickle(io.RawIOBase):
-    """A stream that gives and takes three bytes at a time, as a pipe may."""
+    """A stream that reads and writes at most three bytes at a time, as a pipe may."""
 
     def __init__(self, data: bytes = b"") -> None:
         self.data = bytearray(data)
@@ -67,7 +67,7 @@ def assert_same(got: Message, sent: Message) -> None:
 
 
 @given(st.lists(MESSAGES, max_size=3))
-def test_messages_come_as_they_went(messages: list[Message]) -> None:
+def test_messages_arrive_as_they_were_sent(messages: list[Message]) -> None:
     stream = Trickle()
     for message in messages:
         send(stream, message)
@@ -78,7 +78,7 @@ def test_messages_come_as_they_went(messages: list[Message]) -> None:
 
 
 @given(MESSAGES, st.data())
-def test_cut_anywhere_is_closed(message: Message, data: st.DataObject) -> None:
+def test_a_stream_that_ends_within_a_message_is_closed(message: Message, data: st.DataObject) -> None:
     stream = Trickle()
     send(stream, message)
     cut = data.draw(st.integers(0, len(stream.data) - 1))
@@ -87,7 +87,7 @@ def test_cut_anywhere_is_closed(message: Message, data: st.DataObject) -> None:
 
 
 @given(st.binary(min_size=12, max_size=64).filter(lambda data: not data.startswith(MAGIC)))
-def test_noise_is_refused(data: bytes) -> None:
+def test_random_bytes_are_refused(data: bytes) -> None:
     with pytest.raises(WireError, match="expected"):
         receive(Trickle(data))
 
@@ -117,12 +117,12 @@ def test_a_bad_header_is_refused_before_anything_is_allocated(header: bytes) -> 
         receive(Trickle(MAGIC + len(header).to_bytes(4, "little") + header))
 
 
-def test_a_header_without_end_is_refused() -> None:
+def test_a_header_that_is_too_long_is_refused() -> None:
     with pytest.raises(WireError, match="header of"):
         receive(Trickle(MAGIC + (MAX_HEADER_BYTES + 1).to_bytes(4, "little")))
 
 
-def test_only_plain_numbers_are_sent() -> None:
+def test_arrays_of_other_types_are_not_sent() -> None:
     for array in (np.array(["text"]), np.array([1], dtype=np.int64), np.array([{}], dtype=object)):
         with pytest.raises(WireError, match="is of type"):
             send(Trickle(), Message("x", {}, {"a": array}))
@@ -135,7 +135,7 @@ def test_strides_and_byte_order_do_not_matter() -> None:
     np.testing.assert_array_equal(receive(stream).arrays["a"], array)
 
 
-def test_more_than_a_pipe_holds() -> None:
+def test_a_message_larger_than_the_pipes_buffer() -> None:
     out, into = os.pipe()
     message = Message("image", {}, {"a": np.arange(10**6, dtype=np.float32).reshape(1000, 1000)})
     with open(out, "rb", buffering=0) as source, open(into, "wb", buffering=0) as sink:

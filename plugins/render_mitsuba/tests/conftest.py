@@ -1,4 +1,5 @@
-"""Scalar and llvm are tested in one process, and Mitsuba loads a libLLVM when it is imported."""
+"""Mitsuba loads its libLLVM when it is imported, also if the scalar variant is tested first in the same
+process, so the right library is set here."""
 
 from posse_render_mitsuba.variants import choose, load_library
 

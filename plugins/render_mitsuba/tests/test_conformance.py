@@ -1,4 +1,4 @@
-"""The conformance kit on Mitsuba, in plain C++ and, where a libLLVM works, compiled."""
+"""The conformance kit on Mitsuba: the scalar variant and, if a libLLVM works, the compiled one."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from posse_render_mitsuba.variants import choose
 
 @pytest.fixture(scope="module")
 def llvm() -> None:
-    """Skip where no libLLVM works, with the causes."""
+    """Skip the test if no libLLVM works, and give the causes."""
     try:
         choose("llvm")
     except ComponentError as error:

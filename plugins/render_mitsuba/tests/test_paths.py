@@ -1,4 +1,4 @@
-"""The compiled variants' own paths against Mitsuba's path tracer, which the scalar variant uses."""
+"""POSSE's path tracer for the compiled variants against Mitsuba's own, which the scalar variant uses."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ BOX = PixelBox(0, 0, 96, 72)
 
 
 def sky(share: float) -> EnvironmentMap:
-    """Bright on one side; its mean sends ``share`` of the Sun's light to a plate."""
+    """A sky that is bright on one side. Its mean radiance gives a plate ``share`` of the Sun's
+    irradiance."""
     radiance = share * FRAME.sun_irradiance_rgb_w_m2.mean() / np.pi
     rows = np.full((32, 64, 3), radiance, dtype=np.float32)
     rows[:, :32] *= 1.9
@@ -37,7 +38,7 @@ def rendered(
     depth: int,
     plate: Material = GLOSS,
 ) -> AnyArray:
-    """(8, 72, 96, 3), by eight seeds, of a metal ball that touches a plate."""
+    """(8, 72, 96, 3) images of a metal ball that touches a plate, with eight seeds."""
     options = MitsubaOptions(spp=SPP, max_depth=depth, variant=variant)
     ball = scenes.sphere("ball", "metal", rings=32)
     square = scenes.rectangle("plate", plate.name, u_m=(3, 0, 0), v_m=(0, 3, 0), centre_m=(0, 0, -1))
@@ -45,8 +46,8 @@ def rendered(
     renderer.open(scenes.scene(ball, square, materials=(METAL, plate), camera=scenes.camera()))
     if variant == "auto" and renderer.describe()["variant"] == "scalar_rgb":
         renderer.close()
-        # Without a libLLVM there is nothing to compare: auto is then Mitsuba's own path tracer itself.
-        pytest.skip("no LLVM that works")
+        # Without a libLLVM there is nothing to compare: auto then uses Mitsuba's own path tracer.
+        pytest.skip("no libLLVM works on this machine")
     requests = [RenderRequest(frame, BOX, environment, seed) for seed in range(8)]
     images = np.stack([renderer.render(request).radiance_rgb for request in requests])
     renderer.close()
@@ -55,8 +56,8 @@ def rendered(
 
 @pytest.mark.parametrize("share", [None, 0.5], ids=["Sun alone", "Sun and sky"])
 @pytest.mark.parametrize("depth", [2, 3, 12])
-def test_light_is_that_of_mitsubas_own_paths(share: float | None, depth: int) -> None:
-    """In each of twelve parts of the image; twelve segments are enough for paths to end by chance."""
+def test_radiance_is_that_of_mitsubas_own_path_tracer(share: float | None, depth: int) -> None:
+    """In each of twelve parts of the image. Paths of up to twelve segments reach Russian roulette."""
     environment = None if share is None else sky(share)
     parts = []
     variants: tuple[Literal["auto", "scalar"], ...] = ("auto", "scalar")
@@ -67,12 +68,13 @@ def test_light_is_that_of_mitsubas_own_paths(share: float | None, depth: int) ->
 
 
 LIT = np.s_[:, 60:68, 8:88]
-"""Of the images: sunlight on the plate; the ball hides a little of the sky."""
+"""Pixels of the sunlit plate, from which the ball hides only a little of the sky."""
 
 
 def test_the_sun_adds_no_noise() -> None:
-    """Of a Lambertian plate the sky shows its bright or its dark half by turns, 0.9 off its mean. Were
-    Sun or sky chosen by chance, the choice would vary by more than the Sun's own light."""
+    """Samples from a Lambertian plate reach the sky's bright or dark half, each 0.9 off its mean, and
+    this is all the noise. If Sun or sky were chosen at random, the noise would exceed the Sun's own
+    light."""
     image = rendered("auto", FRAME, sky(0.5), 2, plate=MATT)[LIT]
     sun_rgb, reflected = FRAME.sun_irradiance_rgb_w_m2, np.array(MATT.base_color) / np.pi
     sun_light = reflected * sun_rgb * FRAME.sun_direction_body[2]
@@ -82,7 +84,7 @@ def test_the_sun_adds_no_noise() -> None:
 
 
 def test_in_shadow_the_noise_is_that_of_eclipse() -> None:
-    """The sky is looked for wherever the Sun does not shine, which makes metal and gloss less noisy."""
+    """The sky is sampled wherever the Sun does not shine, which reduces the noise of metal and gloss."""
     behind = scenes.frame(t_body_cam_m=(0, 0, 6), sun_direction_body=(0, 0, -1)).craft
     eclipsed = replace(FRAME, sun_irradiance_rgb_w_m2=np.zeros(3))
     shadow, eclipse = (rendered("auto", frame, sky(0.5), 2)[LIT] for frame in (behind, eclipsed))

@@ -1,4 +1,4 @@
-"""What the conformance kit leaves to this plugin."""
+"""Behaviour of the renderer that the conformance kit does not cover."""
 
 from __future__ import annotations
 
@@ -27,25 +27,25 @@ from posse_core.testing import scenes
 from posse_render_mitsuba.options import MitsubaOptions
 from posse_render_mitsuba.passes import MARGIN_PX, _tiles, sun_direction_body
 from posse_render_mitsuba.renderer import MitsubaRenderer
-from posse_render_mitsuba.wavefront import _runs
+from posse_render_mitsuba.wavefront import _chunks
 
 CLAY = Material("clay", base_color=(0.8, 0.5, 0.2), specular=0.0)
 
 
-def test_the_plugin_imports_no_mitsuba() -> None:
+def test_importing_the_plugin_does_not_import_mitsuba() -> None:
     code = (
         "import sys, posse_render_mitsuba, posse_render_mitsuba.options; print('mitsuba' in sys.modules)"
     )
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert told.stdout.strip() == "False"
+    child = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert child.stdout.strip() == "False"
 
 
-@given(x0=st.integers(0, 90), y0=st.integers(0, 90), w=st.integers(1, 40), largest=st.integers(1, 99))
-def test_calls_cover_the_box_once_in_order(x0: int, y0: int, w: int, largest: int) -> None:
+@given(x0=st.integers(0, 90), y0=st.integers(0, 90), w=st.integers(1, 40), size=st.integers(1, 99))
+def test_chunks_cover_the_box_once_in_order(x0: int, y0: int, w: int, size: int) -> None:
     box = PixelBox(x0, y0, w, 7)
-    calls = list(_runs(box.pixel_centres_px().reshape(-1, 2), largest))
-    assert max(len(call) for call in calls) <= largest
-    np.testing.assert_array_equal(np.concatenate(calls), box.pixel_centres_px().reshape(-1, 2))
+    chunks = list(_chunks(box.pixel_centres_px().reshape(-1, 2), size))
+    assert max(len(chunk) for chunk in chunks) <= size
+    np.testing.assert_array_equal(np.concatenate(chunks), box.pixel_centres_px().reshape(-1, 2))
 
 
 @pytest.mark.parametrize("variant", ["auto", "scalar"])
@@ -53,7 +53,7 @@ def test_calls_cover_the_box_once_in_order(x0: int, y0: int, w: int, largest: in
 def test_a_box_of_several_parts_has_no_seam(
     monkeypatch: pytest.MonkeyPatch, variant: Literal["auto", "scalar"], spp: int
 ) -> None:
-    """Lambert's law across the borders of calls and tiles."""
+    """Lambert's law holds across the borders of kernel calls and tiles."""
     monkeypatch.setattr("posse_render_mitsuba.wavefront.SAMPLES_PER_CALL", 9 * 3333)
     plate = scenes.rectangle("plate", "clay", u_m=(50, 0, 0), v_m=(0, 9, 0))
     camera = scenes.camera(600, 20, 1.0)
@@ -73,37 +73,38 @@ def test_a_box_of_several_parts_has_no_seam(
 @given(
     arrays(bool, st.tuples(st.integers(1, 70), st.integers(1, 70))), st.integers(0, 9), st.integers(0, 9)
 )
-def test_tiles_hold_all_that_was_met_and_a_margin(met: BoolArray, x0: int, y0: int) -> None:
-    height, width = met.shape
+def test_tiles_contain_every_hit_pixel_and_a_margin(hit: BoolArray, x0: int, y0: int) -> None:
+    height, width = hit.shape
     drawn = np.zeros((height, width), dtype=int)
-    for tile in _tiles(met, PixelBox(x0, y0, width, height)):
+    for tile in _tiles(hit, PixelBox(x0, y0, width, height)):
         part = drawn[tile.within(PixelBox(x0, y0, width, height))]
         assert part.shape == (tile.height, tile.width)
         part += 1
     assert drawn.max() <= 1
-    for row, column in zip(*np.nonzero(met), strict=True):
+    for row, column in zip(*np.nonzero(hit), strict=True):
         near = np.s_[max(row - MARGIN_PX, 0) : row + MARGIN_PX + 1]
         assert drawn[near, max(column - MARGIN_PX, 0) : column + MARGIN_PX + 1].all()
 
 
 @given(st.integers(8, 200), st.floats(0, 1), st.floats(0, 1))
-def test_any_number_of_passes_fills_the_sun_evenly(count: int, u: float, v: float) -> None:
-    """Of an even disc of radius R the mean is the middle, and the mean of r² is R²/2.
+def test_any_number_of_passes_fills_the_suns_disc_evenly(count: int, u: float, v: float) -> None:
+    """Points that fill a disc of radius R evenly have their mean at the centre, and R²/2 as mean of r².
 
-    200 directions by chance would be off by 10 R/200 and 4 R²/200; these are by 3.4 and 2.7 at worst.
+    200 random points would be off by 10 R/200 and 4 R²/200; these are off by at most 3.4 R/200 and
+    2.7 R²/200.
     """
     frame = scenes.frame(t_body_cam_m=(0, 0, 9), sun_direction_body=(0.3, -0.5, 1))
     shift = np.array([u, v])
-    places = np.array([sun_direction_body(frame.craft, number, shift) for number in range(count)])
-    along = places @ frame.craft.sun_direction_body
-    off = places / along[:, None] - frame.craft.sun_direction_body
+    directions = np.array([sun_direction_body(frame.craft, index, shift) for index in range(count)])
+    along = directions @ frame.craft.sun_direction_body
+    off = directions / along[:, None] - frame.craft.sun_direction_body
     radius = np.tan(frame.craft.sun_angular_radius_rad)
     assert np.linalg.norm(off, axis=1).max() <= radius * (1 + 1e-9)
     assert np.linalg.norm(off.mean(axis=0)) < 5 * radius / count
     assert (off**2).sum(axis=1).mean() / radius**2 == pytest.approx(0.5, abs=4 / count)
 
 
-def test_threads_are_the_share_of_the_worker(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_threads_are_the_option_or_the_workers_share(monkeypatch: pytest.MonkeyPatch) -> None:
     import drjit
 
     plate = scenes.scene(scenes.rectangle("p", "clay"), materials=(CLAY,), camera=scenes.camera())
@@ -116,7 +117,7 @@ def test_threads_are_the_share_of_the_worker(monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.parametrize("variant", ["scalar", "auto"])
-def test_the_number_of_threads_changes_no_bit(variant: Literal["auto", "scalar"]) -> None:
+def test_the_number_of_threads_does_not_change_the_image(variant: Literal["auto", "scalar"]) -> None:
     ball = scenes.sphere("ball", "clay", rings=24)
     frame = scenes.frame(t_body_cam_m=(0, 0, 4), sun_direction_body=(1, 0, 1))
     images = []
@@ -131,12 +132,13 @@ def test_the_number_of_threads_changes_no_bit(variant: Literal["auto", "scalar"]
 
 
 @pytest.mark.parametrize("spp", [1, 40])
-def test_what_was_drawn_before_changes_no_bit(
+def test_earlier_frames_do_not_change_the_image(
     spp: int, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A path is traced once and then replayed for other poses, Suns, skies and sizes of box; few samples
-    are often as many as an array of the scene's has entries."""
-    monkeypatch.setattr("posse_render_mitsuba.wavefront.MOST_TRACES", 3)
+    """The kernel is traced once and then replayed for other poses, Suns, skies and box sizes. With few
+    samples, their number often equals the length of one of the scene's arrays, which needs a new
+    trace."""
+    monkeypatch.setattr("posse_render_mitsuba.wavefront.MAX_KERNELS", 3)
     ball = scenes.sphere("ball", "clay", rings=24)
     scene = scenes.scene(ball, materials=(CLAY,), camera=scenes.camera())
     sky = EnvironmentMap(np.random.default_rng(0).random((16, 32, 3), dtype=np.float32))
@@ -158,14 +160,15 @@ def test_what_was_drawn_before_changes_no_bit(
         for i, box in enumerate(boxes)
     ]
 
-    def drawn(*those: RenderRequest) -> list[Float32Array]:
+    def rendered(*those: RenderRequest) -> list[Float32Array]:
         renderer = MitsubaRenderer(MitsubaOptions(spp=spp))
         renderer.open(scene)
         images = [renderer.render(request).radiance_rgb for request in those]
         renderer.close()
         return images
 
-    for alone, after in zip([drawn(each)[0] for each in requests], drawn(*requests), strict=True):
+    alone_images = [rendered(request)[0] for request in requests]
+    for alone, after in zip(alone_images, rendered(*requests), strict=True):
         assert alone.any()
         np.testing.assert_array_equal(after, alone)
     assert capfd.readouterr().err == ""
@@ -173,8 +176,8 @@ def test_what_was_drawn_before_changes_no_bit(
 
 @pytest.mark.parametrize("variant", ["scalar", "auto"])
 @pytest.mark.parametrize("level", [1e-44, 1e-38, 1e-21, 1e-19])
-def test_an_all_but_dark_sky_is_no_fault(variant: Literal["auto", "scalar"], level: float) -> None:
-    """Down to the least numbers that a float holds."""
+def test_an_almost_dark_sky_is_rendered(variant: Literal["auto", "scalar"], level: float) -> None:
+    """Down to the smallest numbers of single precision."""
     sky = EnvironmentMap(np.full((8, 16, 3), level, dtype=np.float32))
     frame = scenes.frame(t_body_cam_m=(0, 0, 4), sun_direction_body=(0, 0, 1), sun_fraction=0)
     renderer = MitsubaRenderer(MitsubaOptions(variant=variant, spp=16))
@@ -185,7 +188,7 @@ def test_an_all_but_dark_sky_is_no_fault(variant: Literal["auto", "scalar"], lev
     assert image.coverage.max() == 1.0
 
 
-def test_pixels_that_are_not_square_are_refused() -> None:
+def test_a_camera_without_square_pixels_is_refused() -> None:
     plate = scenes.rectangle("plate", "clay")
     camera = replace(scenes.camera(), fy_px=100.0)
     with pytest.raises(ComponentError, match="square pixels only"):
@@ -194,7 +197,7 @@ def test_pixels_that_are_not_square_are_refused() -> None:
         )
 
 
-def test_it_says_which_variant_and_version() -> None:
+def test_describe_reports_variant_and_version() -> None:
     import mitsuba
 
     renderer = MitsubaRenderer(MitsubaOptions(variant="scalar"))

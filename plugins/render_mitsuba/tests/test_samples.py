@@ -1,4 +1,4 @@
-"""How samples are divided among pixels, against the allocation's closed form."""
+"""The distribution of samples over pixels against the closed form of Neyman allocation."""
 
 import numpy as np
 import pytest
@@ -14,10 +14,11 @@ CRAFT = np.ones(SHAPE)
 
 
 @given(variances, st.integers(0, SHAPE[0] - 1), st.integers(0, SHAPE[1] - 1), st.floats(0, 1e6))
-def test_a_pixel_does_not_speak_for_itself(variance, row, column, other):
-    """Else a picture would be darker than it should be.
+def test_a_pixels_own_variance_does_not_change_its_rank(variance, row, column, other):
+    """Otherwise the image would be biased dark.
 
-    Its own variance changes only the common factor, so its place among those with other neighbours."""
+    The pixel's own variance changes only the common factor, so its rank among pixels that do not
+    neighbour it stays."""
     changed = variance.copy()
     changed[row, column] = other
     far = np.ones(SHAPE, dtype=bool)
@@ -29,7 +30,7 @@ def test_a_pixel_does_not_speak_for_itself(variance, row, column, other):
 
 
 @given(variances, st.floats(1.5, 20))
-def test_all_are_spent_where_anything_differs(variance, rounds):
+def test_all_rounds_are_spent_where_there_is_noise(variance, rounds):
     found = further_rounds(variance, CRAFT, rounds)
     assert found.min() >= 0
     if np.count_nonzero(variance) >= 20:
@@ -44,7 +45,7 @@ def test_a_pixel_twice_as_noisy_gets_twice_the_samples():
     assert rounds[20, 35] == 16
 
 
-def test_nothing_is_spent_on_space():
+def test_no_rounds_are_spent_on_empty_space():
     covered, variance = np.zeros((30, 30)), np.zeros((30, 30))
     covered[10:12, 10:12] = variance[10:12, 10:12] = 1.0
     rounds = further_rounds(variance, covered, 3)
@@ -57,14 +58,14 @@ def test_without_noise_one_round_is_enough():
     assert not further_rounds(np.zeros(SHAPE), CRAFT, 4).any()
 
 
-def test_a_mean_over_no_sample_is_not_a_number():
+def test_the_mean_of_no_samples_is_nan():
     sums = np.array([[[2.0, 4.0, 6.0, 2.0], [0.0, 0.0, 0.0, 0.0]]])
     found = mean_of_samples(sums, np.array([[2.0, 0.0]]))
     np.testing.assert_array_equal(found, [[[1.0, 2.0, 3.0, 1.0], [np.nan] * 4]])
 
 
 @given(arrays(float, 30, elements=st.floats(1e-3, 1e3)), st.floats(2, 20))
-def test_an_allotment_keeps_its_limits_and_its_average(deviation, rounds):
+def test_an_allocation_keeps_its_limits_and_its_average(deviation, rounds):
     found = allot(deviation, rounds, least=2, most=16 * rounds)
     assert found.min() >= 2
     assert found.max() <= np.rint(16 * rounds)

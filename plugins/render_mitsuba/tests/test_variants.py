@@ -1,4 +1,5 @@
-"""Choosing a variant: a library that aborts the process, one that is none, none at all."""
+"""Choosing a variant with a library that aborts the process, a file that is no library, and no
+library."""
 
 from __future__ import annotations
 
@@ -30,7 +31,7 @@ def not_a_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def child(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Have the probe's child be a shell script; it notes each time that it is started."""
+    """Replace the probe's child process by a shell script, which notes each start in a file."""
 
     def child(body: str) -> Path:
         notes, script = tmp_path / "notes", tmp_path / "python"
@@ -42,7 +43,9 @@ def child(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     return child
 
 
-def test_llvm_named_but_unusable_is_an_error_with_cause_and_way_out(not_a_library: Path) -> None:
+def test_asking_for_llvm_that_does_not_work_is_an_error_with_cause_and_way_out(
+    not_a_library: Path,
+) -> None:
     with pytest.raises(ComponentError) as raised:
         variants.choose("llvm")
     message = str(raised.value)
@@ -51,7 +54,7 @@ def test_llvm_named_but_unusable_is_an_error_with_cause_and_way_out(not_a_librar
     assert "\n" not in message
 
 
-def test_auto_falls_to_scalar_and_says_why(not_a_library: Path) -> None:
+def test_auto_falls_back_to_scalar_and_says_why(not_a_library: Path) -> None:
     choice = variants.choose("auto")
     assert choice.variant == "scalar_rgb"
     assert str(not_a_library) in choice.note
@@ -68,12 +71,12 @@ def test_doctor_names_the_variant_and_the_way_to_a_faster_one(not_a_library: Pat
     assert "libllvm19" in detail
 
 
-def test_a_missing_library_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_library_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("DRJIT_LIBLLVM_PATH", str(tmp_path / "gone.so"))
     assert "No such file" in variants.choose("auto").note
 
 
-def test_a_library_that_aborts_costs_its_child_alone(not_a_library: Path, child) -> None:
+def test_a_library_that_aborts_ends_the_child_process_only(not_a_library: Path, child) -> None:
     child("echo 'LLVM ERROR: Cannot select: fminimum' >&2\nkill -ABRT $$")
     choice = variants.choose("auto")
     assert choice.variant == "scalar_rgb"
@@ -81,7 +84,7 @@ def test_a_library_that_aborts_costs_its_child_alone(not_a_library: Path, child)
     assert "Cannot select" in choice.note
 
 
-def test_a_child_that_hangs_is_given_up_and_not_remembered(
+def test_a_child_that_hangs_is_given_up_and_not_cached(
     not_a_library: Path, child, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     notes = child("sleep 5")
@@ -91,7 +94,7 @@ def test_a_child_that_hangs_is_given_up_and_not_remembered(
     assert len(notes.read_text().splitlines()) == 2
 
 
-def test_the_answer_is_remembered_until_the_library_changes(not_a_library: Path, child) -> None:
+def test_the_result_is_cached_until_the_library_changes(not_a_library: Path, child) -> None:
     notes = child("echo usable")
     for _ in range(3):
         assert variants.choose("llvm") == variants.Choice("llvm_ad_rgb", str(not_a_library))
@@ -101,7 +104,7 @@ def test_the_answer_is_remembered_until_the_library_changes(not_a_library: Path,
     assert len(notes.read_text().splitlines()) == 2
 
 
-def test_the_newest_library_that_works_is_taken(
+def test_the_newest_library_that_works_is_chosen(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, child
 ) -> None:
     monkeypatch.delenv("DRJIT_LIBLLVM_PATH", raising=False)
@@ -121,7 +124,7 @@ def test_cuda_without_a_gpu_is_an_error() -> None:
         variants.choose("cuda")
 
 
-def test_another_library_after_mitsubas_import_is_refused() -> None:
+def test_another_library_is_refused_once_mitsuba_is_imported() -> None:
     code = """
 import mitsuba
 from posse_core import ComponentError
@@ -132,7 +135,7 @@ except ComponentError as error:
     print(error)
 """
     environment = {k: v for k, v in os.environ.items() if k != "DRJIT_LIBLLVM_PATH"}
-    told = subprocess.run(
+    printed = subprocess.run(
         [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
     ).stdout
-    assert "set DRJIT_LIBLLVM_PATH=/another/libLLVM.so before the start" in told
+    assert "set DRJIT_LIBLLVM_PATH=/another/libLLVM.so before starting Python" in printed

@@ -1,4 +1,4 @@
-"""Every image in these tests is drawn by a real OpenGL."""
+"""Fixtures that open the renderer with a real OpenGL driver."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from posse_render_raster.renderer import RasterRenderer
 
 @pytest.fixture(scope="session")
 def opengl() -> None:
-    """Ask for this where a test needs OpenGL."""
+    """Requested by tests that need OpenGL; skips them, or fails with POSSE_REQUIRE_RASTER=1, if there is
+    none."""
     try:
         create_context().release()
     except ComponentError as error:
@@ -26,7 +27,7 @@ def opengl() -> None:
 
 @pytest.fixture
 def opened(opengl: None) -> Iterator[Callable[..., RasterRenderer]]:
-    """Open a renderer on a scene with these options; it is closed after the test."""
+    """Returns a function that opens a renderer on a scene with options; it is closed after the test."""
     renderers: list[RasterRenderer] = []
 
     def open_renderer(scene: Scene, **options: object) -> RasterRenderer:

@@ -1,4 +1,4 @@
-"""A machine without OpenGL is told what to install; several renderers live beside each other."""
+"""Without OpenGL the message says what to install; several renderers work at the same time."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def plate(level: float) -> Scene:
 
 
 def message_of(code: str, **environ: str) -> str:
-    """What a fresh process prints: drivers are looked for once in a process."""
+    """What a new process prints; a new one is needed because drivers are looked for once per process."""
     folder = __file__.rsplit("/", 1)[0]
     done = subprocess.run(
         [sys.executable, "-c", f"import sys; sys.path.insert(0, {folder!r})\n{code}"],
@@ -52,7 +52,7 @@ def message_of(code: str, **environ: str) -> str:
     return done.stdout
 
 
-def test_no_driver_behind_egl() -> None:
+def test_egl_without_a_driver() -> None:
     message = message_of(
         DOCTOR, __EGL_VENDOR_LIBRARY_DIRS="/nonexistent", LIBGL_DRIVERS_PATH="/nonexistent"
     )
@@ -67,13 +67,13 @@ def test_no_libegl() -> None:
     assert "apt-get install" in message
 
 
-def test_doctor_says_what_works(opengl: None) -> None:
+def test_doctor_reports_what_works(opengl: None) -> None:
     ((what, ok, detail),) = RasterRenderer.doctor(RasterOptions())
     assert (what, ok) == ("opengl", True)
     assert detail.startswith("OpenGL ")
 
 
-def test_two_at_once_and_one_closed(opened: Callable[..., RasterRenderer]) -> None:
+def test_two_renderers_at_once_and_one_closed(opened: Callable[..., RasterRenderer]) -> None:
     bright, dark = opened(plate(0.8)), opened(plate(0.2))
     first, second = bright.render(REQUEST), dark.render(REQUEST)
     np.testing.assert_allclose(first.radiance_rgb, 4 * second.radiance_rgb, rtol=1e-4)
@@ -81,7 +81,7 @@ def test_two_at_once_and_one_closed(opened: Callable[..., RasterRenderer]) -> No
     np.testing.assert_array_equal(dark.render(REQUEST).radiance_rgb, second.radiance_rgb)
 
 
-def test_closed_opened_again_and_closed_twice(opened: Callable[..., RasterRenderer]) -> None:
+def test_a_renderer_closed_twice_can_be_opened_again(opened: Callable[..., RasterRenderer]) -> None:
     renderer = opened(plate(0.5))
     first = renderer.render(REQUEST)
     renderer.close()

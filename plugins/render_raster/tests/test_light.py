@@ -1,4 +1,5 @@
-"""What the conformance kit leaves open: lobes, mirrors and skies against integrals, tiles, shadows."""
+"""Behaviour that the conformance kit does not cover: lobes, mirrors and skies against integrals, tiles,
+shadows."""
 
 from __future__ import annotations
 
@@ -48,7 +49,8 @@ def unit_rays(camera: Camera) -> FloatArray:
 
 
 def ggx(n_l: FloatArray, n_v: FloatArray, n_h: FloatArray, roughness: float) -> FloatArray:
-    """D G₂/(4 n·l n·v) of Heitz, "Understanding the Masking-Shadowing Function" (JCGT 2014): 72, 99."""
+    """D G₂/(4 n·l n·v) of Heitz, "Understanding the Masking-Shadowing Function" (JCGT 2014), equations
+    72 and 99."""
     a2 = roughness**4
     tan2_h = 1 / n_h**2 - 1
     distribution = 1 / (np.pi * a2 * n_h**4 * (1 + tan2_h / a2) ** 2)
@@ -56,8 +58,8 @@ def ggx(n_l: FloatArray, n_v: FloatArray, n_h: FloatArray, roughness: float) -> 
     return np.asarray(distribution / (1 + smith[0] + smith[1]) / (4 * n_l * n_v))
 
 
-def test_a_pixel_not_square_and_a_principal_point_off_the_middle(opened: Open) -> None:
-    """A small plate is where the pinhole's formula puts it, and its depth is planar z."""
+def test_non_square_pixels_and_a_principal_point_off_the_centre(opened: Open) -> None:
+    """A small plate has the position and area of the pinhole projection, and its depth is planar z."""
     camera = Camera(64, 48, fx_px=70.0, fy_px=90.0, cx_px=25.3, cy_px=28.9, sensor_width_m=0.01)
     craft = scenes.rectangle(
         "plate", "white", centre_m=(0.2, 0.1, 0.3), u_m=(0.3, 0, 0), v_m=(0, 0.2, 0)
@@ -87,7 +89,7 @@ def test_a_pixel_not_square_and_a_principal_point_off_the_middle(opened: Open) -
 
 @pytest.mark.parametrize("samples_per_axis", [1, 5])
 def test_a_box_is_the_slice_of_the_whole_image(opened: Open, samples_per_axis: int) -> None:
-    """Across the tiles of the image too, which are of 307 pixels here with 5 samples an axis."""
+    """Also across the borders of tiles, whose side is 307 pixels with 5 samples per axis."""
     camera = scenes.camera(330, 320)
     craft = scenes.sphere("ball", "white", rings=24)
     scene = scenes.scene(craft, materials=(WHITE,), camera=camera)
@@ -103,8 +105,9 @@ def test_a_box_is_the_slice_of_the_whole_image(opened: Open, samples_per_axis: i
 
 
 @pytest.mark.parametrize("tilt", [-0.4, 0.0, 0.5])
-def test_a_shadow_falls_where_it_must(opened: Open, tilt: float) -> None:
-    """The roof's edge is at x = 0, 2 m up: its shadow's edge is at x = −2 tan(tilt), and hard."""
+def test_a_shadow_has_the_position_of_the_closed_form(opened: Open, tilt: float) -> None:
+    """The roof's edge is at x = 0, 2 m above the ground, so its shadow has a hard edge at
+    x = −2 tan(tilt)."""
     camera = scenes.camera(128, 8, hfov_rad=1.2)
     ground = scenes.rectangle("ground", "white", u_m=(4, 0, 0), v_m=(0, 4, 0))
     roof = scenes.rectangle("roof", "white", centre_m=(-2, 0, 2), u_m=(2, 0, 0), v_m=(0, 4, 0))
@@ -119,8 +122,8 @@ def test_a_shadow_falls_where_it_must(opened: Open, tilt: float) -> None:
     assert row[x_m < edge_m - 0.02 - 4 * texel_m].max() == 0
 
 
-def test_a_lit_sphere_does_not_shade_itself(opened: Open) -> None:
-    """Grazing light on a curved surface is where a shadow map leaves stripes."""
+def test_the_lit_side_of_a_sphere_has_no_shadow(opened: Open) -> None:
+    """Shadow maps tend to leave stripes where light grazes a curved surface."""
     camera = scenes.camera(96, 96, hfov_rad=0.6)
     renderer = opened(
         scenes.scene(scenes.sphere("ball", "white", rings=96), materials=(WHITE,), camera=camera)
@@ -138,7 +141,7 @@ def test_a_lit_sphere_does_not_shade_itself(opened: Open) -> None:
 
 
 def test_the_sun_is_mirrored_but_not_seen(opened: Open) -> None:
-    """At the middle of its image the Sun has the radiance of its disc, E/(π sin²α)."""
+    """The centre of the Sun's reflection has the radiance of the disc, E/(π sin²α)."""
     camera = scenes.camera(33, 33, hfov_rad=0.2)
     craft = scenes.rectangle("plate", "mirror", u_m=(9, 0, 0), v_m=(0, 9, 0))
     renderer = opened(scenes.scene(craft, materials=(MIRROR,), camera=camera))
@@ -157,7 +160,7 @@ def test_the_sun_is_mirrored_but_not_seen(opened: Open) -> None:
 
 @pytest.mark.parametrize("roughness", [0.3, 0.6, 1.0])
 def test_a_rough_metal_under_the_sun(opened: Open, roughness: float) -> None:
-    """F D G₂/4 with Schlick's F, written down in another form."""
+    """F D G₂/4 with Schlick's F, in another form than the shader's."""
     gold = Material("gold", base_color=(0.9, 0.7, 0.3), metallic=1.0, roughness=roughness)
     camera = scenes.camera(16, 12)
     craft = scenes.rectangle("plate", "gold", u_m=(9, 0, 0), v_m=(0, 9, 0))
@@ -173,8 +176,8 @@ def test_a_rough_metal_under_the_sun(opened: Open, roughness: float) -> None:
     np.testing.assert_allclose(image.radiance_rgb, expected, rtol=5e-3)
 
 
-def test_light_is_finite_where_the_sun_is_behind_the_camera(opened: Open) -> None:
-    """v·h and n·l exceed 1 by rounding there; a power or root of what is left would be NaN."""
+def test_radiance_is_finite_where_the_sun_is_behind_the_camera(opened: Open) -> None:
+    """There v·h and n·l may exceed 1 by rounding, and a power or root of 1 minus them would be NaN."""
     gold = Material("gold", base_color=(0.9, 0.7, 0.3), metallic=1.0, roughness=0.6)
     camera = scenes.camera(64, 48, hfov_rad=1.5)
     craft = scenes.sphere("ball", "gold", rings=48)
@@ -186,8 +189,8 @@ def test_light_is_finite_where_the_sun_is_behind_the_camera(opened: Open) -> Non
         assert np.isfinite(shot(renderer, camera, frame).radiance_rgb).all()
 
 
-def test_a_mirror_shows_the_sky_where_it_is(opened: Open) -> None:
-    """Each band is linear in one camera axis, so the mirrored direction can be read off."""
+def test_a_mirror_shows_the_sky_in_the_right_direction(opened: Open) -> None:
+    """Each band is linear in one camera axis, so the radiance gives the mirrored direction."""
     camera = scenes.camera(24, 18)
     craft = scenes.rectangle("plate", "mirror", u_m=(9, 0, 0), v_m=(0, 9, 0))
     renderer = opened(scenes.scene(craft, materials=(MIRROR,), camera=camera))
@@ -205,7 +208,7 @@ def test_a_mirror_shows_the_sky_where_it_is(opened: Open) -> None:
 
 
 def test_matt_plates_under_a_sky_brighter_on_one_side(opened: Open) -> None:
-    """The irradiance of a + b·d on a plate is π (a + ⅔ b·n)."""
+    """A sky of radiance a + b·d gives a plate the irradiance π (a + ⅔ b·n)."""
     camera = scenes.camera(8, 6)
     craft = scenes.rectangle("plate", "white", u_m=(9, 0, 0), v_m=(0, 9, 0))
     renderer = opened(scenes.scene(craft, materials=(WHITE,), camera=camera))
@@ -222,8 +225,8 @@ def test_matt_plates_under_a_sky_brighter_on_one_side(opened: Open) -> None:
 
 
 @pytest.mark.parametrize(("metallic", "roughness"), [(1.0, 0.25), (1.0, 0.8), (0.0, 0.4)])
-def test_an_even_sky_on_a_rough_surface(opened: Open, metallic: float, roughness: float) -> None:
-    """The reflected share is the lobe's integral over the hemisphere."""
+def test_a_uniform_sky_on_a_rough_surface(opened: Open, metallic: float, roughness: float) -> None:
+    """The reflectance is the integral of the lobe over the hemisphere."""
     paint = Material("paint", base_color=(0.9, 0.6, 0.2), metallic=metallic, roughness=roughness)
     camera = scenes.camera(9, 9, hfov_rad=0.01)
     craft = scenes.rectangle("plate", "paint", u_m=(9, 0, 0), v_m=(0, 9, 0))
@@ -248,8 +251,9 @@ def test_an_even_sky_on_a_rough_surface(opened: Open, metallic: float, roughness
     np.testing.assert_allclose(image.radiance_rgb[4, 4], 3.0 * (albedo + diffuse), rtol=1e-2)
 
 
-def test_a_distant_texture_keeps_its_light(opened: Open) -> None:
-    """Stripes of black and white, many to a pixel, are half as bright as white: not 21 %, as in sRGB."""
+def test_a_distant_texture_keeps_its_mean_reflectance(opened: Open) -> None:
+    """Many black and white stripes within a pixel are half as bright as white. (An average of sRGB codes
+    would give 21 %.)"""
     texture = np.zeros((256, 250, 3), dtype=np.uint8)
     texture[:, ::2] = 255
     paint = Material("paint", specular=0.0, base_color_texture=texture)
@@ -291,5 +295,7 @@ def test_metallic_and_roughness_are_read_from_their_own_channels(opened: Open) -
     frame = scenes.frame(t_body_cam_m=(0, 0, 4), sun_direction_body=(0.6, 0, 0.8))
     image = shot(opened(scenes.scene(craft, materials=(paint,), camera=camera)), camera, frame)
     lit = frame.craft.sun_irradiance_rgb_w_m2 * 0.8 / np.pi
-    assert image.radiance_rgb[:, 1:5].max() < 1e-2 * lit.min()  # the Sun is mirrored elsewhere
+    assert (
+        image.radiance_rgb[:, 1:5].max() < 1e-2 * lit.min()
+    )  # the Sun's reflection is outside the image
     np.testing.assert_allclose(image.radiance_rgb[6, 12], lit, rtol=1e-2)

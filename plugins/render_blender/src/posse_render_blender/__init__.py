@@ -13,7 +13,7 @@ def posse_renderers() -> Sequence[ComponentSpec]:
     return [
         ComponentSpec(
             name="blender",
-            summary="Blender's Cycles: path traced, in a child process with its own interpreter",
+            summary="path tracing with Blender's Cycles, in a child process with its own interpreter",
             factory="posse_render_blender.renderer:BlenderRenderer",
             options="posse_render_blender.options:BlenderOptions",
             capabilities=frozenset({"path-traced", "deterministic", "environment", "depth", "gpu"}),

@@ -1,4 +1,5 @@
-"""The worker's process, seen from outside: started, asked, told apart when it dies, ended."""
+"""POSSE's side of the child process that runs Cycles (here called its worker): starts it, sends it
+requests, reports how it died, and ends it."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ from posse_render_blender.interpreter import WAY_OUT, Interpreter
 from posse_render_blender.worker.wire import Message, WireClosed, WireError, receive, send
 
 START_LIMIT_S = 120.0
-"""Blender starts in one or two seconds, and from a cold network disk in a minute."""
+"""Blender starts in one or two seconds, or in a minute from a cold network disk."""
 END_LIMIT_S = 5.0
 LOG_TAIL_CHARS = 600
 
@@ -24,27 +25,28 @@ LOG_TAIL_CHARS = 600
 class Child:
     """One worker process.
 
-    It has a folder of its own for Blender's temporary files and its log, which hold nothing that is
-    wanted once it has ended. It ends by itself when this process is gone: it sees its pipe close.
+    It has its own folder for its log and Blender's temporary files, which is deleted when it ends. The
+    worker ends by itself when this process is gone, because its pipe then closes.
     """
 
     def __init__(self, interpreter: Interpreter) -> None:
-        """Start it.
+        """Start the process.
 
         Raises:
-            ComponentError: it cannot be started, has no bpy or too old a one, or does not answer.
+            ComponentError: the process cannot be started, does not answer, or has no bpy or one that is
+                too old.
         """
         self._interpreter = interpreter
         self._folder = tempfile.TemporaryDirectory(prefix="posse-blender-", ignore_cleanup_errors=True)
-        # Kept open: whoever tidies the temporary folder up must not end a run. Appending, since it is
-        # truncated while the worker writes to it.
+        # The log is kept open so that a clean-up of the temporary folder does not end a run. It is
+        # opened for appending because it is truncated while the worker writes to it.
         self._log_file = FileIO(Path(self._folder.name) / "log.txt", "a+")
         with contextlib.ExitStack() as on_failure:
             on_failure.callback(self._folder.cleanup)
             on_failure.callback(self._log_file.close)
             self._process = self._start()
             on_failure.callback(self.close)
-            self._greet()
+            self._receive_hello()
             on_failure.pop_all()
 
     @property
@@ -53,26 +55,32 @@ class Child:
         return self._process.pid
 
     def ask(self, message: Message, doing: str) -> Message:
-        """Send a request and wait for its answer; ``doing`` says in words what for.
+        """Send a request and wait for its answer.
+
+        Args:
+            message: the request.
+            doing: what the request is for, in words, for error messages.
 
         Raises:
             ComponentError: the worker reports a failure.
-            WorkerLost: it has died; the message has the end of its log.
+            WorkerLost: the worker died; the message contains the end of its log.
         """
-        self._log_file.truncate(0)  # only this request's lines can explain what happens to it
+        self._log_file.truncate(0)  # so that the log in an error message is that of this request
         try:
             send(self._requests, message)
             answer = receive(self._answers)
         except (BrokenPipeError, WireClosed):
             raise WorkerLost(f"blender: {self._how_it_ended()} while {doing}{self._log()}") from None
         except WireError as error:
-            raise ComponentError(f"blender: the worker sent garbage while {doing}: {error}") from None
+            raise ComponentError(
+                f"blender: unreadable answer of the worker while {doing}: {error}"
+            ) from None
         if answer.kind == "failed":
             raise ComponentError(f"blender: {doing} failed: {answer.values['cause']}")
         return answer
 
     def close(self) -> None:
-        """End the process; may be called twice."""
+        """End the process. Further calls have no effect."""
         self._requests.close()
         try:
             self._process.wait(END_LIMIT_S)
@@ -97,7 +105,7 @@ class Child:
                 stderr=subprocess.STDOUT,
                 env=self._interpreter.environment(os.environ, folder),
                 pass_fds=(requests_out, answers_in),
-                start_new_session=True,  # a Ctrl-C is for this process, which then ends the worker
+                start_new_session=True,  # Ctrl-C reaches this process only, which then ends the worker
             )
         except OSError as error:
             self._requests.close()
@@ -108,7 +116,7 @@ class Child:
             os.close(requests_out)
             os.close(answers_in)
 
-    def _greet(self) -> None:
+    def _receive_hello(self) -> None:
         what = f"blender: {self._interpreter}"
         try:
             if not select.select([self._answers], [], [], START_LIMIT_S)[0]:

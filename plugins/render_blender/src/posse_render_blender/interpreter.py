@@ -1,4 +1,4 @@
-"""Which program runs Cycles: a Python that has bpy, or a blender executable."""
+"""Finds the program that runs Cycles: a Python that has bpy, or a blender executable."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from posse_render_blender.options import BlenderOptions
 WORKER = Path(__file__).parent / "worker" / "main.py"
 WAY_OUT = (
     "make a Python with bpy (python3.11 -m venv bpy && bpy/bin/pip install 'bpy==5.0.1' 'numpy<2')"
-    " and name it by -o renderer.python=PATH or POSSE_BLENDER_PYTHON, or name a Blender 4.5 or later"
-    " by -o renderer.executable=PATH or POSSE_BLENDER"
+    " and give its path by -o renderer.python=PATH or POSSE_BLENDER_PYTHON, or give the path of a"
+    " Blender 4.5 or later by -o renderer.executable=PATH or POSSE_BLENDER"
 )
 
 
@@ -25,9 +25,9 @@ class Interpreter:
     """A program that can run the worker.
 
     Attributes:
-        path: absolute.
-        is_blender: a blender executable, not a Python.
-        source: who named it, for messages.
+        path: absolute path of the program.
+        is_blender: whether it is a blender executable rather than a Python.
+        source: the option or environment variable that names it, for messages.
     """
 
     path: str
@@ -38,29 +38,31 @@ class Interpreter:
         return f"{self.path} (from {self.source})"
 
     def command(self, requests_fd: int, answers_fd: int, folder: Path) -> list[str]:
-        """The command line that starts the worker on two inherited descriptors and its folder."""
-        given = [str(requests_fd), str(answers_fd), str(folder)]
+        """The command line that starts the worker with two inherited file descriptors and its folder."""
+        arguments = [str(requests_fd), str(answers_fd), str(folder)]
         if self.is_blender:
             blender = [self.path, "--background", "--factory-startup", "-noaudio"]
-            return [*blender, "--python-exit-code", "1", "--python", str(WORKER), "--", *given]
-        return [self.path, str(WORKER), *given]
+            return [*blender, "--python-exit-code", "1", "--python", str(WORKER), "--", *arguments]
+        return [self.path, str(WORKER), *arguments]
 
     def environment(self, environ: Mapping[str, str], folder: Path) -> dict[str, str]:
-        """Variables for the worker: its own files in ``folder``, and no paths of another Python."""
+        """Environment variables of the worker, which put its files into ``folder`` and remove the paths
+        of POSSE's Python if the worker runs under another one."""
         out = dict(environ)
         if self.path != sys.executable:
             for name in ("PYTHONHOME", "PYTHONPATH"):
                 out.pop(name, None)
-        # Preferences and add-ons of the user would change what is rendered.
+        # The user's preferences and add-ons would change the images.
         out.update(TMPDIR=str(folder), BLENDER_USER_RESOURCES=str(folder), PYTHONUNBUFFERED="1")
         return out
 
 
 def find_interpreter(options: BlenderOptions, environ: Mapping[str, str] = os.environ) -> Interpreter:
-    """By option, by environment, or this very Python, in that order.
+    """The interpreter named by an option, else by an environment variable, else the Python that runs
+    POSSE.
 
     Raises:
-        ComponentError: what was named is not an executable file.
+        ComponentError: the name is not that of an executable file.
     """
     named = [
         (options.python, False, "renderer.python"),
@@ -72,5 +74,5 @@ def find_interpreter(options: BlenderOptions, environ: Mapping[str, str] = os.en
     path, is_blender, source = next(entry for entry in named if entry[0])
     found = shutil.which(Path(str(path)).expanduser())
     if found is None:
-        raise ComponentError(f"blender: {source} names {path!r}, which is no program; {WAY_OUT}")
+        raise ComponentError(f"blender: {source} names {path!r}, which is not a program; {WAY_OUT}")
     return Interpreter(os.path.abspath(found), is_blender, source)

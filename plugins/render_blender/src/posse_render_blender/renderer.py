@@ -19,10 +19,10 @@ CLIP_RADII = 1.01
 
 
 class BlenderRenderer(Renderer[BlenderOptions]):
-    """Cycles, path traced.
+    """Path tracing with Cycles, in a worker process.
 
-    The worker is started by :meth:`open` and ended by :meth:`close`. After a :class:`ComponentError`
-    that says that the worker died, close and open the renderer again.
+    :meth:`open` starts the worker and :meth:`close` ends it. After a :class:`WorkerLost`, open the
+    renderer again.
     """
 
     def __init__(self, options: BlenderOptions) -> None:
@@ -35,7 +35,7 @@ class BlenderRenderer(Renderer[BlenderOptions]):
         """Start the worker and build the scene in it.
 
         Raises:
-            ComponentError: no interpreter that has bpy, a GPU that is absent, or a failure of Blender.
+            ComponentError: there is no interpreter with bpy, the GPU is absent, or Blender fails.
         """
         self.close()
         interpreter = find_interpreter(self.options)
@@ -57,7 +57,8 @@ class BlenderRenderer(Renderer[BlenderOptions]):
         """Render one frame's box.
 
         Raises:
-            ComponentError: the worker died or Cycles failed; the message has the end of its log.
+            WorkerLost: the worker died; the message contains the end of its log.
+            ComponentError: Cycles failed, or the renderer is not open.
         """
         if self._child is None:
             raise ComponentError("blender: the renderer is not open")
@@ -79,7 +80,7 @@ class BlenderRenderer(Renderer[BlenderOptions]):
             self._child = None
 
     def describe(self) -> Mapping[str, str]:
-        """Versions of Blender and its Python, which one it is, and the device."""
+        """The versions of Blender and its Python, the path of the interpreter, and the device."""
         return self._described
 
     @property
@@ -89,7 +90,7 @@ class BlenderRenderer(Renderer[BlenderOptions]):
 
     @classmethod
     def doctor(cls, options: BlenderOptions) -> Sequence[tuple[str, bool, str]]:
-        """What works on this machine: (what, whether it does, detail with the way out)."""
+        """What works on this machine, as (what, whether it works, detail and way out)."""
         out: list[tuple[str, bool, str]] = []
         what = "interpreter"
         try:
@@ -114,8 +115,8 @@ class BlenderRenderer(Renderer[BlenderOptions]):
 def scene_message(scene: Scene, options: BlenderOptions) -> Message:
     """The request ``open``.
 
-    Values are the options, the camera, and materials and parts as lists; arrays are named
-    ``part0.vertices_body_m``, ``material0.base_color_texture`` and so on, as in
+    Its values are the options, the camera, and lists of materials and parts. Its arrays are named
+    ``part0.vertices_body_m``, ``material0.base_color_texture`` and so on, after the attributes of
     :class:`~posse_core.Part` and :class:`~posse_core.Material`.
     """
     craft, camera = scene.spacecraft, scene.camera
@@ -147,11 +148,11 @@ def scene_message(scene: Scene, options: BlenderOptions) -> Message:
 
 
 def frame_message(request: RenderRequest, radius_m: float, adaptive_threshold: float) -> Message:
-    """The request ``render``; ``radius_m`` is of the sphere that holds the craft.
+    """The request ``render``; ``radius_m`` is the radius of a sphere that contains the spacecraft.
 
-    Cycles stops at a pixel where the error of its radiance L, over the root of L, is below a threshold.
-    That has a unit, so the option's value, which is for a white plate of radiance 1, goes with the
-    root of such a plate's in the light of this frame.
+    Cycles stops sampling a pixel of radiance L when the error of L, divided by √L, is below a threshold.
+    This threshold has the unit of √L. The option's value is meant for a white plate of radiance 1, so it
+    is multiplied by the square root of a white plate's radiance in the light of this frame.
     """
     craft, box = request.craft, request.box
     nearest_m = craft.range_m - CLIP_RADII * radius_m
@@ -168,14 +169,15 @@ def frame_message(request: RenderRequest, radius_m: float, adaptive_threshold: f
         "seed": request.seed % 2**31,
         "adaptive_threshold": adaptive_threshold * math.sqrt(_white(request)),
         "sun_angular_radius_rad": craft.sun_angular_radius_rad,
-        # The near plane must be before the craft at any angle of view: half the nearest distance is.
+        # Half the nearest distance keeps the near plane in front of the spacecraft at any angle of view.
         "clip_m": [max(1e-3, nearest_m / 2), craft.range_m + CLIP_RADII * radius_m],
     }
     return Message("render", values, arrays)
 
 
 def _white(request: RenderRequest) -> float:
-    """W m⁻² sr⁻¹ in the strongest band, of a white plate that faces the Sun and an even sky."""
+    """Radiance in the strongest band, W m⁻² sr⁻¹, of a white plate that faces the Sun and a uniform
+    sky."""
     sun = float(request.craft.sun_irradiance_rgb_w_m2.max()) / math.pi
     sky = 0.0 if request.environment is None else float(request.environment.radiance_rgb.mean())
     return sun + sky

@@ -1,4 +1,4 @@
-"""Mitsuba 3 as a renderer of POSSE. Importing this module imports no Mitsuba."""
+"""Mitsuba 3 as a renderer of POSSE. Importing this module does not import Mitsuba."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ def posse_renderers() -> list[ComponentSpec]:
     return [
         ComponentSpec(
             "mitsuba",
-            "Mitsuba 3: path tracing by LLVM, CUDA, or plain C++ that needs neither",
+            "path tracing with Mitsuba 3, compiled by LLVM or CUDA, or in plain C++",
             "posse_render_mitsuba.renderer:MitsubaRenderer",
             "posse_render_mitsuba.options:MitsubaOptions",
             capabilities=frozenset({"path-traced", "deterministic", "environment"}),

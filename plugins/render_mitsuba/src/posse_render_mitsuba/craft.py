@@ -1,4 +1,5 @@
-"""A spacecraft as Mitsuba meshes and materials. The variant must be set before anything here runs."""
+"""A spacecraft as Mitsuba meshes and materials. The variant must be set before this module is
+imported."""
 
 from __future__ import annotations
 
@@ -11,7 +12,7 @@ from posse_core import AnyArray, Float32Array, Material, Part, Spacecraft, linea
 
 
 def craft_shapes(craft: Spacecraft) -> dict[str, Any]:
-    """Scene entries of all parts: world axes are the body's."""
+    """Scene entries of all parts; the world axes are the body axes."""
     materials = {name: _bsdf(material) for name, material in craft.materials.items()}
     return {f"part_{i}": _mesh(part, materials[part.material]) for i, part in enumerate(craft.parts)}
 
@@ -37,16 +38,18 @@ def _mesh(part: Part, bsdf: Any) -> Any:
 
 
 SURFACE_SHARE = 0.25
-"""How often a sampled path takes the dielectric's surface rather than what lies below it."""
+"""Share of sampled paths that reflect at a dielectric's surface; the others reflect at its base."""
 BELOW_SURFACE = 0.955
-"""Light that reaches the base of a dielectric of F0 4 %: 1 − F, averaged over angles of facets."""
+"""Share of light that reaches the base of a dielectric with F0 = 4 %: 1 − F averaged over facet
+angles."""
 
 
 def _bsdf(material: Material) -> Any:
-    """glTF metallic-roughness (glTF 2.0, Appendix B) from Mitsuba's lobes.
+    """The glTF metallic-roughness material (glTF 2.0, Appendix B), built from Mitsuba's BSDFs.
 
-    Mitsuba's ``principled`` is right for metals alone: its base below a dielectric is Disney's, which
-    takes nothing off for the surface and brightens at the limb, 4 to 11 % above glTF's.
+    Mitsuba's ``principled`` agrees with glTF for metals only. For dielectrics its base is Disney's,
+    which does not subtract the light that the surface reflects and brightens at the limb: 4 to 11 %
+    above glTF.
     """
     bsdf = _mixed(material)
     if material.normal_texture is not None:
@@ -56,7 +59,7 @@ def _bsdf(material: Material) -> Any:
 
 
 def _mixed(material: Material) -> dict[str, Any]:
-    """Metal and dielectric in the shares that factor and texture say."""
+    """A blend of metal and dielectric, by the material's metallic factor and texture."""
     texture = material.metallic_roughness_texture
     metallic: AnyArray | None = None
     roughness: AnyArray | None = None
@@ -82,10 +85,10 @@ def _mixed(material: Material) -> dict[str, Any]:
 
 
 def _dielectric(material: Material, roughness: AnyArray | None) -> dict[str, Any]:
-    """A Lambertian base, and GGX facets above it; without specular, the base alone.
+    """A Lambertian base with GGX facets above it, or the base alone if ``specular`` is 0.
 
-    Both are scaled up by what their share in the blend takes off. The facets are those of a conductor
-    without absorption, whose Fresnel term is the dielectric's.
+    Each is divided by its weight in the blend, so that they add up. The facets are those of a conductor
+    without absorption, whose Fresnel term equals the dielectric's.
     """
     if material.specular == 0:
         return {"type": "diffuse", "reflectance": _base_color(material, 1.0)}
@@ -108,7 +111,7 @@ def _dielectric(material: Material, roughness: AnyArray | None) -> dict[str, Any
 
 
 def _base_color(material: Material, scale: float) -> dict[str, Any]:
-    """As a bitmap, which may be over 1."""
+    """Linear base colour times ``scale``, as a bitmap, because bitmap values may exceed 1."""
     factor = np.array(material.base_color, np.float32) * scale
     if material.base_color_texture is None:
         return _bitmap(np.broadcast_to(factor, (2, 2, 3)))
@@ -116,11 +119,11 @@ def _base_color(material: Material, scale: float) -> dict[str, Any]:
 
 
 def _bitmap(values: AnyArray) -> dict[str, Any]:
-    """A repeating texture of linear values; row 0 is at v = 1."""
-    data = mi.TensorXf(np.ascontiguousarray(values[::-1], dtype=np.float32))  # v is upward
+    """A repeating texture of linear ``values`` (h, w, channels), whose row 0 is at v = 1."""
+    data = mi.TensorXf(np.ascontiguousarray(values[::-1], dtype=np.float32))  # v points up
     return {"type": "bitmap", "data": data, "raw": True}
 
 
 def _linear(srgb: AnyArray) -> Float32Array:
-    """uint8 sRGB code → linear."""
+    """uint8 sRGB codes → linear values in 0 … 1, of the same shape."""
     return np.asarray(linear_from_srgb(np.arange(256) / 255).astype(np.float32)[srgb])

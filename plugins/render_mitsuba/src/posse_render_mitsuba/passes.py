@@ -1,12 +1,13 @@
-"""Rendering by the scalar variant, in passes of sixteen samples a pixel.
+"""Rendering by Mitsuba's scalar variant, in passes of sixteen samples per pixel.
 
-In each pass the Sun is one direction, so no sample is spent on finding it; over the passes the
-directions fill the Sun's disc evenly, which makes penumbras of the right width for the cost of a hard
-shadow. (A disc that emits costs 1.7 times as much; an emitter written in Python would be called for
-each ray.)
+In each pass the Sun is a directional light, so no samples are spent on finding it. Over the passes its
+directions fill the Sun's disc evenly, which gives penumbras of the right width at the cost of hard
+shadows. (An emitting disc costs 1.7 times as much, and an emitter written in Python would be called once
+per ray.)
 
-The first pass draws the box; the second one the tiles of it in which the first met the craft; the
-others those that are worth it by what the first two differ in.
+The first pass renders the whole box. The second renders the tiles of it in which the first pass hit the
+spacecraft. The difference between these two estimates the noise of each tile, and the remaining passes
+are distributed over the tiles accordingly.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from posse_core import (
     random_generator,
 )
 from posse_render_mitsuba.options import MitsubaOptions
-from posse_render_mitsuba.samples import MOST_ROUNDS, allot, mean_of_samples
+from posse_render_mitsuba.samples import MAX_ROUNDS_FACTOR, allot, mean_of_samples
 from posse_render_mitsuba.world import (
     MITSUBA_FROM_CAM,
     World,
@@ -41,21 +42,21 @@ SAMPLES_PER_PASS = 16
 TILE_PX = 32
 MARGIN_PX = 4
 BLOCK_PX = 8
-"""Of a block that one thread draws. Mitsuba's own choice depends on their number, and the random numbers
-on the block."""
-R2: FloatArray = 1.32471795724474602596 ** -np.array([1.0, 2.0])  # the plastic number's powers
+"""Side of the blocks that the threads render. It is fixed because Mitsuba's default depends on the
+number of threads, and the random numbers of a pixel depend on its block."""
+R2: FloatArray = 1.32471795724474602596 ** -np.array([1.0, 2.0])  # powers of the plastic number
 SKY_WEIGHT = 9.0
-"""Of the sky against a Sun that does not shine, in choosing where to look for light. While it shines
-the sky is not looked for: paths find it."""
+"""Sampling weight of the sky in eclipse; the Sun, which then sends no light, has weight 1. In sunlight
+the sky's weight is 0: only paths that leave the spacecraft by chance find it."""
 
 
 class Passes:
-    """Draws boxes of one camera's image with the scalar variant, which must be set."""
+    """Renders pixel boxes of one camera's image. The scalar variant must be set beforehand."""
 
     LAMPS: Mapping[str, Any] = {
         "sun": {"type": "directional", "irradiance": {"type": "rgb", "value": [1.0, 1.0, 1.0]}}
     }
-    """Scene entries that :meth:`draw` needs: a Sun in one direction."""
+    """Scene entries that :meth:`draw` needs: the Sun as a directional light."""
 
     def __init__(self, camera: Camera, radius_m: float, options: MitsubaOptions) -> None:
         import mitsuba as mi
@@ -74,7 +75,7 @@ class Passes:
         )
 
     def draw(self, world: World, request: RenderRequest) -> FloatArray:
-        """(h, w, 4) radiance and coverage of the request's box."""
+        """(h, w, 4) radiance in three bands, W m⁻² sr⁻¹, and coverage of the request's box."""
         craft, box = request.craft, request.box
         sun_w_m2 = float(craft.sun_irradiance_rgb_w_m2.sum())
         if request.environment is not None:
@@ -84,54 +85,60 @@ class Passes:
         total = first = self._pass(world, request, 0, [box], shift, random)
         tiles = _tiles(first[..., 3] > 0, box)
         passes = np.full(len(tiles), min(self._count, 2))
-        number = 1
-        while (more := passes > number).any():
-            places = [tiles[place] for place in np.flatnonzero(more)]
-            image = self._pass(world, request, number, places, shift, random)
+        index = 1
+        while (more := passes > index).any():
+            image = self._pass(
+                world, request, index, [tiles[i] for i in np.flatnonzero(more)], shift, random
+            )
             total = total + image
-            if number == 1:
+            if index == 1:
                 windows = [tile.within(box) for tile in tiles]
                 deviation = _deviation(first, image, sun_w_m2 / np.pi, windows)
-                passes = allot(deviation, self._count, least=2, most=MOST_ROUNDS * self._count)
-            number += 1
+                passes = allot(deviation, self._count, least=2, most=MAX_ROUNDS_FACTOR * self._count)
+            index += 1
         return mean_of_samples(total[..., :4], total[..., 4])
 
     def _pass(
         self,
         world: World,
         request: RenderRequest,
-        number: int,
-        places: Iterable[PixelBox],
+        index: int,
+        tiles: Iterable[PixelBox],
         shift: FloatArray,
         random: np.random.Generator,
     ) -> FloatArray:
-        """(h, w, 5) of the request's box: radiance, coverage and 1 in the places, where finite."""
+        """Render tiles of the request's box once; ``index`` is that of the pass, from 0.
+
+        Returns:
+            (h, w, 5) for the whole box: radiance (three bands), coverage, and 1 in those pixels of the
+            tiles whose values are finite; 0 elsewhere.
+        """
         import mitsuba as mi
 
         craft, box = request.craft, request.box
-        turn = homogeneous(R_with_z(-sun_direction_body(craft, number, shift)), np.zeros(3))
+        sun_to_world = homogeneous(R_with_z(-sun_direction_body(craft, index, shift)), np.zeros(3))
         world.set(
             {
-                "sun.to_world": mi.Transform4f(turn),
+                "sun.to_world": mi.Transform4f(sun_to_world),
                 "sun.irradiance.value": mi.Color3f(*map(float, craft.sun_irradiance_rgb_w_m2)),
             }
         )
         result = np.zeros((box.height, box.width, 5))
-        for place in places:
+        for tile in tiles:
             image = mi.render(
                 world.scene,
                 integrator=self._integrator,
-                sensor=self._sensor(craft, place),
+                sensor=self._sensor(craft, tile),
                 seed=mi.UInt32(int(random.integers(2**31))),
                 spp=SAMPLES_PER_PASS,
             )
             values = np.insert(np.array(image, dtype=np.float64), 4, 1.0, axis=-1)
-            good = np.isfinite(values).all(axis=-1, keepdims=True)
-            result[place.within(box)] = np.where(good, values, 0)
+            finite = np.isfinite(values).all(axis=-1, keepdims=True)
+            result[tile.within(box)] = np.where(finite, values, 0)
         return result
 
     def _sensor(self, craft: CraftState, box: PixelBox) -> Any:
-        """A camera whose film is the box."""
+        """A Mitsuba sensor whose film is the box."""
         import mitsuba as mi
 
         camera = self._camera
@@ -155,16 +162,16 @@ class Passes:
                     "height": box.height,
                     "pixel_format": "rgba",
                     "component_format": "float32",
-                    "rfilter": {"type": "box"},  # any other would make the sums' order, so bits, vary
+                    "rfilter": {"type": "box"},  # with others, the order of the sums varies
                 },
             }
         )
 
 
-def _tiles(met: BoolArray, box: PixelBox) -> list[PixelBox]:
-    """Those that hold what a first pass ``met`` (h, w) of the box, and a margin: a sliver of the craft
-    that sixteen samples missed lies beside one that they met."""
-    near = maximum_filter(met, 2 * MARGIN_PX + 1, mode="constant")
+def _tiles(hit: BoolArray, box: PixelBox) -> list[PixelBox]:
+    """Tiles of the box that contain a pixel in which the first pass ``hit`` (h, w) the spacecraft, or a
+    pixel within ``MARGIN_PX`` of one: a sliver that sixteen samples missed adjoins one that they hit."""
+    near = maximum_filter(hit, 2 * MARGIN_PX + 1, mode="constant")
     tiles = []
     for top in range(0, box.height, TILE_PX):
         for left in range(0, box.width, TILE_PX):
@@ -177,23 +184,27 @@ def _tiles(met: BoolArray, box: PixelBox) -> list[PixelBox]:
 def _deviation(
     first: FloatArray, second: FloatArray, white: float, windows: Sequence[tuple[slice, slice]]
 ) -> FloatArray:
-    """(n,) standard deviation of a pass in each window: root mean square over its pixels, of radiance
-    summed over the bands up to ``white``, since brighter is a glint of few pixels, which would have all.
+    """(n,) standard deviation of one pass in each window, as root mean square over the window's pixels.
+
+    It is that of the radiance summed over the bands and clipped at ``white``; unclipped, a few pixels
+    with glints would take nearly all passes.
 
     Args:
-        first: (h, w, 5), and ``second``, of two passes.
+        first: (h, w, 5) result of one pass.
+        second: (h, w, 5) result of another pass.
     """
     one, other = (np.minimum(image[..., :3].sum(axis=-1), white) for image in (first, second))
     squares = (one - other) ** 2 / 2
     return np.sqrt([squares[window].mean() for window in windows])
 
 
-def sun_direction_body(craft: CraftState, number: int, shift: FloatArray) -> FloatArray:
-    """(3,) direction of a pass to the Sun's disc, which the first ones, however many, fill evenly.
+def sun_direction_body(craft: CraftState, index: int, shift: FloatArray) -> FloatArray:
+    """(3,) unit vector, body axes, to the point of the Sun's disc that lights the pass ``index``.
 
-    Roberts' sequence R2 (2018) in the unit square, moved about by ``shift`` (2,) in 0 … 1.
+    The points are Roberts' sequence R2 (2018) in the unit square, shifted by ``shift`` (2,) in 0 … 1
+    (modulo 1) and mapped to the disc. The first n of them fill the disc evenly for any n.
     """
-    across, around = (shift + number * R2) % 1
+    across, around = (shift + index * R2) % 1
     radius, angle = np.sqrt(across) * np.tan(craft.sun_angular_radius_rad), 2 * np.pi * around
     local = np.array([radius * np.cos(angle), radius * np.sin(angle), 1.0])
     return np.asarray(R_with_z(craft.sun_direction_body) @ (local / np.linalg.norm(local)))
@@ -204,5 +215,5 @@ def _offset(principal_px: float, size_px: int) -> float:
 
 
 def _clip_distances_m(z_m: float, radius_m: float) -> tuple[float, float]:
-    """Planes before and behind a craft whose origin is at planar depth ``z_m``."""
+    """Depths of planes in front of and behind a spacecraft whose origin is at planar depth ``z_m``."""
     return near_plane_m(z_m, radius_m), max(z_m, 0.0) + 1.01 * radius_m

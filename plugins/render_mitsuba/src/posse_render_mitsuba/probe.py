@@ -1,4 +1,5 @@
-"""Run in a child process: a tiny render by one variant, because a wrong LLVM aborts the process."""
+"""A tiny render with one variant, run in a child process because an unsuitable LLVM aborts the
+process."""
 
 from __future__ import annotations
 
@@ -26,7 +27,7 @@ def main(variant: str) -> None:
     )
     image = np.array(mi.render(scene, spp=4))
     if not (np.isfinite(image).all() and image.max() > 0):
-        raise SystemExit("it renders a lit sphere black or not finite")
+        raise SystemExit("it renders a lit sphere as black or with values that are not finite")
     print("usable")
 
 

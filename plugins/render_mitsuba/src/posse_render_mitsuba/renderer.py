@@ -1,4 +1,4 @@
-"""The renderer ``mitsuba``: chooses how Mitsuba computes, and draws frames that way."""
+"""The renderer ``mitsuba``: chooses the Mitsuba variant and renders frames with it."""
 
 from __future__ import annotations
 
@@ -17,11 +17,12 @@ from posse_render_mitsuba.wavefront import Wavefront
 from posse_render_mitsuba.world import World
 
 DARKEST_W_M2_SR = 1e-20
-"""A sky that is darker everywhere counts as none: Mitsuba divides by a map's light, in floats."""
+"""A sky that is darker than this everywhere is left out: Mitsuba divides by the map's total light in
+single precision, which would overflow."""
 
 
 class MitsubaRenderer(Renderer[MitsubaOptions]):
-    """Path tracing with Mitsuba 3. The craft never moves: see :mod:`posse_render_mitsuba.world`."""
+    """Path tracing with Mitsuba 3, in body axes: see :mod:`posse_render_mitsuba.world`."""
 
     def __init__(self, options: MitsubaOptions) -> None:
         super().__init__(options)
@@ -34,7 +35,7 @@ class MitsubaRenderer(Renderer[MitsubaOptions]):
         camera = scene.camera
         if not np.isclose(camera.fx_px, camera.fy_px, rtol=1e-9):
             raise ComponentError(
-                f"mitsuba has square pixels only: fx is {camera.fx_px:g} px, fy {camera.fy_px:g} px;"
+                f"mitsuba renders square pixels only: fx is {camera.fx_px:g} px, fy {camera.fy_px:g} px;"
                 " choose a camera with fx = fy, or another renderer"
             )
         self._choice = choose(self.options.variant)
@@ -47,7 +48,7 @@ class MitsubaRenderer(Renderer[MitsubaOptions]):
 
     def render(self, request: RenderRequest) -> Radiance:
         if self._scene is None or self._painter is None:
-            raise ComponentError("mitsuba: render before open")
+            raise ComponentError("mitsuba: render was called before open")
         self._activate()
         if request.environment is not None and request.environment.radiance_rgb.max() < DARKEST_W_M2_SR:
             request = replace(request, environment=None)
@@ -61,8 +62,8 @@ class MitsubaRenderer(Renderer[MitsubaOptions]):
         image = self._painter.draw(world, request)
         if not np.isfinite(image).all():
             raise ComponentError(
-                f"mitsuba: frame {request.index} has radiance that is not finite; another seed"
-                " may do, and a material with roughness near 0 is the likely cause"
+                f"mitsuba: frame {request.index} has radiance that is not finite, probably because of a"
+                " material with a roughness near 0; raise the roughness or try another seed"
             )
         return Radiance(
             request.box,
@@ -89,7 +90,8 @@ class MitsubaRenderer(Renderer[MitsubaOptions]):
 
     @classmethod
     def doctor(cls, options: MitsubaOptions) -> Sequence[tuple[str, bool, str]]:
-        """What works here, with the way out; see :meth:`Renderer.doctor`."""
+        """Mitsuba's version and the variant that works on this machine, or why none does; see
+        :meth:`Renderer.doctor`."""
         version = ("mitsuba", True, metadata.version("mitsuba"))
         try:
             choice = choose(cls(options).options.variant)
@@ -99,17 +101,17 @@ class MitsubaRenderer(Renderer[MitsubaOptions]):
         return [version, ("variant", True, detail)]
 
     def _activate(self) -> None:
-        """Set variant and threads, which belong to the whole process."""
+        """Set the variant and the number of threads, which are global to the process."""
         import drjit as dr
         import mitsuba as mi
 
         assert self._choice is not None
         mi.set_variant(self._choice.variant)
-        mi.set_log_level(mi.LogLevel.Error)  # what it warns of is how samples are rounded
+        mi.set_log_level(mi.LogLevel.Error)  # its warnings are about rounded sample counts
         dr.set_thread_count(self.options.threads or _own_threads())
 
 
 def _own_threads() -> int:
-    """The share of the cores that the executor gives to a worker, else every core."""
+    """The number of threads that the executor gives to this worker, else the number of cores."""
     share = os.environ.get("POSSE_THREADS", "")
     return int(share) if share.isdecimal() and int(share) else len(os.sched_getaffinity(0))

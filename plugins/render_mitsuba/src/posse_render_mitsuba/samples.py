@@ -1,12 +1,12 @@
-"""Where samples are worth most, and what they come to.
+"""How samples are distributed over the pixels, and how they are averaged.
 
-The picture's squared error is least when a pixel has as many samples as its standard deviation asks for
-(Neyman's allocation, 1934).
+The squared error of an image is least when each pixel gets samples in proportion to its standard
+deviation (Neyman allocation, 1934).
 
-Compiled variants read deviations from a first round over all pixels. A pixel's own samples do not
-speak for it, only those around it: did they, a pixel that was bright by chance would be looked at again
-and one that was dark by chance would not, and the picture would be too dark. The scalar variant reads
-them tile by tile; a pixel has little say among a thousand.
+The compiled variants estimate the deviations from a first round over all pixels. A pixel's deviation is
+estimated from its neighbours only. If its own samples counted, a pixel that was bright by chance would
+be sampled again and one that was dark by chance would not, and the image would be biased dark. The
+scalar variant estimates the deviation per tile, where one pixel among a thousand matters little.
 """
 
 from __future__ import annotations
@@ -18,33 +18,35 @@ from posse_core import FloatArray, IntArray
 
 NEIGHBOURS = np.ones((5, 5))
 NEIGHBOURS[2, 2] = 0.0
-MOST_ROUNDS = 16
-"""For one pixel, as a multiple of what all have on average."""
+MAX_ROUNDS_FACTOR = 16
+"""The most rounds that one pixel may get, as a multiple of the average."""
 
 
 def further_rounds(variance: FloatArray, covered: FloatArray, rounds: float) -> IntArray:
-    """How many rounds more each pixel is worth.
+    """How many rounds each pixel gets after the first one.
 
     Args:
-        variance: (h, w) of a pixel's samples in the first round.
-        covered: (h, w) share of the samples that met the craft.
-        rounds: for a pixel of the craft on average, the first one included.
+        variance: (h, w) variance of each pixel's samples in the first round.
+        covered: (h, w) positive where samples hit the spacecraft.
+        rounds: the average number of rounds per pixel of the spacecraft, the first one included.
 
     Returns:
-        (h, w), 0 where nothing is near. Their mean over the craft is about ``rounds`` − 1.
+        (h, w) further rounds, 0 where no pixel of the spacecraft is near. Their mean over the spacecraft
+        is about ``rounds`` − 1.
     """
     result = np.zeros(variance.shape, dtype=np.int64)
     near = maximum_filter(covered, NEIGHBOURS.shape, mode="constant") > 0
     deviation = np.sqrt(correlate(variance, NEIGHBOURS, mode="constant"))[near]
-    result[near] = allot(deviation, rounds, least=1, most=MOST_ROUNDS * rounds) - 1
+    result[near] = allot(deviation, rounds, least=1, most=MAX_ROUNDS_FACTOR * rounds) - 1
     return result
 
 
 def allot(deviation: FloatArray, rounds: float, least: float, most: float) -> IntArray:
-    """(n,) rounds in proportion to the deviations (n,), within limits, and ``rounds`` on average."""
+    """(n,) rounds in proportion to ``deviation`` (n,), between ``least`` and ``most``, with the average
+    ``rounds``."""
     if not deviation.any():
         return np.full(len(deviation), int(least))
-    # The factor with which their average is ``rounds``, or as near as it can be
+    # Bisect for the factor of proportionality that makes the average equal to ``rounds``.
     logarithm = np.log(deviation[deviation > 0])
     lowest, highest = np.log(least) - logarithm.max(), np.log(most) - logarithm.min()
     for _ in range(50):
@@ -56,9 +58,10 @@ def allot(deviation: FloatArray, rounds: float, least: float, most: float) -> In
 
 
 def mean_of_samples(sums: FloatArray, counts: FloatArray) -> FloatArray:
-    """(..., 4) from sums (..., 4) over the samples that are finite, and how many (...) these are.
+    """(..., 4) mean from ``sums`` (..., 4) over the finite samples and their ``counts`` (...).
 
-    Some of Mitsuba's are not, about one in 10⁸ on metal; they are left out. NaN where there is no other.
+    About one in 10⁸ of Mitsuba's samples on metal is not finite; those are left out. The mean is NaN
+    where no sample is finite.
     """
     mean = np.full(sums.shape, np.nan)
     np.divide(sums, counts[..., None], out=mean, where=counts[..., None] > 0)

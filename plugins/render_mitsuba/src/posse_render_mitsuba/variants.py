@@ -1,7 +1,8 @@
-"""Which Mitsuba variant works on this machine.
+"""Finds the Mitsuba variant that works on this machine.
 
-A wrong libLLVM (15 on an AVX-512 machine, for one) does not raise: it aborts the process. So each
-candidate renders a tiny scene in a child process, and the answer is kept in the user's cache.
+An unsuitable libLLVM (for example version 15 on an AVX-512 machine) does not raise an exception but
+aborts the process. Each candidate therefore renders a tiny scene in a child process, and the result is
+kept in the user's cache.
 """
 
 from __future__ import annotations
@@ -33,13 +34,13 @@ _LLVM_PATTERNS = (
     os.path.expanduser("~/.rustup/toolchains/*/lib/libLLVM*.so*"),
 )
 _NEWER = (
-    "install a newer LLVM (Debian and Ubuntu: apt install libllvm19) or name one by DRJIT_LIBLLVM_PATH"
+    "install a newer LLVM (Debian and Ubuntu: apt install libllvm19) or set DRJIT_LIBLLVM_PATH to one"
 )
 
 
 @dataclass(frozen=True)
 class Choice:
-    """The variant to set, the LLVM library for it, and why nothing faster was taken."""
+    """The variant to set, the LLVM library that it needs, and why no faster variant was chosen."""
 
     variant: str
     library: str = ""
@@ -47,10 +48,11 @@ class Choice:
 
 
 def choose(wanted: str) -> Choice:
-    """The variant for ``auto``, ``llvm``, ``scalar`` or ``cuda``.
+    """Choose the variant for the option value ``auto``, ``llvm``, ``scalar`` or ``cuda``.
 
     Raises:
-        ComponentError: the one that the user named does not work here, with the causes.
+        ComponentError: the variant that the user asked for does not work on this machine, with the
+            causes.
     """
     if wanted == "scalar":
         return Choice("scalar_rgb")
@@ -59,7 +61,7 @@ def choose(wanted: str) -> Choice:
         if cause:
             raise ComponentError(
                 f"renderer.variant: cuda does not work on this machine: {cause}; it needs an NVIDIA GPU"
-                " and driver; take -o renderer.variant=auto"
+                " and driver; use -o renderer.variant=auto"
             )
         return Choice("cuda_ad_rgb")
     failures = []
@@ -68,31 +70,31 @@ def choose(wanted: str) -> Choice:
         if not cause:
             return Choice("llvm_ad_rgb", library)
         failures.append(f"{library}: {cause}")
-    causes = "; ".join(failures) or "there is no libLLVM"
+    causes = "; ".join(failures) or "no libLLVM was found"
     if wanted == "llvm":
         raise ComponentError(
             f"renderer.variant: llvm does not work on this machine: {causes}; {_NEWER},"
-            " or take -o renderer.variant=scalar"
+            " or use -o renderer.variant=scalar"
         )
     return Choice("scalar_rgb", note=f"llvm would be faster but does not work: {causes}; {_NEWER}")
 
 
 def load_library(library: str) -> None:
-    """Have Mitsuba load this libLLVM when it is imported, which is when it loads one.
+    """Make Mitsuba load this libLLVM. Mitsuba loads its libLLVM when it is imported.
 
     Raises:
-        ComponentError: Mitsuba has been imported in this process, so has loaded another.
+        ComponentError: Mitsuba has already been imported in this process, with another libLLVM.
     """
     if "drjit" in sys.modules and os.environ.get("DRJIT_LIBLLVM_PATH") != library:
         raise ComponentError(
-            "mitsuba is loaded in this process already, with another libLLVM than the one that works;"
-            f" set DRJIT_LIBLLVM_PATH={library} before the start"
+            "mitsuba has already been imported in this process with another libLLVM than the one that"
+            f" works; set DRJIT_LIBLLVM_PATH={library} before starting Python"
         )
     os.environ["DRJIT_LIBLLVM_PATH"] = library
 
 
 def llvm_candidates() -> list[str]:
-    """LLVM libraries to try, newest first; the one that DRJIT_LIBLLVM_PATH names, alone, if set."""
+    """The LLVM libraries to try, newest first; only the one in DRJIT_LIBLLVM_PATH if that is set."""
     named = os.environ.get("DRJIT_LIBLLVM_PATH")
     if named:
         return [named]
@@ -108,7 +110,7 @@ def _version(path: str) -> tuple[int, ...]:
 
 
 def _remembered_probe(library: str) -> str:
-    """As :func:`_probe` of llvm, from the cache where library, Mitsuba and processor are the same."""
+    """As :func:`_probe` of the llvm variant, but cached per library, Mitsuba version and processor."""
     try:
         modified = os.stat(library).st_mtime_ns
     except OSError as error:
@@ -122,10 +124,10 @@ def _remembered_probe(library: str) -> str:
     if key not in known:
         try:
             cause = _probe("llvm_ad_rgb", library)
-        except subprocess.TimeoutExpired:  # a busy machine: not worth remembering
+        except subprocess.TimeoutExpired:  # the machine may only be busy, so this is not cached
             return f"no answer in {PROBE_TIMEOUT_S:.0f} s"
         known[key] = cause
-        with suppress(OSError):  # without a cache it is probed again
+        with suppress(OSError):  # if the cache cannot be written, the next run probes again
             cache.parent.mkdir(parents=True, exist_ok=True)
             with atomic_file(cache) as file:
                 file.write(json.dumps(known, indent=2).encode())
@@ -138,7 +140,7 @@ def _cache_file() -> Path:
 
 
 def _processor() -> str:
-    """What instructions the processor has: a home folder may be shared by machines that differ."""
+    """A digest of the processor's instruction sets: machines that differ may share a home folder."""
     with suppress(OSError):
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
             if line.startswith(("flags", "Features")):
@@ -147,7 +149,11 @@ def _processor() -> str:
 
 
 def _probe(variant: str, library: str) -> str:
-    """Render in a child process; the cause why it does not work, or the empty string."""
+    """Render in a child process.
+
+    Returns:
+        Why the variant does not work, or an empty string if it works.
+    """
     environment = dict(os.environ)
     if library:
         environment["DRJIT_LIBLLVM_PATH"] = library
@@ -165,5 +171,7 @@ def _probe(variant: str, library: str) -> str:
     lines = [line.strip() for line in child.stderr.splitlines() if line.strip()]
     if child.returncode < 0:
         reason = next((line for line in lines if "LLVM ERROR" in line), "")
-        return f"it ends the process by signal {-child.returncode}" + (f" ({reason})" if reason else "")
+        return f"it ends the process with signal {-child.returncode}" + (
+            f" ({reason})" if reason else ""
+        )
     return lines[-1] if lines else f"exit code {child.returncode}"

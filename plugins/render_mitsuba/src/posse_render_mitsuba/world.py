@@ -1,7 +1,7 @@
-"""The Mitsuba scene: what is kept from frame to frame, and what is set anew in each.
+"""The Mitsuba scene, which is kept from frame to frame, and the parameters that each frame sets.
 
-The world is the spacecraft's body frame, so between frames only the camera, the Sun and the sky
-move, and nothing is compiled again.
+Mitsuba's world axes are the body axes, so only the camera, the Sun and the sky move between frames and
+nothing is compiled again.
 """
 
 from __future__ import annotations
@@ -14,14 +14,15 @@ import numpy as np
 from posse_core import CraftState, EnvironmentMap, Float32Array, FloatArray, Spacecraft
 
 MITSUBA_FROM_CAM: FloatArray = np.diag([-1.0, -1.0, 1.0])
-"""OpenCV camera axes → Mitsuba's (x left, y up, z forward), and its own inverse."""
+"""Rotates OpenCV camera axes to Mitsuba's (x left, y up, z forward); it is its own inverse."""
 
 
 class World:
-    """One scene: with or without a sky of one size. The variant must be set before each call.
+    """A Mitsuba scene without a sky, or with a sky map of a fixed size. The variant must be set before
+    each call.
 
     Attributes:
-        scene: Mitsuba's.
+        scene: the ``mitsuba.Scene``.
     """
 
     def __init__(
@@ -38,7 +39,8 @@ class World:
         self._parameters = mi.traverse(self.scene)
 
     def set(self, values: Mapping[str, Any]) -> None:
-        """Set parameters of the scene, as data: a constant would be compiled into the kernel."""
+        """Set parameters of the scene as opaque values; Dr.Jit would compile constants into the
+        kernel."""
         import drjit as dr
 
         for name, value in values.items():
@@ -47,8 +49,11 @@ class World:
         self._parameters.update()
 
     def set_environment(self, environment: EnvironmentMap, craft: CraftState) -> None:
-        """The sky of this frame; Mitsuba keeps each row with its last column before the first and
-        its first after the last."""
+        """Set the sky of a frame.
+
+        Mitsuba stores each row padded for wrap-around: its last column is repeated at the beginning and
+        its first column at the end.
+        """
         import mitsuba as mi
 
         rows = environment.radiance_rgb
@@ -63,12 +68,13 @@ class World:
 
 
 def near_plane_m(z_m: float, radius_m: float) -> float:
-    """Depth shortly before a craft whose origin is at planar depth ``z_m``, and before the camera."""
+    """Planar depth of a plane just in front of a spacecraft whose origin is at planar depth ``z_m``; at
+    least a thousandth of the radius, so that the plane is in front of the camera."""
     return max(z_m - 1.01 * radius_m, 1e-3 * radius_m)
 
 
 def homogeneous(rotation: FloatArray, translation: FloatArray) -> Float32Array:
-    """(4, 4) from a rotation (3, 3) and a translation (3,)."""
+    """(4, 4) homogeneous matrix of a rotation (3, 3) and a translation (3,)."""
     matrix = np.eye(4, dtype=np.float32)
     matrix[:3, :3], matrix[:3, 3] = rotation, translation
     return matrix

@@ -13,7 +13,7 @@ def posse_renderers() -> Sequence[ComponentSpec]:
     return [
         ComponentSpec(
             name="raster",
-            summary="OpenGL without a display: real-time, linear float radiance, hard shadows",
+            summary="real-time OpenGL, no display needed: linear float radiance, hard shadows",
             factory="posse_render_raster.renderer:RasterRenderer",
             options="posse_render_raster.options:RasterOptions",
             capabilities=frozenset({"deterministic", "environment", "depth", "gpu"}),

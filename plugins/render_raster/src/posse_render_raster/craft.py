@@ -1,4 +1,4 @@
-"""The spacecraft in the memory of OpenGL: vertices, textures, and a program that draws them."""
+"""The spacecraft in OpenGL: its vertices, its textures and the programs that draw it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 from posse_core import AnyArray, Material, Spacecraft, linear_from_srgb
 
 TEXTURES = ("base_color_texture", "metallic_roughness_texture", "normal_texture")
-"""Samplers of the program; the place is the texture unit."""
+"""Texture samplers of the program; the index is that of the texture unit."""
 FREE_UNIT = len(TEXTURES)
 
 
@@ -27,42 +27,42 @@ def program(context: moderngl.Context, vertex: str, fragment: str) -> moderngl.P
 
 
 @dataclass(frozen=True)
-class _Piece:
-    """One part, ready to be drawn."""
+class _LoadedPart:
+    """One part of the spacecraft, loaded into OpenGL."""
 
     material: Material
     textures: Sequence[moderngl.Texture]
-    light: moderngl.VertexArray
+    radiance: moderngl.VertexArray
     depth: moderngl.VertexArray
     shadow: moderngl.VertexArray
 
 
 class Craft:
-    """All parts of a spacecraft, with the programs that draw their light and their shadow."""
+    """All parts of a spacecraft, with the programs that draw their radiance, depth and shadow map."""
 
     def __init__(self, context: moderngl.Context, spacecraft: Spacecraft) -> None:
-        self.light = program(context, "craft", "craft")
+        self.radiance = program(context, "craft", "craft")
         self.depth = program(context, "craft", "nothing")
         self.shadow = program(context, "shadow", "nothing")
         for unit, key in enumerate(TEXTURES):
-            self.light[key] = unit
+            self.radiance[key] = unit
         white = context.texture((1, 1), 3, np.full(3, 255, dtype=np.uint8).tobytes())
         textures = {
             name: [_texture(context, material, key) or white for key in TEXTURES]
             for name, material in spacecraft.materials.items()
         }
-        self._pieces = []
+        self._parts = []
         for part in spacecraft.parts:
             columns = (part.vertices_body_m.astype(np.float32), part.normals_body, part.uv)
             vertices = context.buffer(np.hstack(columns).astype(np.float32).tobytes())
             faces = context.buffer(part.faces.astype(np.int32).tobytes())
             attributes = ("position_body_m", "normal_body", "uv")
-            self._pieces.append(
-                _Piece(
+            self._parts.append(
+                _LoadedPart(
                     material=spacecraft.materials[part.material],
                     textures=textures[part.material],
-                    light=context.vertex_array(
-                        self.light, [(vertices, "3f 3f 2f", *attributes)], index_buffer=faces
+                    radiance=context.vertex_array(
+                        self.radiance, [(vertices, "3f 3f 2f", *attributes)], index_buffer=faces
                     ),
                     depth=context.vertex_array(
                         self.depth, [(vertices, "3f 5x4", attributes[0])], index_buffer=faces
@@ -75,26 +75,26 @@ class Craft:
 
     def draw_depth(self) -> None:
         """Draw the depth of all parts with the program :attr:`depth`."""
-        for piece in self._pieces:
-            piece.depth.render()
+        for part in self._parts:
+            part.depth.render()
 
     def draw_shadow(self) -> None:
-        """Draw the depth of all parts with the program :attr:`shadow`."""
-        for piece in self._pieces:
-            piece.shadow.render()
+        """Draw the depth of all parts, as the Sun sees them, with the program :attr:`shadow`."""
+        for part in self._parts:
+            part.shadow.render()
 
-    def draw_light(self) -> None:
-        """Draw all parts with the program :attr:`light`, each with its own material."""
-        for piece in self._pieces:
-            material = piece.material
-            self.light["base_color"] = material.base_color
-            self.light["metallic"] = material.metallic
-            self.light["roughness"] = material.roughness
-            self.light["specular"] = material.specular
-            self.light["has_normal_map"] = material.normal_texture is not None
-            for unit, texture in enumerate(piece.textures):
+    def draw_radiance(self) -> None:
+        """Draw all parts with the program :attr:`radiance`, each with its own material."""
+        for part in self._parts:
+            material = part.material
+            self.radiance["base_color"] = material.base_color
+            self.radiance["metallic"] = material.metallic
+            self.radiance["roughness"] = material.roughness
+            self.radiance["specular"] = material.specular
+            self.radiance["has_normal_map"] = material.normal_texture is not None
+            for unit, texture in enumerate(part.textures):
                 texture.use(unit)
-            piece.light.render()
+            part.radiance.render()
 
 
 def _texture(context: moderngl.Context, material: Material, key: str) -> moderngl.Texture | None:
@@ -103,11 +103,12 @@ def _texture(context: moderngl.Context, material: Material, key: str) -> moderng
         return None
     height, width, channels = pixels.shape
     if key == "base_color_texture":
-        # Decoded before mipmaps are made: the mean of sRGB codes is not the mean of the light.
+        # Decoded before the mipmaps are made, because mipmaps must average linear values, not sRGB
+        # codes.
         linear = _linear_from_srgb()[pixels]
         texture = context.texture((width, height), channels, linear.tobytes(), dtype="f2", alignment=1)
     elif key == "normal_texture":
-        # Made unit length: what is shorter in a mipmap is so because the normals below it differ.
+        # Normalised here, so that a shorter vector in a mipmap means that the normals below it differ.
         normals = 2 * (pixels / np.float32(255)) - 1
         normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
         texture = context.texture((width, height), channels, normals.tobytes(), dtype="f4")
@@ -121,5 +122,5 @@ def _texture(context: moderngl.Context, material: Material, key: str) -> moderng
 
 @cache
 def _linear_from_srgb() -> AnyArray:
-    """(256,) float16 light of each code."""
+    """(256,) float16, the linear value of each sRGB code."""
     return linear_from_srgb(np.arange(256) / 255).astype(np.float16)

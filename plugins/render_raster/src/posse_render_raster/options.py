@@ -10,9 +10,11 @@ from posse_core import Options
 
 
 class RasterOptions(Options):
-    """How finely it samples."""
+    """Resolution of the pixel samples and of the shadow map."""
 
     samples_per_axis: Literal[1, 3, 5, 7] = Field(
-        3, description="samples across a pixel and down it; odd, so that one lies in its middle"
+        3, description="samples per pixel in each direction; odd, so that one is at the centre"
     )
-    shadow_map_px: int = Field(2048, ge=64, le=8192, description="width and height of the shadow map")
+    shadow_map_px: int = Field(
+        2048, ge=64, le=8192, description="width and height of the shadow map, px"
+    )

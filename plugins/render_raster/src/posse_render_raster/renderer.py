@@ -1,4 +1,5 @@
-"""The renderer ``raster``: shadow map, samples, pixels, in that order, a tile at a time."""
+"""The renderer ``raster``. Each frame it draws a shadow map, then the image tile by tile: several
+samples per pixel, which are averaged."""
 
 from __future__ import annotations
 
@@ -32,16 +33,16 @@ from posse_render_raster.sky_light import convolved, lobe_albedo
 Map = moderngl.Texture | moderngl.TextureArray
 
 TILE_SAMPLES = 1536
-"""Width and height of the sample buffer: 47 MB, whatever the image."""
+"""Width and height of the sample buffer, in samples. It takes 47 MB, whatever the size of the image."""
 SPHERE_RADII = 1.01
-"""Radius of the sphere that holds the craft, over the craft's radius, so that rounding clips nothing."""
+"""Radius of the bounding sphere for clipping, in radii of the spacecraft; the margin is for rounding."""
 NEAR_PLANE_RADII = 1e-3
-"""Depth of the near plane, over the radius of that sphere, where the camera is inside its sphere."""
+"""Depth of the near plane if the camera is inside that sphere, in radii of the sphere."""
 
 
 @dataclass(frozen=True)
 class _Stage:
-    """What lives in OpenGL from open to close."""
+    """The OpenGL objects that exist from open to close."""
 
     context: moderngl.Context
     camera: Camera
@@ -57,7 +58,7 @@ class _Stage:
 
 
 class RasterRenderer(Renderer[RasterOptions]):
-    """OpenGL through EGL."""
+    """A rasteriser that uses OpenGL through EGL."""
 
     def __init__(self, options: RasterOptions) -> None:
         super().__init__(options)
@@ -65,11 +66,11 @@ class RasterRenderer(Renderer[RasterOptions]):
         self._described: dict[str, str] = {}
 
     def open(self, scene: Scene) -> None:
-        """Make a context and load the scene into it.
+        """Create an OpenGL context and load the scene into it.
 
         Raises:
-            ComponentError: there is no EGL, or no driver behind it; the message names the packages.
-                Or the driver cannot do what is asked of it.
+            ComponentError: there is no EGL or no EGL driver (the message names the packages to install),
+                or the driver fails, for example because the shadow map is too large.
         """
         self.close()
         context = create_context()
@@ -85,7 +86,7 @@ class RasterRenderer(Renderer[RasterOptions]):
             reason = " ".join(str(error).split())
             raise ComponentError(
                 f"raster: {self._described['device']} failed: {reason}; "
-                "try a smaller shadow_map_px, or another device by GLCONTEXT_DEVICE_INDEX"
+                "try a smaller shadow_map_px, or choose another device with GLCONTEXT_DEVICE_INDEX"
             ) from None
 
     def render(self, request: RenderRequest) -> Radiance:
@@ -103,7 +104,7 @@ class RasterRenderer(Renderer[RasterOptions]):
                 rows, columns = PixelBox(
                     part.x0 - box.x0, part.y0 - box.y0, part.width, part.height
                 ).slices
-                image[rows, columns], z_m[rows, columns] = self._draw_part(stage, x0, y0, part)
+                image[rows, columns], z_m[rows, columns] = self._draw_tile(stage, x0, y0, part)
             for texture in maps:
                 texture.release()
         return Radiance(
@@ -114,18 +115,18 @@ class RasterRenderer(Renderer[RasterOptions]):
         )
 
     def close(self) -> None:
-        """Free the context."""
+        """Release the OpenGL context."""
         if self._stage is not None:
             self._stage.context.release()
             self._stage = None
 
     def describe(self) -> Mapping[str, str]:
-        """Version of OpenGL and the device that draws."""
+        """The versions of OpenGL and moderngl, and the device that renders."""
         return self._described
 
     @classmethod
     def doctor(cls, options: RasterOptions) -> Sequence[tuple[str, bool, str]]:
-        """What works on this machine: (what, whether it does, detail with the way out)."""
+        """What works on this machine, as (what, whether it works, detail and way out)."""
         try:
             context = create_context()
         except ComponentError as error:
@@ -140,32 +141,36 @@ class RasterRenderer(Renderer[RasterOptions]):
         cam_from_body[:3, :3], cam_from_body[:3, 3] = state.R_cam_from_body, state.t_body_cam_m
         craft = stage.craft
         _set_matrix(craft.shadow, "shadow_from_body", shadow_from_body)
-        _set_matrix(craft.light, "shadow_from_cam", shadow_from_body @ np.linalg.inv(cam_from_body))
+        _set_matrix(craft.radiance, "shadow_from_cam", shadow_from_body @ np.linalg.inv(cam_from_body))
         widest_m = 2 / np.linalg.norm(shadow_from_body[:2, :3], axis=1).min()
-        craft.light["shadow_texel_m"] = float(widest_m / self.options.shadow_map_px)
+        craft.radiance["shadow_texel_m"] = float(widest_m / self.options.shadow_map_px)
         stage.shadow.use()
         stage.shadow.clear(depth=1.0)
         stage.context.enable_only(moderngl.DEPTH_TEST)
         craft.draw_shadow()
 
     def _set_frame(self, stage: _Stage, request: RenderRequest) -> list[Map]:
-        """Hand over what all tiles share; the textures that live for this frame."""
-        craft, light = request.craft, stage.craft.light
+        """Set the uniforms and textures that all tiles of a frame share.
+
+        Returns:
+            The textures to release after the frame.
+        """
+        craft, radiance = request.craft, stage.craft.radiance
         radius_m = SPHERE_RADII * stage.spacecraft.radius_m
         nearest_m = max(float(craft.t_body_cam_m[2]) - radius_m, NEAR_PLANE_RADII * radius_m)
-        for target in (stage.craft.depth, light):
+        for target in (stage.craft.depth, radiance):
             _set_matrix(target, "R_cam_from_body", craft.R_cam_from_body)
             target["t_body_cam_m"] = tuple(craft.t_body_cam_m)
             target["clip_m"] = (nearest_m, craft.range_m + radius_m)
-        light["sun_direction"] = tuple(craft.sun_direction_cam)
-        light["sun_irradiance_rgb_w_m2"] = tuple(craft.sun_irradiance_rgb_w_m2)
-        light["sun_angular_radius_rad"] = craft.sun_angular_radius_rad
+        radiance["sun_direction"] = tuple(craft.sun_direction_cam)
+        radiance["sun_irradiance_rgb_w_m2"] = tuple(craft.sun_irradiance_rgb_w_m2)
+        radiance["sun_angular_radius_rad"] = craft.sun_angular_radius_rad
         units = ("shadow_map", "lobe_albedo", "environment", "prefiltered")
         for unit, name in enumerate(units, FREE_UNIT):
-            light[name] = unit
+            radiance[name] = unit
         stage.shadow_map.use(FREE_UNIT)
         stage.lobe_albedo.use(FREE_UNIT + 1)
-        light["has_environment"] = request.environment is not None
+        radiance["has_environment"] = request.environment is not None
         if request.environment is None:
             return []
         maps = _environment_textures(stage.context, request.environment)
@@ -173,13 +178,17 @@ class RasterRenderer(Renderer[RasterOptions]):
             texture.use(unit)
         return maps
 
-    def _draw_part(
+    def _draw_tile(
         self, stage: _Stage, x0: int, y0: int, part: PixelBox
     ) -> tuple[Float32Array, Float32Array]:
-        """Draw a part of the tile at (x0, y0): (h, w, 4) radiance and coverage, (h, w) depth or 0."""
+        """Draw a part of the tile whose corner is at (x0, y0).
+
+        Returns:
+            (h, w, 4) radiance and coverage, and (h, w) planar depth in m, 0 where there is none.
+        """
         n, camera = self.options.samples_per_axis, stage.camera
         size_px = TILE_SAMPLES // n
-        for target in (stage.craft.depth, stage.craft.light):
+        for target in (stage.craft.depth, stage.craft.radiance):
             target["focal_and_centre"] = (
                 2 * camera.fx_px / size_px,
                 2 * camera.fy_px / size_px,
@@ -191,12 +200,13 @@ class RasterRenderer(Renderer[RasterOptions]):
         stage.samples.use()
         stage.samples.clear()
         stage.context.enable_only(moderngl.DEPTH_TEST)
-        # Depth first, so that only what is seen is shaded: that is most of a frame's time.
+        # Depth is drawn first so that only visible samples are shaded, which takes most of a frame's
+        # time.
         stage.samples.color_mask = (False, False, False, False)
         stage.craft.draw_depth()
         stage.samples.color_mask = (True, True, True, True)
         stage.context.depth_func = "<="
-        stage.craft.draw_light()
+        stage.craft.draw_radiance()
         stage.context.depth_func = "<"
         stage.pixels.scissor = within
         stage.pixels.use()
@@ -243,9 +253,10 @@ def _set_up(context: moderngl.Context, scene: Scene, options: RasterOptions) -> 
 
 
 def _tiles(box: PixelBox, size: int) -> Iterator[tuple[int, int, PixelBox]]:
-    """The tiles that a box touches: corner of the tile, and the part of it inside the box.
+    """The tiles that a box touches, as the corner of the tile (x0, y0) and the part of it inside the
+    box.
 
-    Tiles lie on a grid of the whole image, so that a pixel is drawn by the same numbers in any box.
+    The tiles form a grid over the whole image, so that a pixel gets the same value whatever the box.
     """
     right, bottom = box.x0 + box.width, box.y0 + box.height
     for y0 in range(box.y0 // size * size, bottom, size):
@@ -255,12 +266,13 @@ def _tiles(box: PixelBox, size: int) -> Iterator[tuple[int, int, PixelBox]]:
 
 
 def _shadow_from_body(spacecraft: Spacecraft, sun_direction_body: FloatArray) -> FloatArray:
-    """(4, 4) body metres → −1 … 1 as the Sun sees it, tight about the craft; z grows from the Sun."""
+    """(4, 4) matrix from body axes, m, to the shadow map's coordinates: −1 … 1, as seen from the Sun,
+    tight around the spacecraft; z grows away from the Sun."""
     axes = (R_with_z(sun_direction_body) * [1.0, 1.0, -1.0]).T
     bounds = [(p @ axes.T).min(axis=0) for p in (part.vertices_body_m for part in spacecraft.parts)]
     low = np.min(bounds, axis=0)
     high = np.max([(part.vertices_body_m @ axes.T).max(axis=0) for part in spacecraft.parts], axis=0)
-    # A margin keeps the border texels empty, so that beyond the map there is no shadow.
+    # The margin keeps the border texels empty, so that there is no shadow outside the map.
     half = np.maximum((high - low) / 2, 1e-6) * SPHERE_RADII + 1e-3 * spacecraft.radius_m
     out = np.eye(4)
     out[:3, :3] = axes / half[:, None]
@@ -282,7 +294,7 @@ def _environment_textures(context: moderngl.Context, environment: EnvironmentMap
 
 
 def _set_matrix(target: moderngl.Program, name: str, matrix: FloatArray) -> None:
-    """OpenGL has its matrices column by column."""
+    """Set a matrix uniform; OpenGL stores matrices by columns."""
     uniform = target[name]
     assert isinstance(uniform, moderngl.Uniform)
     uniform.write(np.ascontiguousarray(matrix.T, dtype=np.float32).tobytes())

@@ -1,8 +1,8 @@
-"""The sky's light for a rasteriser: a map convolved with the lobes of rough and matt surfaces.
+"""Skylight for a rasteriser: an environment map convolved with the lobes of rough and matt surfaces.
 
-The split-sum approximation of Karis, "Real Shading in Unreal Engine 4" (SIGGRAPH 2013 course), with the
-sums done exactly: a lobe about each output direction is a row of weights over the texels of the map, so
-a frame's convolution is one matrix product.
+This is the split-sum approximation of Karis, "Real Shading in Unreal Engine 4" (SIGGRAPH 2013 course),
+with exact sums: the lobe about each output direction is a row of weights over the texels of the map, so
+the convolution of a frame is one matrix product.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ import numpy as np
 from posse_core import Float32Array, FloatArray
 
 LOBE_ROUGHNESS = (0.25, 0.5, 0.75, 1.0)
-"""Perceptual roughness of the lobes; below the first, the map itself is mixed in."""
+"""Perceptual roughness of the lobes. For a smaller roughness, the first lobe is blended with the map
+itself."""
 LOBE_HEIGHT = 24
 MAP_HEIGHT = 32
 ALBEDO_SIZE = 32
@@ -23,13 +24,14 @@ ALBEDO_SAMPLES = 1024
 
 
 def convolved(radiance_rgb: Float32Array) -> Float32Array:
-    """Convolve a map with each lobe, and with the cosine lobe last.
+    """Convolve a map with each lobe of ``LOBE_ROUGHNESS`` and with the cosine lobe.
 
     Args:
         radiance_rgb: (h, w, 3) as in :class:`posse_core.EnvironmentMap`.
 
     Returns:
-        (5, 24, 48, 3): mean radiance over the lobe about each direction; the last one is irradiance/π.
+        (5, 24, 48, 3): mean radiance over the lobe about each direction, W m⁻² sr⁻¹. The cosine lobe is
+        the last; its value is the irradiance divided by π.
     """
     small = cv2.resize(radiance_rgb, (2 * MAP_HEIGHT, MAP_HEIGHT), interpolation=cv2.INTER_AREA)
     out = _weights() @ np.asarray(small, dtype=np.float32).reshape(-1, 3)
@@ -39,7 +41,7 @@ def convolved(radiance_rgb: Float32Array) -> Float32Array:
 def lobe_albedo() -> Float32Array:
     """(32, 32, 2) reflectance of a GGX lobe = F0 · [..., 0] + F90 · [..., 1].
 
-    Row: roughness, column: n·v, at texel centres (i + ½)/32.
+    The row is the roughness and the column is n·v, both at texel centres (i + ½)/32.
     """
     axis = (np.arange(ALBEDO_SIZE) + 0.5) / ALBEDO_SIZE
     u1 = (np.arange(ALBEDO_SAMPLES) + 0.5) / ALBEDO_SAMPLES
@@ -69,13 +71,13 @@ def lobe_albedo() -> Float32Array:
 
 @cache
 def _weights() -> Float32Array:
-    """(lobes · outputs, texels) rows that sum to 1."""
+    """(lobes · outputs, texels) weights; each row sums to 1."""
     theta, seen = _directions(MAP_HEIGHT)
     _, about = _directions(LOBE_HEIGHT)
     cosine = np.clip(about @ seen.T, -1.0, 1.0).astype(np.float32)
     lit = np.maximum(cosine, 0)
     solid_angle = np.sin(theta).astype(np.float32)
-    n_h2 = (1 + cosine) / 2  # seen along the normal, the half vector lies midway to the light
+    n_h2 = (1 + cosine) / 2  # for a view along the normal, h bisects n and l
     lobes = []
     for roughness in LOBE_ROUGHNESS:
         a2 = np.float32(roughness**4)

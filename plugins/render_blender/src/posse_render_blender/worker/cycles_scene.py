@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A spacecraft in Blender: built once, moved in place, rendered by Cycles into float arrays.
+"""A spacecraft in Blender: built once, updated for each frame and rendered by Cycles into float arrays.
 
-Blender's world is the body frame, so that a frame moves only the camera, the Sun and the sky.
+Blender's world axes are the body axes, so only the camera, the Sun and the sky move between frames.
 """
 
 from __future__ import annotations
@@ -17,14 +17,15 @@ from mathutils import Matrix, Vector
 
 SENSOR_WIDTH_MM = 36.0
 BACKGROUND_DEPTH_M = 1e9
-"""Cycles writes 1e10 where a pixel's centre sees nothing."""
+"""Depths from here on mean that the pixel's centre sees nothing; Cycles writes 1e10 there."""
 BLENDER_FROM_CV = np.diag([1.0, -1.0, -1.0])
-"""Blender's camera looks along −z with +y up."""
+"""Rotates OpenCV camera axes to Blender's: the camera looks along −z, with +y up."""
 ENVIRONMENT_FROM_CAM = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-"""Blender's equirectangular map has +z up, +x in the middle, +y to the left."""
+"""Rotates camera axes to those of Blender's equirectangular map: +z up, +x at the centre, +y to the
+left."""
 
 _passes: dict[str, np.ndarray] = {}
-"""The passes of the last render: Blender gives them to its engine alone."""
+"""The passes of the last render, kept here because Blender gives them only to its render engine."""
 
 
 def _keep_passes(render: Callable[..., None]) -> Callable[..., None]:
@@ -47,10 +48,13 @@ cycles.CyclesRender.render = _keep_passes(cycles.CyclesRender.render)
 
 
 def choose_device(device: str) -> str:
-    """Make Cycles compute on ``cpu``, or on all GPUs of a kind; the device in words.
+    """Make Cycles compute on ``cpu``, or on all GPUs of a kind.
+
+    Returns:
+        The device in words.
 
     Raises:
-        RuntimeError: there is no such GPU, or this Blender knows none of the kind.
+        RuntimeError: there is no such GPU, or this Blender does not support the kind.
     """
     if device == "cpu":
         return "cpu"
@@ -59,7 +63,7 @@ def choose_device(device: str) -> str:
     try:
         preferences.compute_device_type = kind
     except TypeError:
-        raise RuntimeError(f"this Blender has no support for {device}; use device: cpu") from None
+        raise RuntimeError(f"this Blender does not support {device}; use device: cpu") from None
     preferences.refresh_devices()
     names = []
     for found in preferences.devices:
@@ -72,10 +76,10 @@ def choose_device(device: str) -> str:
 
 
 class CyclesScene:
-    """The scene of one run."""
+    """The Blender scene of one run."""
 
     def __init__(self, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
-        """Build it from the message ``open``, described at the sender."""
+        """Build the scene from the message ``open``, which ``renderer.scene_message`` describes."""
         bpy.ops.wm.read_factory_settings(use_empty=True)
         self._scene = bpy.context.scene
         self._sky: bpy.types.World | None = None
@@ -95,7 +99,11 @@ class CyclesScene:
             self._scene.collection.objects.link(bpy.data.objects.new(part["name"], mesh))
 
     def render(self, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Render the message ``render``: radiance_rgb, coverage and depth_m of its box."""
+        """Render the frame of the message ``render``.
+
+        Returns:
+            Of the message's box: ``radiance_rgb`` (h, w, 3), ``coverage`` (h, w) and ``depth_m`` (h, w).
+        """
         R_cam_from_body = arrays["R_cam_from_body"]
         camera_from_world = np.eye(4)
         camera_from_world[:3, :3] = BLENDER_FROM_CV @ R_cam_from_body
@@ -103,13 +111,13 @@ class CyclesScene:
         self._camera.matrix_world = Matrix(np.linalg.inv(camera_from_world).tolist())
         self._camera.data.clip_start, self._camera.data.clip_end = values["clip_m"]
         self._point_sun(arrays["sun_direction_body"], arrays["sun_irradiance_rgb_w_m2"], values)
-        self._look_at_sky(arrays.get("environment"), R_cam_from_body)
+        self._set_sky(arrays.get("environment"), R_cam_from_body)
         self._crop(*values["box"])
         settings = self._scene.cycles
         settings.seed = values["seed"]
         settings.use_adaptive_sampling = values["adaptive_threshold"] > 0
         settings.adaptive_threshold = values["adaptive_threshold"]
-        # With persistent data, Cycles does not look at its own settings again unless it is told.
+        # With persistent data, Cycles reads its settings again only if the scene is tagged as updated.
         self._scene.update_tag()
         _passes.clear()
         bpy.ops.render.render()
@@ -131,7 +139,7 @@ class CyclesScene:
         threads = values["threads"] or int(os.environ.get("POSSE_THREADS") or 0)
         render.threads_mode = "FIXED" if threads else "AUTO"
         if threads:
-            # With one, Cycles' scheduler (TBB) keeps another one that spins from the first frame on.
+            # With one thread, Cycles' scheduler (TBB) keeps a second one busy after the first frame.
             render.threads = max(threads, 2)
         settings.device = "CPU" if self.device == "cpu" else "GPU"
         settings.samples = values["spp"]
@@ -141,12 +149,12 @@ class CyclesScene:
         settings.pixel_filter_type, settings.filter_width = "BOX", 1.0
         for kind in ("max", "diffuse", "glossy", "transmission", "volume"):
             setattr(settings, f"{kind}_bounces", values["max_bounces"])
-        # What Cycles trades for less noise by default is light that would be missing here.
+        # By default Cycles leaves out some light to reduce noise; here all light must be counted.
         settings.sample_clamp_direct = settings.sample_clamp_indirect = 0.0
         settings.blur_glossy = 0.0
         settings.caustics_reflective = settings.caustics_refractive = True
         settings.light_sampling_threshold = 0.0
-        settings.use_auto_tile = False  # tiles go over the disk
+        settings.use_auto_tile = False  # tiles would be written to disk
         self._scene.view_layers[0].use_pass_z = True
 
     def _add_camera(
@@ -181,20 +189,22 @@ class CyclesScene:
         self._sun.rotation_mode = "QUATERNION"
         self._sun.rotation_quaternion = Vector(direction_body).to_track_quat("Z", "Y")
 
-    def _look_at_sky(self, radiance_rgb: np.ndarray | None, R_cam_from_body: np.ndarray) -> None:
+    def _set_sky(self, radiance_rgb: np.ndarray | None, R_cam_from_body: np.ndarray) -> None:
         if radiance_rgb is None:
             self._scene.world = self._dark
             return
         if self._sky is None:
             self._sky = _sky()
         nodes = self._sky.node_tree.nodes
-        # With persistent data, Cycles goes on with the old pixels of an image that is filled anew.
+        # With persistent data, Cycles keeps the old pixels of an image that is refilled, so the image is
+        # replaced.
         old = nodes["Environment Texture"].image
         nodes["Environment Texture"].image = _image("sky", radiance_rgb, "Non-Color")
         if old is not None:
             bpy.data.images.remove(old)
         turn = Matrix((ENVIRONMENT_FROM_CAM @ R_cam_from_body).tolist())
-        # The table by which Cycles aims at bright places. Its automatic size costs 3 CPU-s a frame.
+        # Size of the table for importance sampling of the sky; the automatic size costs 3 CPU-s per
+        # frame.
         self._sky.cycles.sampling_method = "MANUAL"
         self._sky.cycles.sample_map_resolution = radiance_rgb.shape[1]
         nodes["Mapping"].inputs["Rotation"].default_value = turn.to_euler("XYZ")
@@ -203,7 +213,8 @@ class CyclesScene:
     def _crop(self, x0: int, y0: int, width: int, height: int) -> None:
         render = self._scene.render
         render.use_border = render.use_crop_to_border = True
-        # Blender cuts off fractions of a pixel: a quarter more keeps float32 from losing a whole one.
+        # Blender truncates the border to whole pixels. The quarter of a pixel prevents the loss of a
+        # whole one by float32 rounding.
         render.border_min_x = (x0 + 0.25) / render.resolution_x
         render.border_max_x = min(1.0, (x0 + width + 0.25) / render.resolution_x)
         bottom = render.resolution_y - y0 - height
@@ -221,7 +232,8 @@ def _mesh(name: str, arrays: dict[str, np.ndarray], prefix: str) -> bpy.types.Me
     mesh.polygons.add(len(faces))
     mesh.polygons.foreach_set("loop_start", np.arange(0, faces.size, 3, dtype=np.int32))
     mesh.update(calc_edges=True)
-    mesh.validate()  # drops triangles that name a vertex twice: the loops are read back for this
+    # This drops triangles that use a vertex twice, so the loops are read back afterwards.
+    mesh.validate()
     corners = np.empty(len(mesh.loops), dtype=np.int32)
     mesh.loops.foreach_get("vertex_index", corners)
     uv = np.ascontiguousarray(arrays[prefix + "uv"][corners])
@@ -231,7 +243,7 @@ def _mesh(name: str, arrays: dict[str, np.ndarray], prefix: str) -> bpy.types.Me
 
 
 def _material(values: dict[str, Any], arrays: dict[str, np.ndarray], prefix: str) -> bpy.types.Material:
-    """glTF metallic-roughness as a Principled BSDF."""
+    """A glTF metallic-roughness material as a Principled BSDF."""
     material = bpy.data.materials.new(values["name"])
     if material.node_tree is None:
         material.use_nodes = True
@@ -288,16 +300,16 @@ def _world(name: str) -> bpy.types.World:
 def _sky() -> bpy.types.World:
     world = _world("sky")
     nodes, links = world.node_tree.nodes, world.node_tree.links
-    where, turn = nodes.new("ShaderNodeTexCoord"), nodes.new("ShaderNodeMapping")
-    look = nodes.new("ShaderNodeTexEnvironment")
-    links.new(where.outputs["Generated"], turn.inputs["Vector"])
-    links.new(turn.outputs["Vector"], look.inputs["Vector"])
-    links.new(look.outputs["Color"], nodes["Background"].inputs["Color"])
+    coordinates, turn = nodes.new("ShaderNodeTexCoord"), nodes.new("ShaderNodeMapping")
+    texture = nodes.new("ShaderNodeTexEnvironment")
+    links.new(coordinates.outputs["Generated"], turn.inputs["Vector"])
+    links.new(turn.outputs["Vector"], texture.inputs["Vector"])
+    links.new(texture.outputs["Color"], nodes["Background"].inputs["Color"])
     return world
 
 
 def _image(name: str, pixels: np.ndarray, colorspace: str) -> bpy.types.Image:
-    """An image of (H, W, 1 … 3) pixels with row 0 at the top, uint8 or float32."""
+    """A Blender image from (H, W, 1 … 3) uint8 or float32 pixels whose row 0 is at the top."""
     height, width, channels = pixels.shape
     is_float = pixels.dtype != np.uint8
     image = bpy.data.images.new(name, width, height, alpha=False, float_buffer=is_float)

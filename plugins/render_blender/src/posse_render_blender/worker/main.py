@@ -4,9 +4,9 @@
     python main.py REQUESTS ANSWERS FOLDER
     blender --background --factory-startup --python main.py -- REQUESTS ANSWERS FOLDER
 
-REQUESTS and ANSWERS are numbers of inherited file descriptors. Standard output is not used: Blender
-writes to it from C. FOLDER is the worker's own. The worker ends, and FOLDER with it, when REQUESTS is
-closed, in the middle of a frame too.
+REQUESTS and ANSWERS are the numbers of inherited file descriptors. Standard output is not used for
+messages, because Blender's C code writes to it. FOLDER is the worker's own. When REQUESTS is closed,
+even in the middle of a frame, the worker deletes FOLDER and ends.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ OLDEST_BLENDER = (4, 5, 0)
 
 
 def main() -> None:
-    """Say hello, then answer one request after the other."""
+    """Send the message ``hello``, then answer one request after another."""
     requests_fd, answers_fd, folder = int(sys.argv[-3]), int(sys.argv[-2]), sys.argv[-1]
     answers = FileIO(answers_fd, "w")
     requests: queue.Queue[wire.Message] = queue.Queue()
@@ -54,7 +54,7 @@ def main() -> None:
                 scene = CyclesScene(request.values, request.arrays)
                 answer = wire.Message("done", {"device": scene.device})
             else:
-                assert scene is not None, "a render before open"
+                assert scene is not None, "render was requested before open"
                 answer = wire.Message("done", {}, scene.render(request.values, request.arrays))
         except Exception as error:
             traceback.print_exc()
@@ -69,7 +69,7 @@ def _listen(requests_fd: int, requests: queue.Queue[wire.Message], folder: str) 
             requests.put(wire.receive(source))
     except wire.WireError:
         shutil.rmtree(folder, ignore_errors=True)
-        os._exit(0)  # nobody is left to answer, and Cycles may be in the middle of a frame
+        os._exit(0)  # no one waits for an answer, and Cycles may be in the middle of a frame
 
 
 if __name__ == "__main__":

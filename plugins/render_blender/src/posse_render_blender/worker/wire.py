@@ -1,13 +1,13 @@
-"""Messages between POSSE and its worker: a JSON header and raw arrays, over a byte stream.
+"""Messages between POSSE and its worker: a JSON header and raw arrays over a byte stream.
 
     magic and version   8 bytes, b"POSSEBL" and the version
     header length       4 bytes, unsigned, little-endian
     header              UTF-8 JSON: kind (text), values (an object), arrays ([[name, dtype, shape], ...])
-    arrays              their bytes one after the other, C order, little-endian
+    arrays              the bytes of each array in turn, C order, little-endian
 
-Nothing in a message is ever executed, and an array's size is known before it is read. This module is
-imported at both ends, by two interpreters that may differ in version: it needs numpy 1.26 or later,
-and nothing of POSSE.
+Nothing in a message is ever executed, and the size of an array is known before it is read. Both ends
+import this module, under interpreters that may differ in version. It therefore needs only numpy 1.26 or
+later and imports nothing of POSSE.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from typing import Any, Protocol
 import numpy as np
 
 PROTOCOL = 2
-"""Version of the messages; both ends must have the same."""
+"""Version of the messages, which must be the same at both ends."""
 
 MAGIC = b"POSSEBL" + bytes([PROTOCOL])
 DTYPES = ("<f4", "<f8", "<i4", "|u1")
@@ -30,7 +30,7 @@ MAX_ARRAY_BYTES = 4 * 2**30
 
 
 class WireError(Exception):
-    """What came is not a message of this protocol."""
+    """The received bytes are not a message of this protocol."""
 
 
 class WireClosed(WireError):
@@ -38,17 +38,18 @@ class WireClosed(WireError):
 
 
 class Source(Protocol):
-    """Where messages come from: ``readinto`` as of a raw file, 0 at the end."""
+    """A stream to read messages from; ``readinto`` is that of a raw file and returns 0 at the end."""
 
     def readinto(self, buffer: memoryview, /) -> int | None:
-        """Fill a part of the buffer and return its length."""
+        """Fill part of the buffer and return the number of bytes."""
 
 
 class Sink(Protocol):
-    """Where messages go: ``write`` as of a raw file, which may take a part."""
+    """A stream to write messages to; ``write`` is that of a raw file and may accept only part of the
+    data."""
 
     def write(self, data: memoryview, /) -> int | None:
-        """Take a part of the data and return its length."""
+        """Accept part of the data and return the number of bytes."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ def send(sink: Sink, message: Message) -> None:
     """Write one message.
 
     Raises:
-        WireError: it holds an array of another type.
+        WireError: the message has an array of another type.
         BrokenPipeError: the other end is gone.
     """
     arrays = {}
@@ -91,31 +92,31 @@ def receive(source: Source) -> Message:
 
     Raises:
         WireClosed: the stream ended.
-        WireError: what came is no message, or one of another version.
+        WireError: the bytes are not a message, or one of another version.
     """
     start = _read(source, len(MAGIC) + 4)
     if start[:-4] != MAGIC:
         raise WireError(f"expected {MAGIC!r} and got {bytes(start[:-4])!r}")
     (length,) = struct.unpack("<I", start[-4:])
     if length > MAX_HEADER_BYTES:
-        raise WireError(f"a header of {length} bytes")
+        raise WireError(f"a header of {length} bytes is too long")
     try:
         header = json.loads(bytes(_read(source, length)))
         kind, values, listed = header["kind"], header["values"], header["arrays"]
         shapes = {str(name): (str(dtype), tuple(int(n) for n in shape)) for name, dtype, shape in listed}
     except (ValueError, KeyError, TypeError) as error:
-        raise WireError(f"a header that is none: {type(error).__name__}: {error}") from None
+        raise WireError(f"the header cannot be read: {type(error).__name__}: {error}") from None
     return Message(kind, values, {name: _array(source, *shapes[name]) for name in shapes})
 
 
 def _array(source: Source, dtype: str, shape: tuple[int, ...]) -> np.ndarray[Any, Any]:
     if dtype not in DTYPES or min(shape, default=0) < 0:
-        raise WireError(f"an array of type {dtype} and shape {shape}")
+        raise WireError(f"an array of type {dtype} and shape {shape} is not allowed")
     size = np.dtype(dtype).itemsize
     for n in shape:
         size *= n
     if size > MAX_ARRAY_BYTES:
-        raise WireError(f"an array of {size} bytes")
+        raise WireError(f"an array of {size} bytes is too large")
     return np.ndarray(shape, dtype, buffer=_read(source, size))
 
 

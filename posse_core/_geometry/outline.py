@@ -1,4 +1,4 @@
-"""How far a mesh reaches in a distorted image, where straight edges are curves."""
+"""The extent of a mesh in a distorted image, where straight edges are curves."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import numpy as np
 from posse_core._arrays import FloatArray, IntArray
 from posse_core._model.camera import Camera
 
-_FINE = np.linspace(0.0, 1.0, 257)
+_EDGE_STEPS = np.linspace(0.0, 1.0, 257)
 
 
 def edges_of(faces: IntArray) -> IntArray:
-    """(T, 3) triangles → (E, 2) their edges, each once."""
+    """(T, 3) triangles → (E, 2) edges as pairs of vertex indices, each edge once."""
     pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     return np.unique(np.sort(pairs, axis=1), axis=0)
 
@@ -19,14 +19,15 @@ def edges_of(faces: IntArray) -> IntArray:
 def extent_px(
     camera: Camera, vertices_cam_m: FloatArray, edges: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Least and greatest u and v, (2,) each, of the projected mesh; NaN where a vertex has none.
+    """Least and greatest image position (u, v), (2,) each, of the projected mesh, px.
 
-    The outline of what is seen is made of edges, so their curves hold the extremes. Only edges that may
-    be the outermost are followed closely: to 10⁻³ px.
+    They are NaN if a vertex cannot be projected. The outline of the mesh consists of edges, so the
+    extremes lie on the edges' curves. Only edges that may be outermost are sampled closely, which gives
+    10⁻³ px.
 
     Args:
         vertices_cam_m: (V, 3) camera axes.
-        edges: (E, 2) places of vertices.
+        edges: (E, 2) vertex indices.
     """
     corners_px = camera.project(vertices_cam_m)
     if camera.distortion is None or np.isnan(corners_px).any():
@@ -40,8 +41,8 @@ def extent_px(
         np.maximum(bulge, np.abs(off), out=bulge)
     slack = 2 * bulge + 1e-6
     low, high = corners_px.min(axis=0), corners_px.max(axis=0)
-    may = (np.minimum(first, last) - slack < low) | (np.maximum(first, last) + slack > high)
-    along = np.flatnonzero(may.any(axis=1))
-    curves = start[along] + _FINE[:, None, None] * (end - start)[along]
+    may_be_outer = (np.minimum(first, last) - slack < low) | (np.maximum(first, last) + slack > high)
+    outer = np.flatnonzero(may_be_outer.any(axis=1))
+    curves = start[outer] + _EDGE_STEPS[:, None, None] * (end - start)[outer]
     points = np.concatenate([camera.project(curves).reshape(-1, 2), corners_px])
     return points.min(axis=0), points.max(axis=0)

@@ -1,7 +1,8 @@
-"""What the camera sees of a spacecraft: one ray through each pixel's centre, one to each keypoint.
+"""The spacecraft as the camera sees it, by one ray through each pixel's centre and one to each keypoint.
 
-A ray is x = camera + z d with d of unit length along the camera's axis, so z is the planar depth.
-Everything happens in body axes about the middle of the craft, so that no digits are lost at 100 km.
+A ray is x = camera + z d, where d has length 1 along the optical axis, so that z is the planar depth.
+Rays are traced in body axes with the origin at the centre of the spacecraft's bounding box, so that
+single precision suffices at ranges of 100 km.
 """
 
 from __future__ import annotations
@@ -21,24 +22,26 @@ from posse_core._model.scene import CraftState, Scene
 from posse_core._model.shutter import LABEL_STEP_PX, Moment, fastest_px_s, moments
 
 KEYPOINT_DEPTH_SHARE = 0.055 / 16.7
-"""How far behind the surface a keypoint still counts as seen, over the craft's longest side: the
-thesis' 0.055 m (Section 3.4.3) on Aqua's 16.7 m."""
+"""How far behind the surface a keypoint still counts as visible, as a share of the spacecraft's longest
+side: the thesis' 0.055 m (Section 3.4.3) on Aqua's 16.7 m."""
 SILHOUETTE_FIELD = 10.0
-"""Where the unbounded image of ``silhouette_px`` ends: focal lengths from the principal point (84°); a
-distorted one may end before, at its lens' reach."""
+"""Extent of the unbounded image for ``silhouette_px``: focal lengths from the principal point (84°).
+With a distorting lens it may end earlier, at the lens's reach."""
 SILHOUETTE_RAYS = 1 << 18
-"""Rays beyond the image's border at most; a larger silhouette is sampled on a coarser lattice."""
+"""Maximum number of rays outside the image; a larger silhouette is sampled on a coarser grid."""
 _CHUNK = 1 << 13
-"""Rays cast at once: their arrays stay in the processor's cache."""
+"""Rays that are cast at once; their arrays fit into the processor's cache."""
 _NO_BOX = PixelBox(0, 0, 0, 0)
 _LEAST_DEPTH_SHARE = 0.01
-"""Depth over the craft's size at which motion is measured where a part reaches behind the camera."""
-_ROW_TRIALS = 8
-"""Trials to find the row that sees a point; each errs by the rows that the last one's error moves it."""
+"""Least depth at which image motion is computed, as a share of the spacecraft's size; it applies where a
+part reaches behind the camera."""
+_ROW_ITERATIONS = 8
+"""Iterations to find the row that sees a point. The remaining error of each is the distance, in rows,
+that the point moves within the previous one's error in time."""
 
 
 class RayCaster:
-    """Looks at one scene's spacecraft, frame after frame; no frame depends on another."""
+    """Casts rays onto the spacecraft of one scene. The view of a frame depends on no other frame."""
 
     def __init__(self, scene: Scene) -> None:
         spacecraft = scene.spacecraft
@@ -55,7 +58,7 @@ class RayCaster:
         )
 
     def view(self, craft: CraftState) -> View:
-        """The spacecraft as the camera's rays meet it in one frame, each row at its own time."""
+        """The spacecraft as the camera's rays hit it in one frame, each row at its own time."""
         camera = self._camera
         low_px, high_px = self._bounds(self._seen(craft, self._vertices_body_m))
         bands = [self._band(craft, moment) for moment in self.moments(craft, LABEL_STEP_PX)]
@@ -68,12 +71,12 @@ class RayCaster:
         beyond_px = 0
         for band in bands:
             first, rows = band.moment.first_row, band.moment.rows
-            vantage = _Vantage.at(self._tracer, camera, band.craft, band.nearest_m)
-            pixels.append(vantage.pixels(box.within_rows(first, rows)))
-            beyond_px += vantage.count_beyond(band.box, band.field)
+            caster = _InstantCaster.at(self._tracer, camera, band.craft, band.nearest_m)
+            pixels.append(caster.pixels(box.within_rows(first, rows)))
+            beyond_px += caster.count_beyond(band.box, band.field)
             row = np.floor(keypoints_px[:, 1] + 0.5)
-            here = np.flatnonzero(inside & (row >= first) & (row < first + rows))
-            visibility[here] = self._visibility(vantage, band.craft, here)
+            in_band = np.flatnonzero(inside & (row >= first) & (row < first + rows))
+            visibility[in_band] = self._visibility(caster, band.craft, in_band)
         part_id, depth_m, normal_cam, lit = (
             np.concatenate(parts) for parts in zip(*pixels, strict=True)
         )
@@ -92,7 +95,8 @@ class RayCaster:
     def moments(
         self, craft: CraftState, step_px: float, exposure_s: float = 0.0, instants: int = 1
     ) -> list[Moment]:
-        """Moments in which the spacecraft moves by ``step_px`` at most: see :func:`moments`."""
+        """Divide a frame into moments in which the spacecraft moves by at most ``step_px`` in the image;
+        see :func:`posse_core._model.shutter.moments`."""
         box = self.box(craft)
         if box.is_empty:
             box = PixelBox(0, 0, self._camera.width_px, self._camera.height_px)
@@ -104,7 +108,7 @@ class RayCaster:
         return moments(self._camera, speed_px_s, step_px, exposure_s, instants)
 
     def box(self, craft: CraftState) -> PixelBox:
-        """Pixels of the image that the spacecraft may touch, were all rows exposed at once."""
+        """Pixels of the image that the spacecraft may touch if all rows are exposed at the same time."""
         return self._boxes(_in_camera(craft, self._vertices_body_m))[0]
 
     def _seen(self, craft: CraftState, points_body_m: FloatArray) -> FloatArray:
@@ -112,19 +116,19 @@ class RayCaster:
         points_cam_m = _in_camera(craft, points_body_m)
         if self._camera.line_time_s == 0:
             return points_cam_m
-        for _ in range(_ROW_TRIALS):
+        for _ in range(_ROW_ITERATIONS):
             row_px = np.nan_to_num(self._camera.project(points_cam_m.T)[:, 1])
             after_s = self._camera.row_after_s(row_px)
             points_cam_m = craft.body_in_camera(points_body_m.T, after_s).T
         return points_cam_m
 
     def _bounds(self, points_cam_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(3, V) vertices → lowest and highest projection of the craft, (2,) each, NaN where a vertex
-        is behind the camera or beyond its lens."""
+        """(3, V) vertices in camera axes → lowest and highest image position of the spacecraft, (2,)
+        each; NaN if a vertex is behind the camera or beyond the reach of its lens."""
         return extent_px(self._camera, points_cam_m.T, self._edges)
 
     def _boxes(self, vertices_cam_m: FloatArray) -> tuple[PixelBox, PixelBox]:
-        """Boxes in the image and in the silhouette's field, were all rows exposed at once."""
+        """Boxes in the image and in the silhouette's field if all rows are exposed at the same time."""
         if not (vertices_cam_m[2] > 0).any():
             return _NO_BOX, _NO_BOX
         return _boxes(self._camera, *self._bounds(vertices_cam_m))
@@ -133,7 +137,7 @@ class RayCaster:
         then = craft.after(moment.after_s)
         vertices_cam_m = _in_camera(then, self._vertices_body_m)
         box, field = self._boxes(vertices_cam_m)
-        # Beyond the image, the first and the last row's time go on.
+        # Rows outside the image have the time of its first or last row.
         last_row = moment.first_row + moment.rows
         top = moment.first_row if moment.first_row > 0 else field.y0
         bottom = last_row if last_row < self._camera.height_px else field.y0 + field.height
@@ -145,13 +149,14 @@ class RayCaster:
             nearest_m=float(vertices_cam_m[2].min()),
         )
 
-    def _visibility(self, vantage: _Vantage, craft: CraftState, keypoints: IntArray) -> IntArray:
-        """(k,) int8 of the keypoints, by number, that a vantage sees; see :class:`View`."""
+    def _visibility(self, caster: _InstantCaster, craft: CraftState, keypoints: IntArray) -> IntArray:
+        """(k,) int8 visibility, as in :class:`View`, of the keypoints with the indices ``keypoints``,
+        all of which are in the image."""
         body_m = self._keypoints_body_m[:, keypoints]
         depth_m = _in_camera(craft, body_m)[2]
         centre_body_m = self._tracer.triangles.centre_body_m
-        directions = (body_m - (centre_body_m + vantage.camera_m)[:, None]) / depth_m
-        _, z_m = vantage.first(directions)
+        directions = (body_m - (centre_body_m + caster.camera_m)[:, None]) / depth_m
+        _, z_m = caster.first(directions)
         behind_m = (depth_m - z_m) * np.sqrt(dot(directions, directions))
         hidden = behind_m > KEYPOINT_DEPTH_SHARE * self._tracer.triangles.size_m
         return np.where(hidden, OCCLUDED, VISIBLE)
@@ -159,13 +164,14 @@ class RayCaster:
 
 @dataclass(frozen=True)
 class _Band:
-    """Rows that are exposed together.
+    """Rows that are treated as exposed at the same time.
 
     Attributes:
+        moment: the rows and their time.
         box, field: the pixels that the spacecraft may touch in these rows: in the image, and in the
             field of the silhouette.
-        craft: the spacecraft and its sunlight at their moment.
-        nearest_m: least planar depth of the craft then.
+        craft: the spacecraft and its sunlight at that time.
+        nearest_m: least planar depth of the spacecraft at that time.
     """
 
     moment: Moment
@@ -176,16 +182,17 @@ class _Band:
 
 
 @dataclass(frozen=True)
-class _Vantage:
-    """One frame's camera and Sun, in body axes about the craft's middle.
+class _InstantCaster:
+    """Casts rays from the camera at one instant. Vectors are in body axes; positions are relative to the
+    centre of the spacecraft's bounding box.
 
     Attributes:
-        camera_m: (3,).
+        camera_m: (3,) position of the camera.
         R_cam_from_body: (3, 3).
-        start_m: planar depth that no part of the craft is in front of.
-        normal: (3, T) of each triangle, unit, on the camera's side.
-        sunny: (T,) whether the Sun is on the camera's side too.
-        sun_direction: (3,) unit.
+        start_m: planar depth in front of the whole spacecraft.
+        normal: (3, T) unit normal of each triangle, on the camera's side.
+        sunny: (T,) whether the Sun is on the camera's side of the triangle.
+        sun_direction: (3,) unit vector to the Sun.
     """
 
     tracer: Tracer
@@ -198,8 +205,8 @@ class _Vantage:
     sun_direction: FloatArray
 
     @classmethod
-    def at(cls, tracer: Tracer, camera: Camera, craft: CraftState, nearest_m: float) -> _Vantage:
-        """Take what the frame has; ``nearest_m`` is the least planar depth of the craft."""
+    def at(cls, tracer: Tracer, camera: Camera, craft: CraftState, nearest_m: float) -> _InstantCaster:
+        """The caster for a state; ``nearest_m`` is the least planar depth of the spacecraft."""
         triangles = tracer.triangles
         R = craft.R_cam_from_body
         camera_m = -dot(R, craft.t_body_cam_m) - triangles.centre_body_m
@@ -218,7 +225,7 @@ class _Vantage:
         )
 
     def directions(self, u_px: FloatArray, v_px: FloatArray) -> FloatArray:
-        """Rays through the pixels of a lattice: (w,), (h,) → (3, h, w)."""
+        """Ray directions through a grid of pixels: columns (w,) and rows (h,) → (3, h, w) body axes."""
         R = self.R_cam_from_body
         x = (u_px - self.camera.cx_px) / self.camera.fx_px
         y = (v_px[:, None] - self.camera.cy_px) / self.camera.fy_px
@@ -227,17 +234,18 @@ class _Vantage:
         return np.stack([x * R[0, k] + (y * R[1, k] + R[2, k]) for k in range(3)])
 
     def first(self, directions: FloatArray) -> tuple[IntArray, FloatArray]:
-        """(3, N) → first triangle (N,), −1 for none, and its planar depth (N,), infinite for none."""
+        """(3, N) ray directions → index of the first triangle (N,), −1 for none, and the planar depth
+        (N,) of the hit, infinite for none."""
         return self.tracer.first(self.camera_m, directions, self.start_m)
 
     def pixels(self, box: PixelBox) -> tuple[AnyArray, AnyArray, AnyArray, BoolArray]:
-        """Part ids, depth, normals and lit of :class:`View`."""
+        """``part_id``, ``depth_m``, ``normal_cam`` and ``lit`` of :class:`View` for a box."""
         shape = (box.height, box.width)
         part_id = np.empty(shape, dtype=np.int16)
         depth_m = np.empty(shape, dtype=np.float32)
         normal_cam = np.empty((*shape, 3), dtype=np.float32)
         lit = np.zeros(shape, dtype=np.bool_)
-        # Tables by triangle, with an entry more, at −1, for rays that meet none.
+        # These tables have one row per triangle, and a last one (index −1) for rays that hit none.
         parts = np.append(self.tracer.triangles.part_id, np.int16(-1))
         turned = rotated(self.R_cam_from_body, self.normal).astype(np.float32)
         normals_cam = np.append(turned.T, np.full((1, 3), np.nan, dtype=np.float32), axis=0)
@@ -259,7 +267,7 @@ class _Vantage:
         return part_id, depth_m, normal_cam, lit
 
     def count_beyond(self, box: PixelBox, field: PixelBox) -> int:
-        """Pixels of ``field`` outside ``box`` that the craft covers."""
+        """Number of pixels of ``field`` outside ``box`` that the spacecraft covers."""
         count = field.width * field.height - box.width * box.height
         stride = 1
         while count > SILHOUETTE_RAYS * stride**2:
@@ -272,7 +280,7 @@ class _Vantage:
         for rows in _row_blocks(len(v_px), len(u_px)) if count else ():
             beyond = ~(row_in[rows, None] & column_in)
             rays = self.directions(u_px, v_px[rows])[:, beyond]
-            rays = rays[:, np.isfinite(rays[0])]  # what a lens does not map is not counted
+            rays = rays[:, np.isfinite(rays[0])]  # pixels that the lens does not map are not counted
             hits += int((self.first(rays)[0] >= 0).sum())
         return hits * stride**2
 
@@ -289,9 +297,10 @@ def _row_blocks(height: int, width: int) -> Iterator[slice]:
 
 
 def _boxes(camera: Camera, low_px: FloatArray, high_px: FloatArray) -> tuple[PixelBox, PixelBox]:
-    """The pixels that the craft may touch: in the image, and in the field of the silhouette.
+    """The pixels that the spacecraft may touch: in the image, and in the field of the silhouette.
 
-    A craft that reaches behind the camera, or beyond its lens, may touch any pixel; its bounds are NaN.
+    If a bound is NaN, because the spacecraft reaches behind the camera or beyond the reach of its lens,
+    it may touch any pixel on that side.
     """
     low = np.where(np.isnan(low_px), -np.inf, low_px)
     high = np.where(np.isnan(high_px), np.inf, high_px)
@@ -308,7 +317,8 @@ def _boxes(camera: Camera, low_px: FloatArray, high_px: FloatArray) -> tuple[Pix
 
 
 def _touched(low: FloatArray, high: FloatArray, first: FloatArray, last: FloatArray) -> PixelBox:
-    """Whole pixels from ``low`` to ``high``, both (2,), among those from ``first`` to ``last``."""
+    """The pixels from position ``low`` to ``high``, limited to those from ``first`` to ``last``; each
+    (2,)."""
     x0, y0 = np.floor(np.clip(low + 0.5, first, last + 1)).astype(int).tolist()
     x1, y1 = np.floor(np.clip(high + 0.5, first - 1, last)).astype(int).tolist()
     box = PixelBox(x0, y0, x1 - x0 + 1, y1 - y0 + 1)

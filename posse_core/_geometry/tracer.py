@@ -1,9 +1,9 @@
-"""Rays on a spacecraft: Embree names the triangle, float64 says where.
+"""Ray tracing on a spacecraft: Embree finds the triangle, and float64 arithmetic computes the point.
 
-Embree computes in single precision, so all that is taken from it is which triangle a ray meets first.
-The point on the triangle's plane is computed in float64. Where that point lies outside the triangle
-(within Embree's rounding of an edge, or far along a face that the ray grazes), the ray is settled by
-trying every triangle in float64.
+Embree works in single precision, so it is only used to find the triangle that a ray hits first. The
+point on the triangle's plane is computed in float64. If that point lies outside the triangle (by
+Embree's rounding near an edge, or far away on a face that the ray grazes), every triangle is tried in
+float64.
 """
 
 from __future__ import annotations
@@ -16,11 +16,13 @@ from posse_core._arrays import BoolArray, Float32Array, FloatArray, IntArray
 from posse_core._geometry.triangles import Triangles
 
 _LIFT_SHARE = 1e-6
-"""How far shadow rays start above the surface, over the craft's size: thirty times the rounding."""
+"""Height above the surface at which shadow rays start, as a share of the spacecraft's size: thirty times
+the rounding error."""
 
 
 class Tracer:
-    """Embree's tree over the triangles, built once; positions are body axes minus their centre."""
+    """Embree's search tree over the triangles, built once. Positions are in body axes, relative to
+    ``triangles.centre_body_m``."""
 
     def __init__(self, triangles: Triangles) -> None:
         self.triangles = triangles
@@ -30,16 +32,16 @@ class Tracer:
     def first(
         self, origin_m: FloatArray, directions: FloatArray, start: float
     ) -> tuple[IntArray, FloatArray]:
-        """First triangle along each ray x = origin + t d.
+        """Find the first triangle along each ray x = origin + t d.
 
         Args:
-            origin_m: (3,).
+            origin_m: (3,) origin of the rays.
             directions: (3, N), of any length.
-            start: t from which on the craft may be met: in front of all of it, and near it, so that
-                single precision sees numbers of the craft's size only.
+            start: t at which the search starts. It must be in front of the whole spacecraft, and near
+                it, so that single precision only handles numbers of the spacecraft's size.
 
         Returns:
-            (N,) triangle, −1 for none, and (N,) t, infinite for none.
+            (N,) index of the triangle, −1 for none, and (N,) t, infinite for none.
         """
         starts_m = origin_m[:, None] + start * directions
         triangle = self._embree.run(_single(starts_m), _single(directions)).astype(np.int64)
@@ -54,12 +56,12 @@ class Tracer:
         return triangle, t
 
     def shadowed(self, point_m: FloatArray, normal: FloatArray, direction: FloatArray) -> BoolArray:
-        """Whether a triangle lies between surface points and an infinitely far light.
+        """Whether a triangle lies between surface points and a light at infinity: (N,).
 
         Args:
-            point_m: (3, N) on the surface.
-            normal: (3, N) unit, on the side of the surface that is looked at.
-            direction: (3,) to the light.
+            point_m: (3, N) points on the surface.
+            normal: (3, N) unit normals, on the side of the surface that the camera sees.
+            direction: (3,) vector to the light.
         """
         starts_m = point_m + _LIFT_SHARE * self.triangles.size_m * normal
         # Embree's wrapper takes one direction for all rays.
@@ -68,5 +70,5 @@ class Tracer:
 
 
 def _single(vectors: FloatArray) -> Float32Array:
-    """(3, N) float64 → (N, 3) float32, as Embree's wrapper takes them."""
+    """(3, N) float64 → (N, 3) float32, the layout of Embree's wrapper."""
     return np.ascontiguousarray(vectors.T, dtype=np.float32)

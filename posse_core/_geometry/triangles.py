@@ -1,6 +1,7 @@
-"""A spacecraft's parts as one list of triangles, and the float64 arithmetic of rays on them.
+"""The parts of a spacecraft as one list of triangles, and their intersections with rays in float64.
 
-In this folder arrays of vectors have the component first, (3, N): numpy is several times faster on them.
+In this package arrays of vectors have the component first, (3, N), because numpy is several times faster
+that way.
 """
 
 from __future__ import annotations
@@ -13,34 +14,38 @@ from posse_core._arrays import BoolArray, FloatArray, IntArray
 from posse_core._model.spacecraft import Spacecraft
 
 _EDGE_OVERSHOOT_SHARE = 1e-9
-"""How far beyond its edge a triangle still counts as hit, over the craft's size: rounding alone."""
+"""How far outside its edges a triangle still counts as hit, as a share of the spacecraft's size; it
+covers rounding errors only."""
 _BLOCK = 1 << 18
-"""Rays times triangles that the brute force holds at once."""
+"""Number of ray-triangle pairs that the exhaustive search holds at once."""
 
 
 def dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Σ a b over the first axis, of length 3. Elementwise, so its bits depend on no BLAS."""
+    """Σ a b over the first axis, of length 3. It is computed elementwise, so that the result does not
+    depend on the BLAS library."""
     return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
 def rotated(R: FloatArray, x: FloatArray) -> FloatArray:
-    """(3, 3), (3, N) → (3, N), R x; elementwise as :func:`dot`."""
+    """R x for (3, 3) and (3, N) → (3, N), elementwise as in :func:`dot`."""
     return np.stack([dot(row, x) for row in R])
 
 
 @dataclass(frozen=True)
 class Triangles:
-    """T triangles with an area, body axes, seen from ``centre_body_m`` to lose no digits.
+    """T triangles of nonzero area in body axes. Positions are relative to ``centre_body_m``, to keep
+    rounding errors small.
 
     Attributes:
-        centre_body_m: (3,) middle of the craft's axis-aligned box.
+        centre_body_m: (3,) centre of the spacecraft's axis-aligned bounding box.
         size_m: the longest side of that box.
-        corners_m: (T, 3 corners, 3) minus the centre.
-        normal: (3, T) unit, by the corners' order.
-        plane_m: (T,) place of the plane along ``normal``.
-        inward: (3 edges, 3, T) unit vectors in the triangle's plane, across each edge to the inside.
-        edge_m: (3 edges, T) the edges' places: x is inside where inward · x ≥ edge_m.
-        part_id: (T,) int16 place in ``spacecraft.parts``.
+        corners_m: (T, 3 corners, 3).
+        normal: (3, T) unit normals, by the order of the corners.
+        plane_m: (T,) a point x is on the triangle's plane if normal · x = plane_m.
+        inward: (3 edges, 3, T) unit vectors in the triangle's plane, normal to each edge, pointing
+            inside.
+        edge_m: (3 edges, T) a point x is inside an edge if inward · x ≥ edge_m.
+        part_id: (T,) int16 index in ``spacecraft.parts``.
     """
 
     centre_body_m: FloatArray
@@ -54,7 +59,7 @@ class Triangles:
 
     @classmethod
     def of(cls, spacecraft: Spacecraft) -> Triangles:
-        """Merge the parts; triangles without an area are left out, since no ray meets them."""
+        """Merge the parts. Triangles without area are left out, because no ray can hit them."""
         low, high = spacecraft.bounds_body_m
         centre = (low + high) / 2
         corners = np.concatenate([p.vertices_body_m[p.faces] - centre for p in spacecraft.parts])
@@ -83,15 +88,15 @@ class Triangles:
     def meet(
         self, triangle: IntArray, origin_m: FloatArray, directions: FloatArray
     ) -> tuple[FloatArray, BoolArray]:
-        """Where rays x = origin + t d meet the planes of triangles, and whether inside them.
+        """Intersect rays x = origin + t d with the planes of triangles.
 
         Args:
-            triangle: (N,).
-            origin_m: (3,) minus the centre, body axes.
+            triangle: (N,) index of the triangle of each ray.
+            origin_m: (3,) origin of the rays, body axes, relative to the centre.
             directions: (3, N), of any length.
 
         Returns:
-            (N,) t, and (N,) whether t > 0 and the point is in the triangle.
+            (N,) t, and (N,) whether t > 0 and the point is inside the triangle.
         """
         normal = np.take(self.normal, triangle, axis=1)
         height_m = self.plane_m[triangle] - dot(normal, origin_m)
@@ -105,15 +110,15 @@ class Triangles:
         return t, inside
 
     def first_hit(self, origin_m: FloatArray, directions: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Try every triangle: settles what single precision cannot.
+        """Find the first hit by trying every triangle, for rays that single precision cannot decide.
 
         Args:
-            origin_m: (3,) minus the centre, body axes.
+            origin_m: (3,) origin of the rays, body axes, relative to the centre.
             directions: (3, N), of any length.
 
         Returns:
-            (N,) first triangle hit, −1 for none, and (N,) its t, infinite for none. Of triangles at
-            the same t the first in the list is taken.
+            (N,) index of the first triangle hit, −1 for none, and (N,) its t, infinite for none. Of
+            several triangles at the same t, the one with the lowest index is returned.
         """
         count = len(self.plane_m)
         first = np.full(directions.shape[1], -1, dtype=np.int64)
@@ -122,8 +127,8 @@ class Triangles:
         for start in range(0, len(first), step):
             d = directions[:, start : start + step]
             rays = d.shape[1]
-            every = np.tile(np.arange(count), rays)
-            t, inside = self.meet(every, origin_m, np.repeat(d, count, axis=1))
+            triangle = np.tile(np.arange(count), rays)
+            t, inside = self.meet(triangle, origin_m, np.repeat(d, count, axis=1))
             t = np.where(inside, t, np.inf).reshape(rays, count)
             best = t.argmin(axis=1)
             nearest[start : start + step] = t[np.arange(rays), best]

@@ -1,6 +1,7 @@
-"""The air: Rayleigh and aerosol single scattering, with ozone, for a spherical shell.
+"""The atmosphere: single scattering by air (Rayleigh) and haze, and absorption by ozone, in a spherical
+shell.
 
-The Earth's ellipsoid is made a sphere by stretching the polar axis (0.3 %), so heights here are
+The Earth's ellipsoid is mapped to a sphere by stretching the polar axis (0.3 %), so heights here are
 heights above the ellipsoid.
 """
 
@@ -20,21 +21,21 @@ from posse_core._sky.pyramid import lookup
 RealArray: TypeAlias = Float32Array | FloatArray
 RADIUS_M = Constants().earth_radius_m
 TOP_M = 90e3
-"""Height above which there is nothing."""
+"""Height of the top of the atmosphere."""
 
 _LAMBDA_UM = np.array(BAND_CENTRES_M) * 1e6
 RAYLEIGH_DEPTH: FloatArray = (
     0.008569 * _LAMBDA_UM**-4 * (1 + 0.0113 * _LAMBDA_UM**-2 + 0.00013 * _LAMBDA_UM**-4)
 )
-"""(3,) vertical optical depth of the clean air (Hansen & Travis 1974, eq. 2.29)."""
+"""(3,) vertical optical depth of clean air (Hansen & Travis 1974, eq. 2.29)."""
 AEROSOL_DEPTH: FloatArray = 0.08 * (_LAMBDA_UM / 0.55) ** -1.3
-"""(3,) vertical optical depth of haze: a clean day with Ångström exponent 1.3."""
+"""(3,) vertical optical depth of haze on a clear day, with Ångström exponent 1.3."""
 AEROSOL_ALBEDO = 0.95
-"""Share of its light that haze scatters; the rest it absorbs."""
+"""Single-scattering albedo of haze."""
 AEROSOL_ASYMMETRY = 0.7
 """g of the Henyey–Greenstein phase function of haze."""
 OZONE_DEPTH: FloatArray = np.array([0.026, 0.024, 0.002])
-"""(3,) vertical optical depth of 300 Dobson units, Chappuis band, averaged over the bands."""
+"""(3,) vertical optical depth of 300 Dobson units of ozone (Chappuis band), averaged over each band."""
 
 _STEPS = 24
 _HEIGHTS = 64
@@ -45,9 +46,10 @@ AZIMUTHS = 72
 
 
 def densities(height_m: RealArray) -> FloatArray:
-    """(...) → (..., 3): air, haze and ozone per metre, each 1 when added up over a column.
+    """(...) heights → (..., 3) densities of air, haze and ozone, per metre; each integrates to 1 over a
+    vertical column.
 
-    Scale heights 8.0 and 1.5 km; ozone in a triangle from 7 to 37 km.
+    Air and haze have scale heights of 8.0 and 1.5 km; ozone has a triangular profile from 7 to 37 km.
     """
     air = np.exp(-height_m / 8000.0) / 8000.0
     haze = np.exp(-height_m / 1500.0) / 1500.0
@@ -56,18 +58,19 @@ def densities(height_m: RealArray) -> FloatArray:
 
 
 EXTINCTION: FloatArray = np.stack([RAYLEIGH_DEPTH, AEROSOL_DEPTH, OZONE_DEPTH])
-"""(3, 3) species × band: optical depth of a whole vertical column."""
+"""(3, 3) optical depth of a vertical column, species × band."""
 _FORWARD = np.array([0.5, 0.5 * (1 + AEROSOL_ASYMMETRY), 0.0])
 _ALBEDO = np.array([1.0, AEROSOL_ALBEDO, 0.0])
 DIMMING: FloatArray = EXTINCTION * (1 - _ALBEDO * _FORWARD)[:, None]
-"""(3, 3) the same for the light of wide ground, which gets back what its surroundings lose forwards."""
+"""(3, 3) effective optical depth for light from extended ground, species × band. Light that is scattered
+forward is not lost: as much comes in from the surroundings."""
 
 
 @functools.cache
 def _sun_table() -> Float32Array:
-    """(heights, suns, 3) share of sunlight that arrives, by height and by the Sun's elevation.
+    """(_HEIGHTS, _SUNS, 3) transmission of sunlight, by height and by the Sun's zenith angle.
 
-    Rows are h = TOP (i/n)², columns the cosine of the zenith angle above the horizon's,
+    Row i is the height TOP_M (i/n)². Column j is the cosine of the zenith angle
     μ = μ_horizon + (1 − μ_horizon) (j/n)².
     """
     height_m = TOP_M * np.linspace(0, 1, _HEIGHTS) ** 2
@@ -75,7 +78,7 @@ def _sun_table() -> Float32Array:
     horizon = -np.sqrt(np.maximum(0, 1 - (RADIUS_M / r) ** 2))
     mu = horizon + (1 - horizon) * np.linspace(0, 1, _SUNS) ** 2
     b2 = r**2 * (1 - mu**2)
-    # Steps even in the square root of the way, since the air is densest at its start.
+    # Steps are uniform in the square root of the path length, because the air is densest at its start.
     way_m = -r * mu + np.sqrt(np.maximum(0, (RADIUS_M + TOP_M) ** 2 - b2))
     edges = np.linspace(0, 1, 65) ** 2
     middle = (edges[1:] + edges[:-1]) / 2
@@ -88,7 +91,8 @@ def _sun_table() -> Float32Array:
 
 
 def sunlight(height_m: RealArray, mu: RealArray) -> Float32Array:
-    """(...) heights and cosines of the Sun's zenith angle → (..., 3) share of sunlight there."""
+    """(...) heights and cosines of the Sun's zenith angle → (..., 3) transmission of sunlight to
+    there."""
     height = np.asarray(np.clip(height_m, 0, TOP_M), dtype=np.float64)
     horizon = -np.sqrt(np.maximum(0, 1 - (RADIUS_M / (RADIUS_M + height)) ** 2))
     above = (mu - horizon) / (1 - horizon)
@@ -105,10 +109,11 @@ GROUND_MU_MIN = -0.3
 
 @functools.cache
 def ground_irradiance() -> Float32Array:
-    """(1, GROUND_SUNS, 3) irradiance of level ground per irradiance of the Sun above the air.
+    """(1, GROUND_SUNS, 3) irradiance of level ground per solar irradiance above the atmosphere.
 
-    Column j is the cosine of the Sun's zenith angle, from GROUND_MU_MIN to 1. Direct light, and half
-    of what the column above scatters once; this goes on below the horizon, as twilight.
+    Column j is the cosine of the Sun's zenith angle, from GROUND_MU_MIN to 1. The irradiance is direct
+    sunlight plus half of the light that the column above scatters once, which also gives twilight when
+    the Sun is below the horizon.
     """
     mu = np.linspace(GROUND_MU_MIN, 1, GROUND_SUNS)[None]
     direct = np.maximum(0, mu)[..., None] * sunlight(np.zeros_like(mu), mu)
@@ -124,40 +129,40 @@ def ground_irradiance() -> Float32Array:
 
 @dataclass(frozen=True)
 class AirTables:
-    """Scattered light and transmission of all rays from one place.
+    """Scattered light and transmission along all rays from one position.
 
-    Rows 0 … GROUND_ROWS−1 are rays that end on the ground, at the cosine i/(GROUND_ROWS−1) from its
-    vertical; then LIMB_ROWS of rays that pass it at the height TOP (i/(LIMB_ROWS−1))². Columns are
-    azimuths from the Sun's, 0 … π.
+    Rows 0 … GROUND_ROWS−1 are rays that hit the ground, where the cosine of their zenith angle is
+    i/(GROUND_ROWS−1). They are followed by LIMB_ROWS rows of rays that pass the ground at the height
+    TOP_M (i/(LIMB_ROWS−1))². Columns are azimuths relative to the Sun's, 0 … π.
 
     Attributes:
-        glow: (rows, AZIMUTHS, 3) radiance per irradiance of the Sun, sr⁻¹.
-        transmission: (rows, AZIMUTHS, 3) of the ground's light, or of light from beyond the limb.
+        glow: (rows, AZIMUTHS, 3) scattered radiance per solar irradiance, sr⁻¹.
+        transmission: (rows, AZIMUTHS, 3) transmission of light from the ground, or from beyond the limb.
     """
 
     glow: Float32Array
     transmission: Float32Array
 
     def sample(self, row: Float32Array, azimuth_rad: Float32Array) -> tuple[Float32Array, Float32Array]:
-        """(...) rows and azimuths → glow and transmission, (..., 3) each."""
+        """(...) row positions and azimuths → glow and transmission, (..., 3) each."""
         column = azimuth_rad * np.float32((AZIMUTHS - 1) / np.pi)
         return lookup(self.glow, column, row), lookup(self.transmission, column, row)
 
 
 def limb_row(height_m: FloatArray) -> Float32Array:
-    """Rows of rays that pass the ground at a height, (...) → (...)."""
+    """Table rows of rays that pass the ground at a height: (...) → (...)."""
     share = np.sqrt(np.clip(height_m, 0, TOP_M) / TOP_M)
     return (GROUND_ROWS + share * (LIMB_ROWS - 1)).astype(np.float32)
 
 
 def ground_row(mu: FloatArray) -> Float32Array:
-    """Rows of rays that meet the ground at a cosine from its vertical, (...) → (...)."""
+    """Table rows of rays that hit the ground at a cosine of their zenith angle: (...) → (...)."""
     return (mu * (GROUND_ROWS - 1)).astype(np.float32)
 
 
-@functools.lru_cache(maxsize=1)  # a frame's background and its environment map are one place
+@functools.lru_cache(maxsize=1)  # a frame's background and its environment map share one
 def air_tables(distance_m: float, sun_zenith_cosine: float) -> AirTables:
-    """Trace all rays from a place at ``distance_m`` from the Earth's centre."""
+    """Trace all rays from a position at ``distance_m`` from the Earth's centre."""
     distance_m = max(distance_m, RADIUS_M + TOP_M)
     azimuth = np.linspace(0, np.pi, AZIMUTHS)
     mu = np.linspace(0, 1, GROUND_ROWS)
@@ -177,7 +182,8 @@ def air_tables(distance_m: float, sun_zenith_cosine: float) -> AirTables:
 
 
 def _way_m(b_m: FloatArray, lowest_m: FloatArray, squares: FloatArray) -> FloatArray:
-    """(rays, steps + 1) distances before the point nearest to the Earth's centre."""
+    """(rays, steps + 1) distances along each ray, counted backwards from its point nearest to the
+    Earth's centre."""
     height_m = lowest_m[:, None] + (TOP_M - lowest_m[:, None]) * squares
     return np.asarray(np.sqrt(np.maximum(0, (RADIUS_M + height_m) ** 2 - b_m[:, None] ** 2)))
 
@@ -190,7 +196,19 @@ def _trace(
     sun_zenith_cosine: float,
     azimuth_rad: FloatArray,
 ) -> tuple[Float32Array, Float32Array]:
-    """Glow and transmission, (rays, azimuths, 3) each, of rays with impact parameters ``b_m``."""
+    """Integrate along rays.
+
+    Args:
+        b_m: (rays,) impact parameters, the rays' least distances from the Earth's centre.
+        way_m: (rays, steps + 1) borders of the steps, as of :func:`_way_m`.
+        behind: (3, 3) optical depths for light from the end of the ray, species × band.
+        distance_m: distance of the rays' origin from the Earth's centre.
+        sun_zenith_cosine: cosine of the Sun's zenith angle at the origin.
+        azimuth_rad: (azimuths,) azimuths of the rays relative to the Sun's.
+
+    Returns:
+        Glow and transmission, (rays, azimuths, 3) each.
+    """
     step_m = -np.diff(way_m)
     middle_m = (way_m[:, 1:] + way_m[:, :-1]) / 2
     radius_m = np.hypot(middle_m, b_m[:, None])
@@ -200,7 +218,7 @@ def _trace(
     scattered = passed[:, :, None, :] * np.stack(
         [column[..., :1] * RAYLEIGH_DEPTH, column[..., 1:2] * AEROSOL_ALBEDO * AEROSOL_DEPTH], axis=2
     )
-    # In the plane of zenith and Sun: the ray's direction is (−cos η, sin η cos φ).
+    # The ray's direction in the plane of zenith and Sun is (−cos η, sin η cos φ).
     sine = np.minimum(1, b_m / distance_m)
     cosine = np.sqrt(1 - sine**2)
     sun_horizontal = np.sqrt(max(0.0, 1 - sun_zenith_cosine**2))

@@ -1,4 +1,4 @@
-"""Clouds by seed: a global pattern with storms, finer structure laid over it, and its drift."""
+"""Random clouds: a global pattern with storms, fine structure on top of it, and drift with the wind."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from posse_core._sky.pyramid import Pyramid
 
 MAP_WIDTH = 2048
 DETAIL_SHARE = 0.2
-"""Share of the field's variance that is fine structure."""
+"""Share of the field's variance that the fine structure has."""
 _COVER_LAT_DEG = (-90, -62, -48, -35, -20, -8, 5, 14, 25, 40, 55, 70, 90)
 _COVER = (0.50, 0.86, 0.82, 0.62, 0.50, 0.52, 0.68, 0.55, 0.44, 0.60, 0.72, 0.70, 0.62)
-"""Share of sky under cloud by latitude, after MODIS' zonal means (King et al. 2013)."""
+"""Cloud cover at these latitudes, after MODIS' zonal means (King et al. 2013)."""
 
 
 @dataclass(frozen=True)
 class Clouds:
-    """A field of mean 0 and variance 1; there is cloud where it exceeds a threshold.
+    """A random field of mean 0 and variance 1. There is cloud where it exceeds a threshold.
 
     Attributes:
-        base: float32 map of the field's large structure, plate carrée as the ground's.
-        detail: fine structure, laid over it.
+        base: float32 map of the field's large structure, plate carrée as the ground's map.
+        detail: fine structure that is added to it.
     """
 
     base: Pyramid
@@ -40,12 +40,18 @@ class Clouds:
     def at(
         self, normal: Float32Array, latitude_rad: Float32Array, footprint_m: Float32Array, t_s: float
     ) -> tuple[Float32Array, Float32Array, Float32Array]:
-        """What the sky over places holds.
+        """Sample the clouds above points on the ground.
 
-        normal: (3, n) unit, ECEF axes, and latitude_rad: (n,) of the places; footprint_m: (n,) width
-        that a pixel covers there. Returns, (n,), (n,) and (3, n): how far the field is above the
-        threshold of cloud; the standard deviation of what the footprint averages out; the field's
-        fine slope, ECEF axes, per kilometre.
+        Args:
+            normal: (3, n) unit normals of the ground, ECEF axes.
+            latitude_rad: (n,) latitudes of the points.
+            footprint_m: (n,) width that a pixel covers there.
+            t_s: time since the epoch, for the drift.
+
+        Returns:
+            (n,) the field minus the threshold for cloud; (n,) the standard deviation of the structure
+            that the footprint averages out; (3, n) the slope of the fine structure, ECEF axes, per
+            kilometre.
         """
         turn = -drift_rad_s(latitude_rad) * np.float32(t_s)
         cosine, sine = np.cos(turn), np.sin(turn)
@@ -57,7 +63,8 @@ class Clouds:
         y = np.float32(0.5) - latitude_rad * np.float32(1 / np.pi)
         field = self.base.between(x, y, level)
         field -= threshold(latitude_rad)
-        # Some weather is smooth and some broken, as another part of the map has it.
+        # How broken the clouds are varies over the globe; another part of the map provides this
+        # variation.
         broken = self.base.at((x + np.float32(0.381)) % 1, y, np.maximum(level, 3))
         strength = np.sqrt(DETAIL_SHARE) * np.clip(0.9 + 0.5 * broken, 0.25, 1.7)
         strength = np.asarray(strength, dtype=np.float32)
@@ -70,38 +77,39 @@ class Clouds:
 
 
 def threshold(latitude_rad: Float32Array) -> Float32Array:
-    """(...) latitudes → (...) value of the field above which there is cloud."""
+    """(...) latitudes → (...) values of the field above which there is cloud."""
     grid = np.deg2rad(np.linspace(-90, 90, 181))
     values = -ndtri(np.interp(np.rad2deg(grid), _COVER_LAT_DEG, _COVER))
     return np.asarray(np.interp(latitude_rad, grid, values), dtype=np.float32)
 
 
 def drift_rad_s(latitude_rad: Float32Array) -> Float32Array:
-    """(...) → eastward angular rate of the clouds over ground: trades and westerlies, ±8 m/s."""
+    """(...) latitudes → (...) eastward angular rates of the clouds over the ground: trade winds and
+    westerlies, ±8 m/s."""
     return np.asarray(-np.cos(3.5 * latitude_rad) * np.float32(8.0 / 6.378e6))
 
 
 @functools.lru_cache(maxsize=2)
 def make_clouds(seed: int) -> Clouds:
-    """The clouds of a seed. Takes about a second."""
+    """The clouds for a seed. This takes about a second."""
     random = random_generator(seed, -1, "clouds")
     return Clouds(Pyramid(_base(random)), make_detail(seed))
 
 
 def _base(random: np.random.Generator) -> Float32Array:
-    """(MAP_WIDTH / 2, MAP_WIDTH) field of variance 1 − DETAIL_SHARE."""
-    places = _warped(random)
+    """(MAP_WIDTH / 2, MAP_WIDTH) field of mean 0 and variance 1 − DETAIL_SHARE."""
+    positions = _warped(random)
     total: Float32Array = np.zeros((32, 64), dtype=np.float32)
     volume = _noise_volume(random)
     amplitude = 0.8
     for cycles, width in ((1.6, 128), (3.2, 256), (6.4, 512), (13, 1024), (26, 2048), (52, 2048)):
-        at = _enlarged(places, width) * np.float32(8 * cycles)
+        at = _enlarged(positions, width) * np.float32(8 * cycles)
         octave = map_coordinates(
             volume, np.moveaxis(at + random.uniform(0, 64, 3), -1, 0), order=1, mode="grid-wrap"
         )
         total = _enlarged(total, width) + np.float32(amplitude) * octave
         amplitude *= 0.78
-    # Rows near the poles stand for little area.
+    # Rows near the poles represent little area.
     area = np.cos(np.linspace(-np.pi / 2, np.pi / 2, len(total)))[:, None]
     mean = np.average(total, weights=np.broadcast_to(area, total.shape))
     variance = np.average((total - mean) ** 2, weights=np.broadcast_to(area, total.shape))
@@ -109,7 +117,8 @@ def _base(random: np.random.Generator) -> Float32Array:
 
 
 def _enlarged(image: Float32Array, width: int) -> Float32Array:
-    """A plate carrée map (h, w[, c]) made ``width`` wide, without a seam where it meets itself."""
+    """A plate carrée map (h, w[, c]) resized to ``width`` columns, without a seam at its left and right
+    borders."""
     scale = width // image.shape[1]
     if scale == 1:
         return image
@@ -121,12 +130,12 @@ def _enlarged(image: Float32Array, width: int) -> Float32Array:
 
 
 def _warped(random: np.random.Generator) -> Float32Array:
-    """(256, 512, 3) unit vectors, ECEF axes, moved as winds would have moved the air."""
+    """(256, 512, 3) directions on a plate carrée map, ECEF axes, displaced as winds displace the air."""
     y, x = np.mgrid[:256, :512]
     lat, lon = np.pi * (0.5 - (y + 0.5) / 256), 2 * np.pi * ((x + 0.5) / 512 - 0.5)
     p = np.stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)], axis=-1)
     for _ in range(36):
-        # A storm: the air around its middle is wound up, inwards counter-clockwise in the north.
+        # A storm winds up the air around its centre, inwards and counter-clockwise in the north.
         sign = random.choice([-1.0, 1.0])
         centre_lat = sign * np.deg2rad(random.normal(50, 9))
         centre_lon = random.uniform(-np.pi, np.pi)
@@ -153,12 +162,12 @@ def _warped(random: np.random.Generator) -> Float32Array:
             for _ in range(3)
         ]
         p = p + strength * np.stack(shift, axis=-1)
-    p[..., 2] *= 1.5  # weather is drawn out along the parallels
+    p[..., 2] *= 1.5  # weather is elongated along the parallels
     return np.asarray(p, dtype=np.float32)
 
 
 def _noise_volume(random: np.random.Generator) -> Float32Array:
-    """(64, 64, 64) periodic noise of unit variance, with waves of 5 to 11 voxels only."""
+    """(64, 64, 64) periodic noise of unit variance, with wavelengths of 5 to 11 voxels only."""
     k = np.fft.fftfreq(64) * 64
     norm = np.sqrt(k[:, None, None] ** 2 + k[None, :, None] ** 2 + k[None, None, :33] ** 2)
     spectrum = np.fft.rfftn(random.standard_normal((64, 64, 64)))

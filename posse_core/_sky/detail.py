@@ -1,4 +1,4 @@
-"""Structure finer than the maps: one tile of noise, laid over the whole globe."""
+"""Structure finer than the maps: one tile of noise, repeated over the whole globe."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from posse_core._sky.pyramid import Pyramid
 
 TILE_PX = 1024
 TILE_M = 512e3
-"""Side of the tile, which repeats: waves of 64 km and less."""
+"""Side of the tile, which repeats. Its noise has wavelengths of 64 km and less."""
 TEXEL_M = TILE_M / TILE_PX
 
 
@@ -23,18 +23,20 @@ class Detail:
     """Noise of mean 0 and variance 1 on the globe.
 
     Attributes:
-        tile: float32, 3 channels: the noise and its slopes to the right and downwards, per km.
-        kept: (levels,) share of the variance that is left at each halving.
+        tile: float32 with 3 channels: the noise, and its slopes to the right and downwards, per km.
+        kept: (levels,) share of the variance that remains at each level, which halves the resolution.
     """
 
     tile: Pyramid
     kept: FloatArray
 
     def at(self, normal: Float32Array, footprint_m: Float32Array) -> tuple[Float32Array, Float32Array]:
-        """(3, n) unit vectors, ECEF axes, and (n,) pixel widths → noise (n,), slope (3, n) per km."""
+        """(3, n) unit vectors, ECEF axes, and (n,) pixel widths → noise (n,), and slope (3, n) per km,
+        ECEF axes."""
         noise, slope = np.zeros_like(normal[0]), np.zeros_like(normal)
         level = np.log2(footprint_m / np.float32(TEXEL_M))
-        # Laid on from three sides, blended by how squarely each meets the ground.
+        # The tile is projected along each of the three axes, and the projections are blended by how
+        # close each axis is to the vertical.
         weights = np.square(np.square(np.square(normal)))
         weights /= weights.sum(axis=0)
         for side in range(3):
@@ -52,14 +54,14 @@ class Detail:
         return noise, slope
 
     def lost_variance(self, footprint_m: Float32Array) -> Float32Array:
-        """(n,) pixel widths → (n,) share of the variance that a pixel averages out."""
+        """(n,) pixel widths → (n,) shares of the variance that a pixel averages out."""
         level = np.log2(footprint_m / np.float32(TEXEL_M))
         return np.asarray(1 - np.interp(level, np.arange(len(self.kept)), self.kept), dtype=np.float32)
 
 
 @functools.lru_cache(maxsize=2)
 def make_detail(seed: int) -> Detail:
-    """The fine structure of a seed."""
+    """The fine structure for a seed."""
     random = random_generator(seed, -1, "detail")
     k = np.fft.fftfreq(TILE_PX) * TILE_PX
     norm = np.hypot(k[:, None], k[None, : TILE_PX // 2 + 1])
@@ -71,7 +73,7 @@ def make_detail(seed: int) -> Detail:
         )
         for _ in range(3)
     )
-    puffs = np.hypot(a, b)  # round tops between sharp clefts
+    puffs = np.hypot(a, b)  # round tops separated by sharp clefts
     noise = (puffs - puffs.mean()) / puffs.std() + 0.6 * smooth / smooth.std()
     noise /= noise.std()
     right = (np.roll(noise, -1, axis=1) - np.roll(noise, 1, axis=1)) / (2e-3 * TEXEL_M)

@@ -1,4 +1,4 @@
-"""The Earth's light by direction, at the camera's place."""
+"""The Earth's radiance by direction, as seen from the camera's position."""
 
 from __future__ import annotations
 
@@ -28,14 +28,16 @@ from posse_core._sky.ground import OCEAN_RGB, Ground, glint_radiance
 from posse_core._sky.pyramid import lookup
 
 _STRETCH: FloatArray = RADIUS_M / SEMI_AXES_M
-"""(3,) makes the ellipsoid a sphere of the equator's radius; straight lines stay straight."""
+"""(3,) scale factors that map the ellipsoid to a sphere of the equatorial radius. Straight lines stay
+straight. Vectors scaled by it are called stretched below."""
 
 
 @dataclass(frozen=True)
 class Earth:
-    """What the Earth is made of.
+    """The components of the Earth.
 
     Attributes:
+        ground: land and water.
         clouds: None for a clear sky everywhere.
         air: whether there is an atmosphere.
     """
@@ -45,20 +47,21 @@ class Earth:
     air: bool = True
 
     def seen(self, frame: FrameState) -> EarthView:
-        """The Earth from the camera's place."""
+        """The Earth as seen from the camera's position in a frame."""
         return EarthView(self, frame)
 
 
 @dataclass(frozen=True)
 class _Rays:
-    """Rays from the camera in stretched axes.
+    """Rays from the camera, in stretched ECEF axes.
 
     Attributes:
         directions: (n, 3) unit vectors.
-        ahead_m: (n,) way to the point nearest to the Earth's centre, negative behind the camera.
-        nearest_m: (n,) its distance from the centre.
-        on_ground: (n,) float32 share of the pixel on the ground's side of the limb.
-        through_air: (n,) whether another share passes through air and out again.
+        ahead_m: (n,) distance along the ray to its point nearest to the Earth's centre; negative behind
+            the camera.
+        nearest_m: (n,) distance of that point from the centre.
+        on_ground: (n,) float32 share of the pixel that is below the limb.
+        through_air: (n,) whether the rest of the pixel sees the atmosphere above the limb.
     """
 
     directions: FloatArray
@@ -69,7 +72,7 @@ class _Rays:
 
 
 class EarthView:
-    """The Earth as it is seen from one place at one time."""
+    """The Earth as seen from one position at one time."""
 
     def __init__(self, earth: Earth, frame: FrameState) -> None:
         self._earth = earth
@@ -82,7 +85,7 @@ class EarthView:
         self._sun = sun / np.linalg.norm(sun)
         zenith = self._origin_m / self._distance_m
         sun_stretched = _STRETCH * self._sun / np.linalg.norm(_STRETCH * self._sun)
-        # Azimuths are counted from the Sun's; any will do where the Sun stands in the zenith.
+        # Azimuths are relative to the Sun's. If the Sun is in the zenith, any reference will do.
         side = np.cross(zenith, sun_stretched)
         if np.linalg.norm(side) < 1e-9:
             side = np.cross(zenith, np.roll(zenith, 1) + np.array([0.1, 0.2, 0.3]))
@@ -95,9 +98,14 @@ class EarthView:
         return air_tables(self._distance_m, self._sun_zenith_cosine)
 
     def light(self, directions_cam: FloatArray, pixel_rad: float) -> Float32Array:
-        """Radiance of ground, clouds and air: (..., 3) → (..., 3) W m⁻² sr⁻¹.
+        """Radiance of ground, clouds and air.
 
-        directions_cam: of any length, camera axes; pixel_rad: the angle that each stands for.
+        Args:
+            directions_cam: (..., 3) of any length, camera axes.
+            pixel_rad: angular width of the pixel that each direction represents.
+
+        Returns:
+            (..., 3) W m⁻² sr⁻¹.
         """
         rays = self._rays(directions_cam, pixel_rad)
         radiance = np.zeros((len(rays.directions), 3), dtype=np.float32)
@@ -116,7 +124,8 @@ class EarthView:
         return radiance.reshape(directions_cam.shape)
 
     def passed(self, directions_cam: FloatArray, pixel_rad: float) -> Float32Array:
-        """Share of the light from behind that ground and air let pass: (..., 3) → (..., 3)."""
+        """Transmission of light from behind the Earth, by ground and air: (..., 3) directions in camera
+        axes → (..., 3)."""
         rays = self._rays(directions_cam, pixel_rad)
         share = np.repeat(1 - rays.on_ground[:, None], 3, axis=1)
         air = np.flatnonzero(rays.through_air)
@@ -139,7 +148,8 @@ class EarthView:
         return _Rays(d, ahead_m, nearest_m, on_ground, through_air)
 
     def touches(self, directions_cam: FloatArray, reach_rad: float) -> BoolArray:
-        """(..., 3) unit vectors → (...): whether the Earth's air comes within an angle of them."""
+        """(..., 3) unit vectors, camera axes → (...): whether the Earth or its air is within an angle of
+        them."""
         nadir_cam = -(self._R_ecef_from_cam.T @ (self._origin_m / _STRETCH))
         nadir_cam /= np.linalg.norm(nadir_cam)
         edge = np.arcsin(min(1.0, (RADIUS_M + TOP_M) / (SEMI_AXES_M[2] / RADIUS_M * self._distance_m)))
@@ -154,7 +164,7 @@ class EarthView:
     def _ground(
         self, d: FloatArray, ahead_m: FloatArray, b_m: FloatArray, pixel_rad: float
     ) -> Float32Array:
-        """(n, 3) radiance of ground, clouds and the air before them."""
+        """(n, 3) radiance of ground, clouds and the air in front of them, for stretched rays."""
         view_cosine = np.sqrt(np.maximum(0, 1 - (b_m / RADIUS_M) ** 2))
         way_m = ahead_m - RADIUS_M * view_cosine
         normal = ((self._origin_m[:, None] + way_m * d.T) * (_STRETCH / RADIUS_M)[:, None]).astype(
@@ -193,14 +203,15 @@ class EarthView:
         sun_cosine: Float32Array,
         footprint_m: Float32Array,
     ) -> None:
-        """Lay clouds over the ground's radiance, in place; all of it (n, ...), per Sun's irradiance."""
+        """Add clouds to the ground's ``radiance`` (n, 3), in place. Radiance and irradiance are per
+        solar irradiance."""
         assert self._earth.clouds is not None
         field, lost, slope = self._earth.clouds.at(normal, latitude, footprint_m, self._t_s)
         field -= np.float32(1.2) * self._earth.ground.aridity(normal, latitude, footprint_m)
         depth = field / (1 + 1.5 * lost)
         cover = np.clip(depth / 1.1 + 0.35, 0, 1)
         cover *= cover * (3 - 2 * cover)
-        # Sides towards the Sun are brighter, the more so the lower it stands.
+        # Sides of clouds that face the Sun are brighter, and the more so the lower it is.
         relief = -(self._sun.astype(np.float32) @ slope) / np.maximum(sun_cosine, 0.15)
         thick = 1 - np.exp(-np.maximum(depth, 0))
         bright = (0.46 + 0.48 * thick) * np.clip(1 + 0.6 * relief, 0.65, 1.25)

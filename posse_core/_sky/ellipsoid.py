@@ -1,4 +1,4 @@
-"""Where rays meet the Earth's ellipsoid. All of it in ECEF axes, metres, float64."""
+"""Intersections of rays with the Earth's ellipsoid, in ECEF axes, metres, float64."""
 
 from __future__ import annotations
 
@@ -15,9 +15,15 @@ SEMI_AXES_M.setflags(write=False)
 def entry_distance_m(
     origin_m: FloatArray, directions: FloatArray, semi_axes_m: FloatArray = SEMI_AXES_M
 ) -> FloatArray:
-    """Distance to the first crossing, ahead, of an ellipsoid about the origin of coordinates.
+    """Distance along rays to the first intersection with an ellipsoid about the origin of coordinates.
 
-    (3,), (..., 3) unit vectors → (...); NaN where the ray misses. The origin of rays is outside.
+    Args:
+        origin_m: (3,) origin of the rays, outside the ellipsoid.
+        directions: (..., 3) unit vectors.
+        semi_axes_m: (3,).
+
+    Returns:
+        (...) distance in m, NaN where the ray misses.
     """
     o = origin_m / semi_axes_m
     d = directions / semi_axes_m

@@ -13,14 +13,13 @@ _SUBSAMPLES = 3
 
 
 def environment_map(earth: EarthView) -> EnvironmentMap:
-    """The Earth's light in all directions, camera axes.
+    """The Earth's radiance in all directions, camera axes.
 
-    Every pixel is the mean over its solid angle, so the map holds the whole light whatever its
-    resolution.
+    Every pixel is the mean over its solid angle, so the total light does not depend on the resolution.
     """
     n = _SUBSAMPLES
     rows, columns = SHAPE
-    # Even steps in the cosine inside a row: every sample stands for the same solid angle.
+    # Steps within a row are uniform in the cosine, so that every sample has the same solid angle.
     edges = np.cos(np.pi * np.arange(rows + 1) / rows)
     steps = (np.arange(n) + 0.5) / n
     cosine = (edges[:-1, None] + np.diff(edges)[:, None] * steps).ravel()[:, None]

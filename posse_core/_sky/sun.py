@@ -9,13 +9,14 @@ from posse_core._model.bands import BAND_CENTRES_M
 from posse_core._model.camera import Camera, PixelBox
 
 MAX_SUBSAMPLES = 8
-"""Per pixel and axis, for the rim of a small disc."""
+"""Maximum number of samples per pixel and axis, for the rim of a small disc."""
 
 
 def box_of_disc(camera: Camera, direction_cam: FloatArray, angular_radius_rad: float) -> PixelBox:
-    """Pixels that a disc in the sky may touch; empty when there are none.
+    """Pixels that a disc in the sky may touch; empty if there are none.
 
-    direction_cam: (3,) unit vector to its middle. The disc is small: under 5 degrees.
+    ``direction_cam`` is the (3,) unit vector to the centre of the disc, camera axes. The angular radius
+    must be under 5 degrees.
     """
     empty = PixelBox(0, 0, 0, 0)
     w, h = camera.width_px - 0.5, camera.height_px - 0.5
@@ -24,9 +25,9 @@ def box_of_disc(camera: Camera, direction_cam: FloatArray, angular_radius_rad: f
     if np.arccos(np.clip(direction_cam[2], -1, 1)) > widest_rad + angular_radius_rad:
         return empty
     u, v = camera.project(direction_cam)
-    if np.isnan(u):  # beyond what the lens maps; a part may still be in the image
+    if np.isnan(u):  # the lens does not map the centre, but part of the disc may be in the image
         return PixelBox(0, 0, camera.width_px, camera.height_px)
-    # A pinhole stretches by 1/cos² along the radius, and the far rim a little more.
+    # A pinhole stretches by 1/cos² in the radial direction, and a little more at the outer rim.
     stretch = camera.stretch[1] / max(direction_cam[2] - np.sin(angular_radius_rad), 0.05) ** 2
     reach_u = camera.fx_px * angular_radius_rad * stretch + 1
     reach_v = camera.fy_px * angular_radius_rad * stretch + 1
@@ -36,9 +37,9 @@ def box_of_disc(camera: Camera, direction_cam: FloatArray, angular_radius_rad: f
 
 
 def subpixel_rays(camera: Camera, box: PixelBox) -> FloatArray:
-    """(h, w, n², 3) unit directions in camera axes through a regular grid in every pixel.
+    """(h, w, n², 3) unit vectors, camera axes, through a regular grid of n × n points in every pixel.
 
-    The wider the box, the less of the disc is rim: n falls from MAX_SUBSAMPLES to 2.
+    The larger the box, the smaller the share of the disc's rim; n falls from MAX_SUBSAMPLES to 2.
     """
     n = int(np.clip(200 / max(box.width, box.height), 2, MAX_SUBSAMPLES))
     steps = (np.arange(n) + 0.5) / n - 0.5
@@ -53,10 +54,11 @@ def limb_darkened(
     angular_radius_rad: float,
     irradiance_rgb_w_m2: FloatArray,
 ) -> Float32Array:
-    """Radiance of the Sun along unit rays: (..., 3) → (..., 3) W m⁻² sr⁻¹.
+    """Radiance of the Sun along unit rays: (..., 3) → (..., 3) W m⁻² sr⁻¹, 0 outside its disc.
 
-    irradiance_rgb_w_m2: (3,) of the whole disc. Limb darkening I ∝ μ^α with α = −0.023 + 0.292 µm/λ
-    (Hestroffer & Magnan 1998, A&A 333, 338), whose mean over the disc is 2/(α + 2).
+    ``irradiance_rgb_w_m2`` (3,) is that of the whole disc. The limb darkening is I ∝ μ^α with
+    α = −0.023 + 0.292 µm/λ (Hestroffer & Magnan 1998, A&A 333, 338), whose mean over the disc is
+    2/(α + 2).
     """
     sine = np.linalg.norm(np.cross(rays_cam, sun_direction_cam), axis=-1)
     inside = (sine < np.sin(angular_radius_rad)) & (rays_cam @ sun_direction_cam > 0)

@@ -15,7 +15,8 @@ from posse_core._model.spacecraft import Material, Part, Spacecraft
 
 @pytest.fixture(scope="session")
 def make_scene() -> Callable[..., Scene]:
-    """meshes by part name, keypoints, and the camera's size and focal length → a scene."""
+    """Returns a function that makes a scene from meshes by part name, keypoints and camera
+    parameters."""
 
     def make(
         meshes: Mapping[str, trimesh.Trimesh],
@@ -47,7 +48,8 @@ def make_scene() -> Callable[..., Scene]:
 
 @pytest.fixture(scope="session")
 def make_state() -> Callable[..., CraftState]:
-    """Pose and Sun direction (body axes) → the craft and its sunlight."""
+    """Returns a function that makes a spacecraft's state from its pose and the Sun's direction, body
+    axes."""
 
     def make(
         t_body_cam_m: tuple[float, float, float],
@@ -69,7 +71,8 @@ def make_state() -> Callable[..., CraftState]:
 
 @pytest.fixture(scope="session")
 def make_plate() -> Callable[..., trimesh.Trimesh]:
-    """Half sizes along x and y, place of the middle, cells a side → a plate in a plane of constant z."""
+    """Returns a function that makes a plate in a plane of constant z from its half sizes along x and y,
+    its centre and its number of cells per side."""
 
     def make(
         half_x: float, half_y: float, middle: tuple[float, float, float] = (0, 0, 0), cells: int = 1

@@ -1,4 +1,4 @@
-"""Views of plates, boxes and spheres, against what a pencil says."""
+"""Views of plates, boxes and spheres against closed forms."""
 
 from __future__ import annotations
 
@@ -78,14 +78,16 @@ def test_a_box_covers_the_hull_of_its_corners(make_scene, make_state, seed):
     assert (mask == (beyond < 0))[clear].all()
     low, high = corners_px.min(axis=0), corners_px.max(axis=0)
     np.testing.assert_allclose(view.whole_box_px, [*low, *(high - low)], rtol=1e-9)
-    # No pixel that the box touches, even at its rim, lies outside view.box.
+    # view.box contains every pixel that the box touches.
     assert (np.array([view.box.x0, view.box.y0]) == np.floor(low + 0.5)).all()
     end = [view.box.x0 + view.box.width, view.box.y0 + view.box.height]
     assert (np.array(end) == np.floor(high + 0.5) + 1).all()
 
 
 @pytest.mark.parametrize("distance_m", [2.5, 40.0, 20e3])
-def test_a_sphere_is_between_its_inscribed_and_circumscribed(make_scene, make_state, distance_m):
+def test_a_faceted_sphere_lies_between_its_inscribed_and_circumscribed_spheres(
+    make_scene, make_state, distance_m
+):
     mesh = trimesh.creation.icosphere(subdivisions=4, radius=1.0)
     inner = np.min(np.sum(mesh.face_normals * mesh.triangles[:, 0], axis=1))
     scene = make_scene({"ball": mesh}, focal_px=15 * distance_m)
@@ -103,7 +105,7 @@ def test_a_sphere_is_between_its_inscribed_and_circumscribed(make_scene, make_st
     far = (along - np.sqrt(np.where(sure, inner**2 - miss**2, 0))) * unit[..., 2]
     slack = 1e-7 * distance_m
     assert ((view.depth_m >= near - slack) & (view.depth_m <= far + slack))[sure].all()
-    # Nothing shades a convex body but itself: a face is lit when it is turned to the Sun.
+    # A convex body casts no shadow on itself: a face is lit if it faces the Sun.
     turned = view.normal_cam @ sun
     clear = view.mask & (np.abs(turned) > 1e-6)
     assert (view.lit == (turned > 0))[clear].all()
@@ -115,7 +117,7 @@ def test_the_shadow_of_one_plate_on_another(make_scene, make_state, make_plate):
     sun = np.array([-0.5, 0.25, -1.0])
     view = RayCaster(scene).view(make_state((0, 0, 8), sun_body=sun))
     x, y, _ = np.moveaxis(directions(scene.camera)[view.box.slices] * 8.0, -1, 0)
-    # A point on the wall is shaded when the way to the Sun meets the shade's plane, 2 m nearer, in it.
+    # A point on the wall is in shadow if the ray to the Sun hits the shade, whose plane is 2 m nearer.
     in_shadow = (np.abs(x + 2 * sun[0] + 1.01) < 0.5) & (np.abs(y + 2 * sun[1] - 0.3) < 0.4)
     wall, shade = view.part_id == 0, view.part_id == 1
     assert (wall & in_shadow).sum() > 20
@@ -146,7 +148,7 @@ def test_keypoints_of_a_cube(make_scene, make_state, seed):
     R, t = random_rotation(seed), np.array([0.4, 0.3, 6.0])
     view = RayCaster(scene).view(make_state(t, R))
     to_camera = -R.T @ t - points
-    # Each ±1 coordinate is a face that holds the point; one that is turned to the camera shows it.
+    # Each ±1 coordinate is a face that contains the point. The point is visible if one faces the camera.
     faces_camera = (np.sign(points) * to_camera > 0) & (np.abs(points) == 1)
     expected = np.where(faces_camera.any(axis=1), VISIBLE, OCCLUDED)
     assert view.keypoints_visibility.tolist() == expected.tolist()
@@ -155,7 +157,7 @@ def test_keypoints_of_a_cube(make_scene, make_state, seed):
     np.testing.assert_allclose(view.keypoints_px[:, 1], 48 * y / z + 23.5, rtol=1e-12)
 
 
-def test_the_thesis_tolerance_is_scaled_to_the_craft(make_scene, make_state, make_plate):
+def test_the_keypoint_tolerance_scales_with_the_spacecraft(make_scene, make_state, make_plate):
     for size_m in (16.7, 1.67):
         depths = {f"T{i}": (0.1, 0.1, size_m / 16.7 * d) for i, d in enumerate((-0.5, 0, 0.054, 0.056))}
         scene = make_scene({"plate": make_plate(size_m / 2, size_m / 4)}, depths)
@@ -163,7 +165,7 @@ def test_the_thesis_tolerance_is_scaled_to_the_craft(make_scene, make_state, mak
         assert view.keypoints_visibility.tolist() == [VISIBLE, VISIBLE, VISIBLE, OCCLUDED]
 
 
-def test_out_of_frame_is_told_from_occluded(make_scene, make_state, make_plate):
+def test_keypoints_outside_the_image_are_not_occluded(make_scene, make_state, make_plate):
     keypoints = {"T1": (0, 0, 1.0), "T2": (-4.5, 0, 1.0), "T3": (0, 0, -6.0), "T4": (-2.0, 0, -0.01)}
     scene = make_scene({"plate": make_plate(5, 1)}, keypoints)
     view = RayCaster(scene).view(make_state((0, 0, 5)))
@@ -172,7 +174,9 @@ def test_out_of_frame_is_told_from_occluded(make_scene, make_state, make_plate):
     assert view.keypoints_px[1, 0] == pytest.approx(31.5 - 48 * 4.5 / 6)
 
 
-def test_the_rim_of_the_image_is_half_a_pixel_out(make_scene, make_state, make_plate):
+def test_the_border_of_the_image_is_half_a_pixel_outside_the_outer_centres(
+    make_scene, make_state, make_plate
+):
     x = [(-0.5 - 31.5) / 48 + s for s in (-1e-6, 1e-6)] + [(63.5 - 31.5) / 48 + s for s in (-1e-6, 1e-6)]
     scene = make_scene({"plate": make_plate(0.1, 0.1)}, {f"T{i}": (s, 0, 0) for i, s in enumerate(x)})
     view = RayCaster(scene).view(make_state((0, 0, 1)))

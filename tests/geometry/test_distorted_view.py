@@ -1,4 +1,4 @@
-"""Labels through a lens: mask, boxes, depth and keypoints against OpenCV and closed forms."""
+"""Labels with a distorting lens: mask, boxes, depth and keypoints against OpenCV and closed forms."""
 
 import dataclasses
 
@@ -55,8 +55,8 @@ def test_a_plate_covers_the_pixels_whose_rays_meet_it(lensed, make_state, make_p
     flat = cv2.undistortPoints(uv[:, None], K, k, R=None, P=None, criteria=criteria)[:, 0]
     rays = np.column_stack([flat, np.ones(len(flat))])
     z = (R[:, 2] @ t) / (rays @ R[:, 2])
-    place = (z[:, None] * rays - t) @ R
-    hit = (z > 0) & (np.abs(place[:, 0]) <= 1.7) & (np.abs(place[:, 1]) <= 0.9)
+    point = (z[:, None] * rays - t) @ R
+    hit = (z > 0) & (np.abs(point[:, 0]) <= 1.7) & (np.abs(point[:, 1]) <= 0.9)
     mask = np.zeros((120, 160), dtype=bool)
     mask[view.box.slices] = view.mask
     assert mask.any()
@@ -91,7 +91,7 @@ def test_extents_are_those_of_densely_projected_edges(distortion, t, seed):
         np.testing.assert_allclose(ours, theirs, atol=2e-3)
 
 
-def test_a_bulging_edge_is_in_the_box_though_its_corners_are_not(lensed, make_state, make_plate):
+def test_the_box_contains_an_edge_that_bulges_beyond_its_corners(lensed, make_state, make_plate):
     scene = lensed(BARREL, {"plate": make_plate(1.5, 1.0)}, width_px=160, height_px=120, focal_px=110)
     view = RayCaster(scene).view(make_state((0, 0, 3.0)))
     corners = opencv_px(scene.camera, np.array([[x, y, 3.0] for x in (-1.5, 1.5) for y in (-1.0, 1.0)]))
@@ -104,7 +104,7 @@ def test_a_bulging_edge_is_in_the_box_though_its_corners_are_not(lensed, make_st
 
 
 @pytest.mark.parametrize("distortion", [BARREL, PINCUSHION])
-def test_the_referee_sees_the_same(lensed, make_state, distortion):
+def test_an_independent_rasteriser_agrees(lensed, make_state, distortion):
     ball = trimesh.creation.icosphere(3, radius=1.2)
     scene = lensed(distortion, {"ball": ball}, width_px=120, height_px=90, focal_px=75)
     view = RayCaster(scene).view(make_state((0.9, -0.5, 2.6)))
@@ -116,21 +116,24 @@ def test_the_referee_sees_the_same(lensed, make_state, distortion):
     np.testing.assert_allclose(depth[seen], expected[seen], rtol=1e-6)
 
 
-def test_keypoints_are_opencvs_and_gone_beyond_the_lens(lensed, make_state, make_plate):
+def test_keypoints_agree_with_opencv_and_are_nan_beyond_the_lens(lensed, make_state, make_plate):
     points = {"near": (0.5, 0.3, 0.0), "edge": (1.9, 0.0, 0.0), "far": (9.0, 0.0, 0.0)}
     lens = BrownConrady(k1=-0.3)
     scene = lensed(lens, {"plate": make_plate(2, 1)}, points, width_px=160, height_px=120, focal_px=180)
     view = RayCaster(scene).view(make_state((0, 0, 5.0)))
     expected = opencv_px(scene.camera, np.add([*points.values()], [0, 0, 5.0]))
     np.testing.assert_allclose(view.keypoints_px[:2], expected[:2], atol=1e-9)
-    # OpenCV's polynomial has turned back here, and puts the point into the image.
+    # Here OpenCV's polynomial has folded over and projects the point into the image.
     assert 0 < expected[2, 0] < 160
     assert np.isnan(view.keypoints_px[2]).all()
     assert view.keypoints_visibility[2] == NOT_IN_FRAME
 
 
-def test_a_craft_beyond_the_lens_has_no_whole_box_and_its_mask_is_right(lensed, make_state, make_plate):
-    """A plate that leaves what the lens maps: the mask is that of the plate cut to what it maps."""
+def test_a_spacecraft_beyond_the_lens_has_no_whole_box_but_the_right_mask(
+    lensed, make_state, make_plate
+):
+    """For a plate that extends beyond the lens's reach, the mask is that of the plate cut to the
+    reach."""
     size = {"width_px": 80, "height_px": 60, "focal_px": 60}
     wide = lensed(BARREL, {"plate": make_plate(40, 0.5)}, **size)
     cut = lensed(BARREL, {"plate": make_plate(3.2, 0.5)}, **size)

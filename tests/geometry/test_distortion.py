@@ -1,4 +1,5 @@
-"""The lens: its projection against OpenCV's, its inverse, and the refusal of lenses that fold over."""
+"""Lens distortion: its projection against OpenCV's, its inverse, and the refusal of lenses that fold
+over."""
 
 import dataclasses
 
@@ -32,7 +33,7 @@ LENSES = st.builds(
 
 
 def fitting(distortion: BrownConrady, focal_px: float) -> Camera:
-    """A camera with this lens, or no example where the lens folds over inside the image."""
+    """A camera with this lens; the example is rejected if the lens folds over inside the image."""
     try:
         return camera(distortion, focal_px)
     except ValueError:
@@ -42,7 +43,7 @@ def fitting(distortion: BrownConrady, focal_px: float) -> Camera:
 
 @settings(max_examples=40, deadline=None)
 @given(LENSES, st.floats(180, 900))
-def test_projection_is_opencvs(distortion, focal_px):
+def test_projection_agrees_with_opencv(distortion, focal_px):
     cam = fitting(distortion, focal_px)
     rays = cam.rays(cam.border_px()[::7]) * np.linspace(0.3, 1, len(cam.border_px()[::7]))[:, None] ** [
         1,
@@ -58,13 +59,13 @@ def test_projection_is_opencvs(distortion, focal_px):
 
 @settings(max_examples=40, deadline=None)
 @given(LENSES, st.floats(180, 900))
-def test_rays_and_projection_undo_each_other_in_the_whole_image(distortion, focal_px):
+def test_rays_invert_the_projection_in_the_whole_image(distortion, focal_px):
     cam = fitting(distortion, focal_px)
     uv = np.stack(np.meshgrid(np.linspace(-0.5, 319.5, 23), np.linspace(-0.5, 199.5, 17)), -1)
     np.testing.assert_allclose(cam.project(cam.rays(uv)), uv, rtol=0, atol=1e-9)
 
 
-def test_rays_are_opencvs_by_its_own_iteration():
+def test_rays_agree_with_opencvs_iteration():
     cam = camera(SPEED_PLUS)
     uv = cam.border_px()
     criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-15)
@@ -76,8 +77,9 @@ def test_rays_are_opencvs_by_its_own_iteration():
 
 @settings(max_examples=40, deadline=None)
 @given(LENSES)
-def test_no_two_directions_within_reach_share_a_place(distortion):
-    """Rings of directions out to the reach: each image winds once about those within it."""
+def test_no_two_directions_within_reach_share_an_image_position(distortion):
+    """The image of each ring of directions, out to the reach, winds exactly once around the points of a
+    smaller ring."""
     reach = min(distortion.reach, 3.0)
     turn = np.linspace(0, 2 * np.pi, 181)
     for radius in np.linspace(0.1, 0.999, 6) * reach:
@@ -91,7 +93,7 @@ def test_no_two_directions_within_reach_share_a_place(distortion):
         assert np.all(np.diff(angle) > -1e-9)
 
 
-def test_reach_is_where_a_radial_lens_turns_back():
+def test_reach_ends_where_a_radial_lens_folds_over():
     # d/dr (r − 0.3 r³) = 0
     assert BrownConrady(k1=-0.3).reach == pytest.approx(np.sqrt(1 / 0.9))
     assert BrownConrady(k1=0.3).reach == 10.0  # 84 degrees
@@ -101,7 +103,7 @@ def test_reach_is_where_a_radial_lens_turns_back():
 
 @settings(max_examples=40, deadline=None)
 @given(LENSES, st.floats(180, 900))
-def test_jacobians_are_the_projections_differences(distortion, focal_px):
+def test_jacobians_agree_with_finite_differences_of_the_projection(distortion, focal_px):
     cam = fitting(distortion, focal_px)
     uv = np.array([[3.0, 5.0], [160.0, 100.0], [300.0, 180.0]])
     points = cam.rays(uv) * 9.0
@@ -122,7 +124,7 @@ def test_a_lens_that_folds_over_in_the_image_is_refused():
         camera(BrownConrady(k1=-0.3), focal_px=250.0)
 
 
-def test_without_distortion_nothing_is_changed():
+def test_zero_distortion_changes_nothing():
     plain, zero = camera(None), camera(BrownConrady())
     points = np.random.default_rng(1).normal([0, 0, 6], [1, 1, 1], (50, 3))
     np.testing.assert_allclose(zero.project(points), plain.project(points), rtol=0, atol=1e-12)

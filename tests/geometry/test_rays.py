@@ -1,4 +1,5 @@
-"""Rays against a plain Möller–Trumbore in camera axes, and where rays go wrong: edges, near, far."""
+"""Rays against a plain Möller–Trumbore intersection in camera axes, and difficult cases: edges, near and
+far distances."""
 
 from __future__ import annotations
 
@@ -21,8 +22,12 @@ seeds = st.integers(0, 2**32 - 1)
 
 
 def moller_trumbore(corners, origins, directions):
-    """Möller and Trumbore (1997), all rays on all triangles: distance (N, T), infinite where missed,
-    and the least barycentric coordinate (N, T) of the plane's point, 0 on an edge."""
+    """Intersect all rays with all triangles (Möller and Trumbore 1997).
+
+    Returns:
+        Distance (N, T), infinite for a miss, and the least barycentric coordinate (N, T) of the point on
+        the triangle's plane, which is 0 on an edge.
+    """
     a, b, c = np.moveaxis(corners, 1, 0)
     p = np.cross(directions[:, None], (c - a)[None])
     det = np.sum((b - a) * p, axis=-1)
@@ -46,8 +51,8 @@ def fields(view: View) -> dict[str, np.ndarray]:
 
 
 @given(seeds, st.sampled_from([0.5, 4.0, 30.0, 100e3]))
-def test_every_ray_meets_what_brute_force_meets(make_scene, make_state, seed, distance_m):
-    """At 0.5 m the camera is inside the craft, which reaches behind it."""
+def test_every_ray_hits_the_triangle_of_an_exhaustive_search(make_scene, make_state, seed, distance_m):
+    """At 0.5 m the camera is inside the spacecraft, which also reaches behind it."""
     rng = np.random.default_rng(seed)
     meshes = {"a": soup(rng, 20), "b": soup(rng, 20)}
     scene = make_scene(meshes, width_px=24, height_px=18, focal_px=6 * distance_m)
@@ -63,7 +68,9 @@ def test_every_ray_meets_what_brute_force_meets(make_scene, make_state, seed, di
     nearest = z.argmin(axis=1)
     depth = z[np.arange(len(d)), nearest]
     hit = np.isfinite(depth)
-    clear = np.abs(least).min(axis=1) > 1e-5  # no edge so near that Embree may take either side
+    clear = (
+        np.abs(least).min(axis=1) > 1e-5
+    )  # far enough from edges that Embree's rounding does not matter
     assert clear.mean() > 0.98
     expected_part = np.where(hit, nearest // 20, -1)
     assert (view.part_id.ravel() == expected_part)[clear].all()
@@ -77,19 +84,19 @@ def test_every_ray_meets_what_brute_force_meets(make_scene, make_state, seed, di
     np.testing.assert_allclose(view.normal_cam.reshape(-1, 3)[rays], normal, atol=1e-6)
     sun_cam = R @ sun
     points = d[rays] * depth[rays, None]
-    way, least = moller_trumbore(corners, points, np.broadcast_to(sun_cam, points.shape))
-    way[np.arange(len(rays)), nearest[rays]] = np.inf
-    clear = (np.abs(least).min(axis=1) > 1e-5) & (way.min(axis=1, initial=np.inf) > 1e-3)
-    lit = (np.sum(normal * sun_cam, axis=1) > 0) & ~np.isfinite(way).any(axis=1)
+    blocked, least = moller_trumbore(corners, points, np.broadcast_to(sun_cam, points.shape))
+    blocked[np.arange(len(rays)), nearest[rays]] = np.inf
+    clear = (np.abs(least).min(axis=1) > 1e-5) & (blocked.min(axis=1, initial=np.inf) > 1e-3)
+    lit = (np.sum(normal * sun_cam, axis=1) > 0) & ~np.isfinite(blocked).any(axis=1)
     assert (view.lit.ravel()[rays] == lit)[clear].all()
 
 
-def test_a_ray_along_an_edge_meets_it(make_scene, make_state, make_plate):
-    """A plate cut into squares whose edges and corners lie on pixel centres has no holes."""
+def test_rays_through_shared_edges_leave_no_holes(make_scene, make_state, make_plate):
+    """The plate is divided into squares whose edges and corners lie on pixel centres."""
     scene = make_scene({"plate": make_plate(2, 2, cells=16)}, width_px=33, height_px=33, focal_px=16)
     view = RayCaster(scene).view(make_state((0, 0, 4), sun_body=(0.1, 0.2, -1)))
     assert view.mask.shape == (17, 17)
-    assert view.mask[1:-1, 1:-1].all()  # the plate's own rim may fall on either side
+    assert view.mask[1:-1, 1:-1].all()  # rounding decides at the plate's border
     assert (view.depth_m[view.mask] == 4).all()
     assert (view.lit == view.mask).all()
 
@@ -104,7 +111,7 @@ def test_a_closed_body_has_no_holes(make_scene, make_state, seed):
     assert not inside.lit.any()
 
 
-def test_the_camera_inside_a_cube_sees_its_walls(make_scene, make_state):
+def test_a_camera_inside_a_cube_sees_its_walls(make_scene, make_state):
     scene = make_scene({"cube": trimesh.creation.box((4, 4, 4))})
     view = RayCaster(scene).view(make_state((0.5, 0.1, 0.3)))
     d = scene.camera.rays(view.box.pixel_centres_px())
@@ -114,7 +121,7 @@ def test_the_camera_inside_a_cube_sees_its_walls(make_scene, make_state):
     assert np.isnan(view.whole_box_px).all()
 
 
-def test_a_face_seen_edge_on_is_not_there(make_scene, make_state, make_plate):
+def test_a_face_seen_edge_on_covers_no_pixel(make_scene, make_state, make_plate):
     edge_on = Rotation.from_euler("x", 90, degrees=True).as_matrix()
     edge_on = np.round(edge_on)
     scene = make_scene({"plate": make_plate(1, 1)}, width_px=33, height_px=33, focal_px=32)
@@ -124,15 +131,16 @@ def test_a_face_seen_edge_on_is_not_there(make_scene, make_state, make_plate):
 
 
 def entry(camera, d, half):
-    """Where rays (3, N) enter the box of half sides (3,) about the origin, infinite where they miss."""
+    """(N,) parameter at which rays (3, N) enter the box of half sides (3,) about the origin; infinite
+    for a miss."""
     near, far = np.sort([(s * half[:, None] - camera[:, None]) / d for s in (-1, 1)], axis=0)
     near, far = near.max(axis=0), far.min(axis=0)
     return np.where(near <= far, near, np.inf)
 
 
 @given(seeds)
-def test_rays_along_a_long_face_are_settled_in_double_precision(make_scene, seed):
-    """Within 1e-6 of the face's plane: what Embree says there is a matter of luck."""
+def test_rays_along_a_long_face_are_decided_in_double_precision(make_scene, seed):
+    """The camera is within 1e-6 m of the face's plane, where Embree's result is arbitrary."""
     rng = np.random.default_rng(seed)
     half = np.array([5.0, 0.1, 0.1])
     tracer = Tracer(Triangles.of(make_scene({"beam": trimesh.creation.box(2 * half)}).spacecraft))
@@ -146,7 +154,7 @@ def test_rays_along_a_long_face_are_settled_in_double_precision(make_scene, seed
     assert not np.isfinite(entry(camera, d, half - 1e-5)[~found]).any()
 
 
-def test_behind_the_camera_there_is_nothing(make_scene, make_state):
+def test_a_spacecraft_behind_the_camera_is_not_seen(make_scene, make_state):
     scene = make_scene({"cube": trimesh.creation.box((2, 2, 2))}, {"T1": (0, 0, -1)})
     view = RayCaster(scene).view(make_state((0, 0, -5)))
     assert view.box.is_empty
@@ -157,7 +165,7 @@ def test_behind_the_camera_there_is_nothing(make_scene, make_state):
 
 
 @pytest.mark.parametrize("where_m", [(4.0, 1.0, 8.0), (-6.0, 0.3, 8.0), (20.0, 3.0, 8.0), (0, 0, 2.0)])
-def test_the_silhouette_is_that_of_a_larger_image(make_scene, make_state, where_m):
+def test_the_silhouette_agrees_with_a_larger_image(make_scene, make_state, where_m):
     meshes = {"knot": trimesh.creation.torus(1.3, 0.4, 24, 12)}
     R = Rotation.from_euler("xyz", (0.4, 0.9, 0.2)).as_matrix()
     view = RayCaster(make_scene(meshes)).view(make_state(where_m, R))
@@ -170,7 +178,7 @@ def test_the_silhouette_is_that_of_a_larger_image(make_scene, make_state, where_
     assert view.mask.sum() == cut[200:248, 200:264].sum()
 
 
-def test_an_enormous_silhouette_is_sampled(make_scene, make_state, make_plate, monkeypatch):
+def test_a_very_large_silhouette_is_sampled(make_scene, make_state, make_plate, monkeypatch):
     scene = make_scene({"plate": make_plate(3, 3)})
     state = make_state((0.2, 0.1, 0.5))
     exact = RayCaster(scene).view(state).silhouette_px
@@ -179,7 +187,7 @@ def test_an_enormous_silhouette_is_sampled(make_scene, make_state, make_plate, m
     assert exact == pytest.approx((2 * 3 * 48 / 0.5) ** 2, rel=0.01)
 
 
-def test_a_craft_smaller_than_a_pixel_has_a_box_but_no_mask(make_scene, make_state):
+def test_a_spacecraft_smaller_than_a_pixel_has_a_box_but_no_mask(make_scene, make_state):
     scene = make_scene({"cube": trimesh.creation.box((2, 2, 2))}, {"T1": (0, 0, -1)})
     view = RayCaster(scene).view(make_state((300.0, 100.0, 100e3)))
     assert (view.box.width, view.box.height, view.silhouette_px) == (1, 1, 0)
@@ -187,7 +195,7 @@ def test_a_craft_smaller_than_a_pixel_has_a_box_but_no_mask(make_scene, make_sta
     assert view.keypoints_visibility.tolist() == [2]
 
 
-def test_triangles_without_an_area_harm_nothing(make_scene, make_state, make_plate):
+def test_triangles_without_area_change_nothing(make_scene, make_state, make_plate):
     plate = make_plate(1, 1)
     faces = np.concatenate([plate.faces, [[0, 0, 1], [2, 2, 2]]])
     broken = trimesh.Trimesh(plate.vertices, faces, process=False)
@@ -198,7 +206,7 @@ def test_triangles_without_an_area_harm_nothing(make_scene, make_state, make_pla
         np.testing.assert_array_equal(array, fields(bad)[name])
 
 
-def test_views_are_the_same_bits_in_any_order_and_any_crop(make_scene, make_state, monkeypatch):
+def test_views_are_equal_to_the_bit_in_any_order_and_any_crop(make_scene, make_state, monkeypatch):
     meshes = {"knot": trimesh.creation.torus(1.3, 0.4, 48, 24), "box": trimesh.creation.box((3, 1, 1))}
     scene = make_scene(meshes, {"T1": (0.1, 0.2, 0.3)}, width_px=160, height_px=120, focal_px=110)
     turns = Rotation.random(3, np.random.default_rng(1)).as_matrix()

@@ -1,12 +1,12 @@
 #version 330 core
 // glTF 2.0 metallic-roughness (specification, appendix B) under the Sun and an environment map.
 const float PI = 3.14159265358979;
-const float PREFILTERED_STEP = 0.25;  // roughness between the layers of prefiltered
-// Light is not linear in roughness and normal: they are read two mipmaps too fine, and the samples of a
-// pixel average the light instead.
+const float PREFILTERED_STEP = 0.25;  // difference in roughness between the layers of prefiltered
+// Radiance is not linear in roughness and normal. Both are therefore read two mipmap levels finer than
+// usual, and the radiance is averaged over the samples of a pixel instead.
 const float FINER = -2.0;
 const float DIFFUSE_LAYER = 4.0;
-const float STEEPEST = 20.0;  // slope of a face, seen from the Sun, up to which it is lifted
+const float STEEPEST = 20.0;  // largest slope of a face, seen from the Sun, for the shadow map's offset
 
 uniform vec3 sun_direction;
 uniform vec3 sun_irradiance_rgb_w_m2;
@@ -16,7 +16,7 @@ uniform float shadow_texel_m;
 uniform sampler2DShadow shadow_map;
 
 uniform bool has_environment;
-uniform sampler2D environment;          // radiance, as in posse_core.model.scene.EnvironmentMap
+uniform sampler2D environment;          // radiance, as in posse_core.EnvironmentMap
 uniform sampler2DArray prefiltered;     // lobes of roughness ¼ ½ ¾ 1, then the cosine lobe
 uniform sampler2D lobe_albedo;          // (n·v, roughness) → scale and bias of F0
 
@@ -31,13 +31,13 @@ in vec2 texture_uv;
 
 out vec4 radiance_and_z;
 
-vec2 map_place(vec3 d) {
+vec2 map_uv(vec3 d) {
     return vec2(atan(d.x, d.z) / (2.0 * PI) + 0.5, acos(clamp(-d.y, -1.0, 1.0)) / PI);
 }
 
-// The normal, and by how much the normals of the area that it stands for widen a lobe's alpha².
+// The normal, and the amount that the spread of normals below it adds to a lobe's alpha².
 vec4 mapped_normal(vec3 n) {
-    // Tangents from the derivatives of position and texture coordinates: none need be stored.
+    // The tangents follow from the derivatives of position and texture coordinates.
     vec3 dp_x = dFdx(position_m), dp_y = dFdy(position_m);
     vec2 dt_x = dFdx(texture_uv), dt_y = dFdy(texture_uv);
     vec3 across_x = cross(n, dp_x), across_y = cross(dp_y, n);
@@ -46,7 +46,8 @@ vec4 mapped_normal(vec3 n) {
     vec3 down = (across_y * dt_x.y + across_x * dt_y.y) * sign(side);
     float scale = inversesqrt(max(max(dot(tangent, tangent), dot(down, down)), 1e-30));
     vec3 t = texture(normal_texture, texture_uv, FINER).xyz;
-    // Normals that differ have a mean shorter than 1: by 1 − |t| their slopes vary (Toksvig 2005).
+    // The mean of differing normals is shorter than 1; its length gives the variance of their slopes
+    // (Toksvig 2005).
     float size = length(t);
     vec3 mapped = normalize(tangent * scale * t.x - down * scale * t.y + n * t.z);
     return vec4(mapped, 2.0 * max(1.0 - size, 0.0) / size);
@@ -55,12 +56,13 @@ vec4 mapped_normal(vec3 n) {
 float sun_visible(vec3 face_normal) {
     float n_l = dot(face_normal, sun_direction);
     if (n_l <= 0.0) return 0.0;
-    // The map's depth is of its texels' centres: a face shades itself by its slope over a texel, unless
-    // it is moved towards the Sun by as much. Moved so, and not off the face, shadows stay in place.
+    // The shadow map holds the depth of texel centres, so a sloping face would shade itself. The point is
+    // therefore moved towards the Sun by the change of depth over a texel. A move along the face's normal
+    // would shift the edges of shadows.
     float slope = min(sqrt(max(1.0 - n_l * n_l, 0.0)) / n_l, STEEPEST);
     float lift = shadow_texel_m * (0.2 + 1.5 * slope);
-    vec4 place = shadow_from_cam * vec4(position_m + lift * sun_direction, 1.0);
-    return texture(shadow_map, place.xyz * 0.5 + 0.5);
+    vec4 position = shadow_from_cam * vec4(position_m + lift * sun_direction, 1.0);
+    return texture(shadow_map, position.xyz * 0.5 + 0.5);
 }
 
 void main() {
@@ -68,7 +70,7 @@ void main() {
     vec3 face_normal = normalize(cross(dFdx(position_m), dFdy(position_m)));
     if (dot(face_normal, v) < 0.0) face_normal = -face_normal;
     vec3 n = normalize(normal);
-    bool behind = dot(n, face_normal) < 0.0;  // both sides of a face are seen
+    bool behind = dot(n, face_normal) < 0.0;  // both sides of a face are visible
     float widening = 0.0;
     if (has_normal_map) {
         vec4 mapped = mapped_normal(n);
@@ -91,10 +93,10 @@ void main() {
     if (n_l > 0.0) {
         vec3 h = normalize(v + sun_direction);
         float n_h = max(dot(n, h), 0.0), v_h = clamp(dot(v, h), 0.0, 1.0);
-        // The Sun's disc widens the lobe: a mirror then shows E/(π σ²) at its middle, as it should.
+        // The Sun's disc widens the lobe, so that a mirror shows the right E/(π σ²) at its centre.
         float half_disc = 0.5 * sun_angular_radius_rad;
         float a2 = rough * rough * rough * rough + half_disc * half_disc;
-        // 1 − n_h² as |n × h|²: the difference would lose the lobe of a mirror to rounding.
+        // 1 − n_h² is computed as |n × h|², because rounding of the difference would spoil a mirror's lobe.
         vec3 off = cross(n, h);
         float d = n_h * n_h * a2 + dot(off, off);
         float distribution = a2 / (PI * d * d);
@@ -108,7 +110,7 @@ void main() {
     if (has_environment) {
         vec2 albedo = texture(lobe_albedo, vec2(n_v, rough)).rg;
         vec3 fresnel = f0 * albedo.x + f90 * albedo.y;
-        vec2 mirrored = map_place(reflect(-v, n));
+        vec2 mirrored = map_uv(reflect(-v, n));
         float layer = rough / PREFILTERED_STEP - 1.0;
         vec3 lobe;
         if (layer <= 0.0) {
@@ -119,7 +121,7 @@ void main() {
                        texture(prefiltered, vec3(mirrored, ceil(layer))).rgb, fract(layer));
         }
         float coat = max(max(fresnel.r, fresnel.g), fresnel.b) * (1.0 - metal);
-        vec3 even = texture(prefiltered, vec3(map_place(n), DIFFUSE_LAYER)).rgb;
+        vec3 even = texture(prefiltered, vec3(map_uv(n), DIFFUSE_LAYER)).rgb;
         radiance += lobe * fresnel + even * PI * diffuse * (1.0 - coat);
     }
     radiance_and_z = vec4(radiance, position_m.z);

@@ -1,5 +1,5 @@
 #version 330 core
-// From samples to pixels: the mean over a pixel's samples, and the depth of the one in the middle.
+// Averages the samples of each pixel, and takes the depth of the sample at its centre.
 uniform sampler2D samples;
 uniform int samples_per_axis;
 

@@ -1,4 +1,5 @@
-"""The core's annotators: what each writes of a :class:`View`. docs/labels.md tells every key."""
+"""The core's annotators. Each derives its labels from a :class:`View`; docs/labels.md explains every
+key."""
 
 from __future__ import annotations
 
@@ -91,7 +92,8 @@ class PoseAnnotator(Annotator):
 
     def annotate(self, scene: Scene, frame: FrameState, view: View) -> Labels:
         sun, camera = frame.craft.sun_direction_cam, -frame.craft.t_body_cam_m
-        # The arc tangent keeps its digits near 0 and π, where the arc cosine loses half of them.
+        # Near 0 and π the arc tangent keeps its precision, while the arc cosine loses half of its
+        # digits.
         phase_rad = np.arctan2(np.linalg.norm(np.cross(sun, camera)), np.sum(sun * camera))
         return Labels(
             {

@@ -1,8 +1,9 @@
 """COCO's compressed run-length code of a mask, as pycocotools and ``posse_core._formats.rle`` read it.
 
-The runs go down the columns and begin with a run outside the mask. From the fourth on, a run is
-stored as its difference to the one two before it. Each number is cut into groups of five bits, least
-first, two's complement; bit 6 says that more follow, and 48 is added to make it a printable letter.
+The runs go down the columns, and the first run is outside the mask. From the fourth run on, a run is
+stored as its difference to the one two before it. Each number, in two's complement, is split into groups
+of five bits, least significant first. A sixth bit says that more groups follow, and 48 is added to get a
+printable letter.
 """
 
 from __future__ import annotations
@@ -14,12 +15,12 @@ from posse_core._model.camera import PixelBox
 
 
 def encode(mask: BoolArray, box: PixelBox, height_px: int, width_px: int) -> str:
-    """Code a mask that is False outside a box.
+    """Encode a mask that is False outside a box.
 
     Args:
         mask: (box.height, box.width).
-        box: where it lies in the image.
-        height_px, width_px: of the image.
+        box: the part of the image that the mask covers.
+        height_px, width_px: size of the image.
     """
     strip = np.zeros((box.width, height_px), dtype=np.bool_)
     strip[:, box.slices[0]] = mask.T
@@ -39,7 +40,7 @@ def _letters(runs: IntArray) -> str:
     while written[-1].any():
         group = left & 0x1F
         left = left >> 5
-        # A number ends when what is left is but the sign that its highest written bit has.
+        # A number ends when the remaining bits only repeat the sign bit of the last group.
         more = written[-1] & (left != np.where(group & 0x10, -1, 0))
         groups.append(group | np.where(more, 0x20, 0))
         written.append(more)

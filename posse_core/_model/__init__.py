@@ -1,1 +1,1 @@
-"""The records that flow between components, none of which knows how it was made."""
+"""The records that components exchange. They do not depend on how they were made."""

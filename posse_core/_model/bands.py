@@ -1,8 +1,8 @@
-"""The three spectral bands that all light in POSSE is carried in.
+"""The three spectral bands in which POSSE represents all light.
 
-Blue, green and red are the adjoining intervals 400–500, 500–600 and 600–700 nm, flat inside. So
-linear RGB of a material is its reflectance in these bands, and the panchromatic band is their sum.
-Order of the last axis of every radiance array: red, green, blue.
+Blue, green and red are the adjoining intervals 400–500, 500–600 and 600–700 nm, with a flat response.
+The linear RGB values of a material are its reflectances in these bands, and the panchromatic band is
+their sum. The last axis of every radiance array is in the order red, green, blue.
 """
 
 from __future__ import annotations
@@ -42,5 +42,5 @@ _STEFAN_BOLTZMANN = 5.670_374_419e-8
 SOLAR_BAND_FRACTIONS: FloatArray = (
     band_radiance_w_m2_sr(SUN_TEMPERATURE_K) * np.pi / (_STEFAN_BOLTZMANN * SUN_TEMPERATURE_K**4)
 )
-"""(3,) share of the total solar irradiance in the red, green and blue band (black body of 5772 K)."""
+"""(3,) shares of the total solar irradiance in the red, green and blue band (black body of 5772 K)."""
 SOLAR_BAND_FRACTIONS.setflags(write=False)

@@ -1,4 +1,4 @@
-"""The camera in OpenCV axes (x right, y down, z forward): a pinhole, or a lens that distorts."""
+"""The camera in OpenCV axes (x right, y down, z forward): a pinhole, or one with a distorting lens."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from posse_core._model.distortion import BrownConrady
 
 @dataclass(frozen=True)
 class Camera:
-    """Intrinsics. The centre of the top-left pixel is (0, 0).
+    """The intrinsics of a camera. The centre of the top-left pixel is (0, 0).
 
     Attributes:
-        width_px, height_px: image size.
+        width_px, height_px: size of the image.
         fx_px, fy_px: focal lengths in pixels.
-        cx_px, cy_px: principal point; an image's middle is ((W − 1)/2, (H − 1)/2).
-        sensor_width_m: physical width of the sensor; gives the pixel pitch and the focal length.
-        line_time_s: from one row's exposure to the next one's; 0 for all rows at once.
-        distortion: of the lens; None for a pinhole.
+        cx_px, cy_px: principal point; the centre of the image is ((W − 1)/2, (H − 1)/2).
+        sensor_width_m: physical width of the sensor; it gives the pixel pitch and the focal length.
+        line_time_s: time from the exposure of one row to that of the next; 0 for a global shutter.
+        distortion: distortion of the lens; None for a pinhole.
 
     Raises:
         ValueError: the distortion folds over inside the image.
@@ -41,9 +41,9 @@ class Camera:
     def __post_init__(self) -> None:
         if self.distortion is not None and np.isnan(self.rays(self.border_px())).any():
             raise ValueError(
-                "the distortion folds over inside the image: it is one to one only up to"
+                "the distortion folds over inside the image: it is one-to-one only up to"
                 f" {np.degrees(np.arctan(self.distortion.reach)):.3g} degrees from the axis;"
-                " take the coefficients of a calibration that reaches the corners, or a narrower field"
+                " use coefficients of a calibration that covers the corners, or a narrower field of view"
             )
 
     @property
@@ -53,22 +53,22 @@ class Camera:
 
     @property
     def distortion_coefficients(self) -> FloatArray:
-        """(5,) k₁, k₂, p₁, p₂, k₃ as OpenCV takes them; zeros for a pinhole."""
+        """(5,) k₁, k₂, p₁, p₂, k₃ in OpenCV's order; zeros for a pinhole."""
         return (self.distortion or BrownConrady()).coefficients
 
     @property
     def pixel_pitch_m(self) -> float:
-        """Width of a pixel on the sensor."""
+        """Width of a pixel on the sensor, m."""
         return self.sensor_width_m / self.width_px
 
     @property
     def focal_length_m(self) -> float:
-        """Distance between the pinhole and the sensor."""
+        """Distance between the pinhole and the sensor, m."""
         return self.fx_px * self.pixel_pitch_m
 
     @cached_property
     def stretch(self) -> tuple[float, float]:
-        """Least and largest factor by which the lens stretches a short line, over the image."""
+        """Smallest and largest factor by which the lens stretches a short line anywhere in the image."""
         if self.distortion is None:
             return 1.0, 1.0
         u, v = np.linspace(-0.5, self.width_px - 0.5, 65), np.linspace(-0.5, self.height_px - 0.5, 65)
@@ -79,22 +79,23 @@ class Camera:
 
     @property
     def pixel_rad(self) -> float:
-        """The largest angle that a pixel's width sees."""
+        """The largest angle that the width of a pixel subtends, rad."""
         return 1 / (self.fx_px * self.stretch[0])
 
     def row_after_s(self, v_px: FloatArray) -> FloatArray:
-        """When a row is exposed, against the frame's instant: any shape, pixels → seconds.
+        """Time of a row's exposure relative to the frame's instant: vertical positions in pixels, of any
+        shape → seconds.
 
-        The instant is the middle row's. Places above and below the image have its first and last
-        row's time.
+        The frame's instant is that of the middle row. Positions above and below the image have the time
+        of its first and last row.
         """
         middle_px = (self.height_px - 1) / 2
         return np.asarray(self.line_time_s * np.clip(v_px - middle_px, -middle_px, middle_px))
 
     def project(self, x_cam_m: FloatArray) -> FloatArray:
-        """Project points: (..., 3) metres in camera axes → (..., 2) pixels.
+        """Project points: (..., 3) camera axes, m → (..., 2) image positions (u, v), px.
 
-        NaN where z ≤ 0, and beyond the reach of the distortion.
+        The result is NaN where z ≤ 0 and beyond the reach of the distortion.
         """
         x_cam_m = np.asarray(x_cam_m, dtype=np.float64)
         z = x_cam_m[..., 2]
@@ -108,10 +109,10 @@ class Camera:
         return np.stack([u, v], axis=-1)
 
     def rays(self, uv_px: FloatArray) -> FloatArray:
-        """Directions through pixels: (..., 2) pixels → (..., 3) in camera axes with z = 1.
+        """Directions through image positions: (..., 2) px → (..., 3) in camera axes with z = 1.
 
-        Never NaN within the image; outside of it, where no direction within the distortion's reach is
-        seen.
+        The result is never NaN within the image. Outside it is NaN where no direction within the
+        distortion's reach is projected.
         """
         uv_px = np.asarray(uv_px, dtype=np.float64)
         x = (uv_px[..., 0] - self.cx_px) / self.fx_px
@@ -121,21 +122,23 @@ class Camera:
         return np.stack([x, y, np.ones_like(x)], axis=-1)
 
     def project_jacobian(self, x_cam_m: FloatArray) -> FloatArray:
-        """Derivative of the projection: (..., 3) metres, z > 0 → (..., 2, 3) pixels a metre."""
+        """Derivative of the projection: (..., 3) camera axes, m, z > 0 → (..., 2, 3) pixels per
+        metre."""
         x, y = x_cam_m[..., 0] / x_cam_m[..., 2], x_cam_m[..., 1] / x_cam_m[..., 2]
         one, zero = np.ones_like(x), np.zeros_like(x)
         xx, xy, yy = (one, zero, one) if self.distortion is None else self.distortion.jacobian(x, y)
-        by_place = np.stack([np.stack([one, zero, -x], -1), np.stack([zero, one, -y], -1)], -2)
+        by_ray = np.stack([np.stack([one, zero, -x], -1), np.stack([zero, one, -y], -1)], -2)
         by_lens = np.stack(
             [self.fx_px * np.stack([xx, xy], -1), self.fy_px * np.stack([xy, yy], -1)], -2
         )
-        return np.asarray(by_lens @ by_place / x_cam_m[..., 2, None, None])
+        return np.asarray(by_lens @ by_ray / x_cam_m[..., 2, None, None])
 
     def area_seen(self, uv_px: FloatArray) -> FloatArray:
-        """Pixels of the pinhole's image that fall into one pixel: (..., 2) pixels → (...).
+        """Number of pixels of an undistorted image that fall into one pixel: (..., 2) positions, px →
+        (...).
 
-        It is the pixel's solid angle over that of the pinhole's pixel in the same direction: 1 without
-        distortion.
+        It is the solid angle of the pixel divided by that of an undistorted pixel in the same direction;
+        1 without distortion.
         """
         if self.distortion is None:
             return np.ones(np.shape(uv_px)[:-1])
@@ -144,7 +147,7 @@ class Camera:
         return np.asarray(1 / (xx * yy - xy * xy))
 
     def border_px(self) -> FloatArray:
-        """(N, 2) every pixel's corner on the image's border."""
+        """(N, 2) positions of all pixel corners on the border of the image."""
         u = np.arange(self.width_px + 1) - 0.5
         v = np.arange(self.height_px + 1) - 0.5
         return np.concatenate(
@@ -168,16 +171,16 @@ class PixelBox:
         return slice(self.y0, self.y0 + self.height), slice(self.x0, self.x0 + self.width)
 
     def within(self, outer: PixelBox) -> tuple[slice, slice]:
-        """(rows, columns) of the box in an array that covers a box around it."""
+        """(rows, columns) of the box in an array that covers the box ``outer`` around it."""
         return replace(self, x0=self.x0 - outer.x0, y0=self.y0 - outer.y0).slices
 
     @property
     def is_empty(self) -> bool:
-        """No pixel is in the box."""
+        """Whether the box contains no pixel."""
         return self.width <= 0 or self.height <= 0
 
     def grown(self, margin_px: int, camera: Camera) -> PixelBox:
-        """The box with a margin around it, within the image; an empty one stays empty."""
+        """The box with a margin around it, limited to the image; an empty box stays empty."""
         if self.is_empty:
             return self
         x0, y0 = max(self.x0 - margin_px, 0), max(self.y0 - margin_px, 0)
@@ -186,14 +189,14 @@ class PixelBox:
         return PixelBox(x0, y0, x1 - x0, y1 - y0)
 
     def within_rows(self, first_row: int, rows: int) -> PixelBox:
-        """The part of the box in some rows of the image."""
+        """The part of the box within some rows of the image."""
         y0 = max(self.y0, first_row)
         y1 = min(self.y0 + self.height, first_row + rows)
         return PixelBox(self.x0, y0, self.width, max(0, y1 - y0))
 
     @classmethod
     def around(cls, boxes: Iterable[PixelBox]) -> PixelBox:
-        """The smallest box that holds all of some boxes; empty ones do not count."""
+        """The smallest box that contains all the boxes; empty ones do not count."""
         full = [box for box in boxes if not box.is_empty]
         if not full:
             return cls(0, 0, 0, 0)
@@ -202,7 +205,7 @@ class PixelBox:
         return cls(x0, y0, x1 - x0, y1 - y0)
 
     def pixel_centres_px(self) -> FloatArray:
-        """(height, width, 2) pixel coordinates (u, v) of the centres."""
+        """(height, width, 2) positions (u, v) of the pixels' centres."""
         u, v = np.meshgrid(
             np.arange(self.x0, self.x0 + self.width, dtype=np.float64),
             np.arange(self.y0, self.y0 + self.height, dtype=np.float64),

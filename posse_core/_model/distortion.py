@@ -1,4 +1,4 @@
-"""Lens distortion by Brown and Conrady, as OpenCV writes it."""
+"""The lens distortion model of Brown and Conrady, in OpenCV's notation."""
 
 from __future__ import annotations
 
@@ -10,35 +10,36 @@ import numpy as np
 from posse_core._arrays import FloatArray
 
 _STEPS = 50
-"""Newton's steps at most; a usual lens takes four or five."""
+"""Maximum number of Newton steps; a typical lens needs four or five."""
 _LARGEST_TANGENT = 10.0
-"""No direction beyond is asked for: 84 degrees from the axis."""
+"""Limit of the directions, as the tangent of their angle from the axis: 84 degrees."""
 _NO_COEFFICIENT = 1e-12
-"""Coefficients below this change nothing."""
+"""Polynomial coefficients below this are treated as 0."""
 _LAST_STEP_ERROR = 1e-9
-"""Each step squares the error, so from here the next one is the last."""
+"""If the error before a step is below this, the step is the last, because a step squares the error."""
 _INVERSION_ERROR_SHARE = 1e-12
-"""How near a direction's image must come to the point that was asked for."""
+"""Relative tolerance of the inversion."""
 _BLOCK = 1 << 14
-"""Points at once: their arrays stay in the processor's cache."""
+"""Number of points processed at once; their arrays fit into the processor's cache."""
 
 
 @dataclass(frozen=True)
 class BrownConrady:
-    """Where a lens puts what a pinhole would put at (x, y) = (X/Z, Y/Z).
+    """Lens distortion: it maps a pinhole's image point (x, y) = (X/Z, Y/Z) to that of the lens, (x',
+    y').
 
     With r² = x² + y² (Brown 1971; OpenCV's ``calib3d``, five coefficients)::
 
         x' = x (1 + k₁ r² + k₂ r⁴ + k₃ r⁶) + 2 p₁ x y + p₂ (r² + 2 x²)
         y' = y (1 + k₁ r² + k₂ r⁴ + k₃ r⁶) + p₁ (r² + 2 y²) + 2 p₂ x y
 
-    The polynomial is a fit to the image; farther out it may turn back and put two directions into one
-    place. Its Jacobian is symmetric, so it is one to one in any convex region where the Jacobian is
-    positive definite: :attr:`reach` is the radius of the largest such disc. Outside of it all
-    functions give NaN, as for what is behind the camera.
+    The polynomial is a fit within the image. Farther out it may fold over and map two directions to one
+    point. Its Jacobian is symmetric, so the mapping is one-to-one in any convex region where the
+    Jacobian is positive definite. :attr:`reach` is the radius of the largest such disc about the axis;
+    outside it all functions return NaN, as for points behind the camera.
 
     Attributes:
-        k1, k2, p1, p2, k3: in OpenCV's order.
+        k1, k2, p1, p2, k3: the coefficients, in OpenCV's order.
     """
 
     k1: float = 0.0
@@ -54,9 +55,10 @@ class BrownConrady:
 
     @cached_property
     def reach(self) -> float:
-        """Radius r about the axis within which no two directions share a place; at most 10.
+        """Radius r about the axis within which the mapping is one-to-one; at most 10.
 
-        The Jacobian's eigenvalues are at least those of its radial part, d(r L)/dr and L, less 6 |p| r.
+        With L = 1 + k₁ r² + k₂ r⁴ + k₃ r⁶, the eigenvalues of the Jacobian are at least those of its
+        radial part, d(r L)/dr and L, minus 6 |p| r.
         """
         tilt = -6.0 * float(np.hypot(self.p1, self.p2))
         roots = []
@@ -69,13 +71,14 @@ class BrownConrady:
 
     @property
     def image_radius(self) -> float:
-        """Greatest distance from the principal point, in focal lengths, within :attr:`reach`."""
+        """Largest distance from the principal point that directions within :attr:`reach` are mapped to,
+        in focal lengths."""
         turn = np.linspace(0.0, 2.0 * np.pi, 65)
-        x, y = self._held(2 * self.reach * np.cos(turn), 2 * self.reach * np.sin(turn))
+        x, y = self._limited(2 * self.reach * np.cos(turn), 2 * self.reach * np.sin(turn))
         return float(np.max(np.hypot(*self.distort(x, y))))
 
     def distort(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The pinhole's place → the lens's place, any shape; NaN beyond :attr:`reach`."""
+        """The pinhole's image point → the lens's, any shape; NaN beyond :attr:`reach`."""
         r2 = x * x + y * y
         r2 = np.where(r2 <= self.reach**2, r2, np.nan)
         radial = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3))
@@ -86,7 +89,7 @@ class BrownConrady:
         )
 
     def jacobian(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """∂x'/∂x, ∂x'/∂y = ∂y'/∂x, ∂y'/∂y at the pinhole's place, any shape."""
+        """∂x'/∂x, ∂x'/∂y = ∂y'/∂x and ∂y'/∂y at the pinhole's image point, any shape."""
         r2 = x * x + y * y
         radial = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3))
         slope = 2.0 * (self.k1 + r2 * (2.0 * self.k2 + r2 * 3.0 * self.k3))
@@ -96,9 +99,9 @@ class BrownConrady:
         return xx, xy, yy
 
     def undistort(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The lens's place → the pinhole's place, any shape, by Newton's method in float64.
+        """The lens's image point → the pinhole's, any shape, by Newton's method in float64.
 
-        NaN where no direction within :attr:`reach` has its image there.
+        The result is NaN where no direction within :attr:`reach` is mapped to the point.
         """
         x, y = np.broadcast_arrays(x, y)
         found = np.empty((2, x.size))
@@ -108,7 +111,7 @@ class BrownConrady:
         return found[0].reshape(x.shape), found[1].reshape(x.shape)
 
     def _undistorted(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """(N,) each → (2, N)."""
+        """As :meth:`undistort`: (N,) each → (2, N)."""
         radius, image = self._rings
         away = np.hypot(x, y)
         first = np.interp(away, image, radius) / np.maximum(away, 1e-300)
@@ -119,7 +122,7 @@ class BrownConrady:
             xx, xy, yy = self.jacobian(at_x, at_y)
             area = np.maximum(xx * yy - xy * xy, 1e-9)
             step_x, step_y = (yy * off_x - xy * off_y) / area, (xx * off_y - xy * off_x) / area
-            at_x, at_y = self._held(at_x + step_x, at_y + step_y)
+            at_x, at_y = self._limited(at_x + step_x, at_y + step_y)
             if np.abs(off_x).max() < _LAST_STEP_ERROR and np.abs(off_y).max() < _LAST_STEP_ERROR:
                 break
         got_x, got_y = self.distort(at_x, at_y)
@@ -128,12 +131,13 @@ class BrownConrady:
 
     @cached_property
     def _rings(self) -> tuple[FloatArray, FloatArray]:
-        """(n,) radii of rings about the axis, and (n,) of their images, but for p₁ and p₂: both grow."""
+        """(n,) radii about the axis, and (n,) the radii that they are mapped to without p₁ and p₂; both
+        are increasing."""
         radius = np.linspace(0.0, self.reach * (1.0 - 1e-12), 513)
         r2 = radius**2
         return radius, radius * (1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3)))
 
-    def _held(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Points brought back to the disc's rim where they lie outside."""
+    def _limited(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Points, moved radially to the rim of the disc of :attr:`reach` if they lie outside it."""
         scale = np.minimum(1.0, self.reach * (1.0 - 1e-12) / np.maximum(np.hypot(x, y), 1e-300))
         return x * scale, y * scale

@@ -1,4 +1,5 @@
-"""The labels of one frame as a record, and as one line of JSON: made, checked, written and read here."""
+"""The labels of one frame as a record and as a line of JSON, with its validation, writing and
+reading."""
 
 from __future__ import annotations
 
@@ -19,7 +20,7 @@ Quaternion = Annotated[tuple[float, float, float, float], Strict(False)]
 
 
 class Box(NamedTuple):
-    """A box in the image, pixels: its left and upper border, and its size."""
+    """A box in the image: its left and upper border, and its size, px."""
 
     x: int | float
     y: int | float
@@ -28,11 +29,11 @@ class Box(NamedTuple):
 
 
 class Keypoint(NamedTuple):
-    """Where a keypoint is in the image.
+    """A keypoint in the image.
 
     Attributes:
-        u_px, v_px: column and row; None behind the camera or beyond the reach of its lens.
-        visibility: 0 out of the image, 1 hidden, 2 seen.
+        u_px, v_px: its position, column and row; None behind the camera or beyond the reach of its lens.
+        visibility: 0 outside the image, 1 hidden, 2 visible.
     """
 
     u_px: float | None
@@ -46,7 +47,7 @@ class LabelNotMade(InputError, AttributeError):
 
 
 class _NotMade:
-    """Stands for a label that was not made, in the signature alone."""
+    """Stands for a label that was not made, but only in the signature."""
 
     def __repr__(self) -> str:
         return "not made"
@@ -61,13 +62,13 @@ def _made_by(annotator: str) -> Any:
 
 
 class LabelLine(BaseModel):
-    """The labels of one frame; ``docs/labels.md`` says what each of them means.
+    """The labels of one frame; ``docs/labels.md`` explains each of them.
 
-    A label that is null, such as the box of a craft that is not in the image, is None. A label that was
-    not made is not there at all: asking for it raises :class:`LabelNotMade`, and :meth:`has` says
-    beforehand whether it is there. The labels of a plugin's annotators are in :attr:`extras`.
+    A label that is null, such as the box of a spacecraft outside the image, is None. A label that was
+    not made is absent: reading it raises :class:`LabelNotMade`, and :meth:`has` tells whether it is
+    present. The labels of plugins' annotators are in :attr:`extras`.
 
-    A line of JSON has the labels in the order in which they are declared here.
+    A line of JSON has the labels in the order of their declaration here.
     """
 
     model_config = ConfigDict(strict=True, frozen=True, extra="allow", allow_inf_nan=False)
@@ -103,12 +104,12 @@ class LabelLine(BaseModel):
     origin: tuple[str, Count] = _NOT_MADE
 
     def model_post_init(self, context: Any, /) -> None:
-        """Take out what was not given, so that asking for it comes to ``__getattr__``."""
+        """Remove labels that were not given, so that reading them calls ``__getattr__``."""
         if len(self.__dict__) > len(self.model_fields_set):
             for name in self.__dict__.keys() - self.model_fields_set:
                 del self.__dict__[name]
 
-    if not TYPE_CHECKING:  # to a type checker it would say that any attribute is there
+    if not TYPE_CHECKING:  # a type checker would otherwise accept any attribute
 
         def __getattr__(self, name: str) -> Any:
             if name in _FIELDS:
@@ -121,14 +122,14 @@ class LabelLine(BaseModel):
 
     @property
     def extras(self) -> Mapping[str, Mapping[str, JsonValue]]:
-        """What the annotators of plugins made: name of the annotator → its labels by key."""
+        """The labels of plugins' annotators: name of the annotator → its labels by key."""
         return self.__pydantic_extra__
 
     def has(self, *names: str) -> bool:
-        """Whether the labels of these names were made.
+        """Whether the labels with these names were made.
 
         Raises:
-            ValueError: there is no label of such a name.
+            ValueError: there is no label with such a name.
         """
         for name in names:
             if name not in _FIELDS:
@@ -153,10 +154,11 @@ class LabelLine(BaseModel):
 
     @classmethod
     def from_json(cls, line: bytes) -> LabelLine:
-        """The record of a line of a dataset, which has at least what every line has.
+        """Read a label line of a dataset.
 
         Raises:
-            InputError: it is not such a line; the message names the first key that is at fault.
+            InputError: the line is not valid, or lacks a label of :data:`IN_EVERY_LINE`; the message
+                names the first key at fault.
         """
         try:
             labels = cls.model_validate_json(line)
@@ -188,7 +190,7 @@ IN_EVERY_LINE: Final = (
 
 
 def annotator_of(label: str) -> str | None:
-    """The core's annotator that makes a label; None where the run itself does."""
+    """The core's annotator that makes a label; None if the run itself does."""
     extra = LabelLine.model_fields[label].json_schema_extra
     return str(extra["annotator"]) if isinstance(extra, dict) else None
 
@@ -198,7 +200,7 @@ def _way_out(annotator: str | None) -> str:
 
 
 def first_fault(error: ValidationError) -> str:
-    """Key and words of the first thing that is wrong with a line."""
+    """The first error of a line, as its key and a message."""
     first = error.errors()[0]
     path = ".".join(str(step) for step in first["loc"])
     return f"{path}: {first['msg'].lower()}" if path else first["msg"].lower()

@@ -1,4 +1,4 @@
-"""What the exact ray-cast saw in a frame, and what annotators make of it."""
+"""The result of the exact ray cast of a frame, and the labels that annotators make from it."""
 
 from __future__ import annotations
 
@@ -10,27 +10,28 @@ from posse_core._arrays import AnyArray, BoolArray, Float32Array, FloatArray, In
 from posse_core._model.camera import PixelBox
 
 NOT_IN_FRAME, OCCLUDED, VISIBLE = 0, 1, 2
-"""Visibility of a keypoint, as COCO has it: outside the image, inside but hidden, seen."""
+"""Visibility of a keypoint, as in COCO: outside the image, inside but hidden, visible."""
 
 
 @dataclass(frozen=True)
 class View:
-    """The spacecraft as the camera's rays meet it; one ray through each pixel's centre.
+    """The spacecraft as the camera's rays hit it, with one ray through each pixel's centre.
 
-    Arrays cover :attr:`box` alone; outside it no ray meets the craft.
+    The arrays cover only :attr:`box`; outside it no ray hits the spacecraft.
 
     Attributes:
-        box: whole pixels that hold every ray that hits; empty when the craft is out of the image.
-        part_id: (h, w) int16 place in ``spacecraft.parts``; −1 where nothing was hit.
-        depth_m: (h, w) float32 planar z; NaN where nothing was hit.
-        normal_cam: (h, w, 3) float32 geometric normal turned to the camera; NaN where nothing.
-        lit: (h, w) bool: the Sun's centre sees the point (no part between, and it faces the Sun).
-            Eclipse is not in it.
-        silhouette_px: number of pixels that the craft would cover on an unbounded image.
-        keypoints_px: (K, 2) projections; NaN behind the camera.
+        box: the pixels whose rays may hit the spacecraft; empty if it is outside the image.
+        part_id: (h, w) int16 index in ``spacecraft.parts``; −1 where nothing is hit.
+        depth_m: (h, w) float32 planar z; NaN where nothing is hit.
+        normal_cam: (h, w, 3) float32 geometric normal, on the camera's side, camera axes; NaN where
+            nothing is hit.
+        lit: (h, w) bool, whether the point faces the Sun's centre and no part is in between. Eclipses by
+            the Earth are not considered.
+        silhouette_px: number of pixels that the spacecraft would cover in an unbounded image.
+        keypoints_px: (K, 2) image positions; NaN behind the camera.
         keypoints_visibility: (K,) int8, :data:`NOT_IN_FRAME`, :data:`OCCLUDED`, :data:`VISIBLE`.
-        whole_box_px: (4,) x, y, width, height that holds all of the craft's vertices, without
-            regard to the image's border; NaN where a vertex is behind the camera.
+        whole_box_px: (4,) x, y, width and height of the box around all of the spacecraft's vertices,
+            also outside the image; NaN if a vertex is behind the camera.
     """
 
     box: PixelBox
@@ -45,19 +46,19 @@ class View:
 
     @property
     def mask(self) -> BoolArray:
-        """(h, w) bool: the pixel's centre is on the craft."""
+        """(h, w) bool, whether the ray through the pixel's centre hits the spacecraft."""
         return self.part_id >= 0
 
 
 @dataclass(frozen=True)
 class Labels:
-    """What one annotator says of one frame.
+    """The labels of one annotator for one frame.
 
     Attributes:
-        values: label by key, of plain JSON types. In the frame's line they stand under the annotator's
-            own name; those of the core's annotators are fields of
+        values: labels by key, of plain JSON types. In the label line they are listed under the
+            annotator's name, except those of the core's annotators, which are fields of
             :class:`posse_core.LabelLine`.
-        arrays: merged into the frame's file of arrays (``truth/NNNNNN.npz``).
+        arrays: arrays by name, for the frame's file ``truth/NNNNNN.npz``.
     """
 
     values: Mapping[str, Any] = field(default_factory=dict)

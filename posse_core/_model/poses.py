@@ -1,4 +1,5 @@
-"""Poses of a spacecraft in a camera, without time or orbit: what a list of labels holds."""
+"""Poses of a spacecraft relative to a camera, without time or orbit, as a list of labels contains
+them."""
 
 from __future__ import annotations
 
@@ -14,9 +15,9 @@ class Poses:
     """F poses.
 
     Attributes:
-        names: (F,) of the images.
-        q_cam_from_body: (F, 4) unit, scalar first.
-        t_body_cam_m: (F, 3) position of the body's origin in camera axes.
+        names: (F,) names of the images.
+        q_cam_from_body: (F, 4) unit quaternions, scalar first.
+        t_body_cam_m: (F, 3) positions of the body axes' origin, camera axes.
     """
 
     names: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""What a renderer is given and what it returns, and the state of a frame, which the sky needs too."""
+"""The input and the output of renderers, and the state of a frame, which the sky also needs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from posse_core._model.spacecraft import Spacecraft
 
 @dataclass(frozen=True)
 class Scene:
-    """What never changes in a run."""
+    """What is the same for all frames of a run."""
 
     spacecraft: Spacecraft
     camera: Camera
@@ -24,13 +24,13 @@ class Scene:
 
 @dataclass(frozen=True)
 class Rates:
-    """How the spacecraft moves in the camera's view while the shutter is open; constant meanwhile.
+    """Rates of the spacecraft and the camera, which are constant while the shutter is open.
 
     Attributes:
-        v_body_cam_m_s: (3,) velocity of the spacecraft's origin relative to the camera, against GCRF
-            axes; in camera axes at the frame's instant.
-        omega_body_rad_s: (3,) the spacecraft's angular velocity against GCRF axes, body axes.
-        omega_camera_rad_s: (3,) the camera's, camera axes.
+        v_body_cam_m_s: (3,) velocity of the spacecraft's origin relative to the camera, measured in GCRF
+            axes and given in the camera axes at the frame's instant.
+        omega_body_rad_s: (3,) angular velocity of the spacecraft relative to GCRF axes, body axes.
+        omega_camera_rad_s: (3,) angular velocity of the camera relative to GCRF axes, camera axes.
     """
 
     v_body_cam_m_s: FloatArray
@@ -40,7 +40,7 @@ class Rates:
     def relative(
         self, R_cam_from_body: FloatArray, t_body_cam_m: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """(3,) ω and (3,) v of the motion ω × x + v that the camera sees of the craft's points x."""
+        """(3,) ω and (3,) v such that points x of the spacecraft move by ω × x + v in camera axes."""
         omega_body_cam_rad_s = R_cam_from_body @ self.omega_body_rad_s
         v_m_s = self.v_body_cam_m_s - np.cross(omega_body_cam_rad_s, t_body_cam_m)
         return omega_body_cam_rad_s - self.omega_camera_rad_s, v_m_s
@@ -48,23 +48,23 @@ class Rates:
 
 _ZERO = np.zeros(3)
 AT_REST = Rates(*np.zeros((3, 3)))
-"""Nothing moves."""
+"""All rates are zero."""
 
 
 @dataclass(frozen=True)
 class CraftState:
-    """The spacecraft and its sunlight as the camera has them at one instant, all in camera axes.
+    """The spacecraft and its sunlight at one instant, in camera axes.
 
-    No number is of planetary size, so single precision loses nothing of it.
+    No position is of planetary size, so single precision suffices.
 
     Attributes:
         R_cam_from_body: (3, 3): x_cam = R_cam_from_body x_body + t_body_cam_m.
         t_body_cam_m: (3,) the spacecraft's origin in camera axes.
         sun_direction_cam: (3,) unit vector from the spacecraft to the Sun, camera axes.
         sun_irradiance_rgb_w_m2: (3,) irradiance at the spacecraft on a plate that faces the Sun, in the
-            red, green and blue band; what an eclipse takes is already missing.
-        sun_angular_radius_rad: of the Sun's disc, seen from the spacecraft.
-        rates: how all this changes around the instant.
+            red, green and blue band, already reduced by an eclipse.
+        sun_angular_radius_rad: angular radius of the Sun's disc, seen from the spacecraft.
+        rates: the rates around the instant.
     """
 
     R_cam_from_body: FloatArray
@@ -75,7 +75,7 @@ class CraftState:
     rates: Rates = AT_REST
 
     def after(self, after_s: float) -> CraftState:
-        """The state a moment later, or earlier, by its rates."""
+        """The state ``after_s`` later (or earlier, if negative), by its rates."""
         if after_s == 0:
             return self
         rates = self.rates
@@ -89,7 +89,8 @@ class CraftState:
         )
 
     def body_in_camera(self, x_body_m: FloatArray, after_s: FloatArray) -> FloatArray:
-        """Points of the spacecraft, each at its own time: (..., 3), (...) → (..., 3) camera axes."""
+        """Positions of points of the spacecraft, each at its own time: (..., 3) body axes and (...)
+        seconds after the instant → (..., 3) camera axes."""
         rates = self.rates
         turned_body_m = turned(x_body_m, rates.omega_body_rad_s, after_s)
         R, t = self.R_cam_from_body, self.t_body_cam_m
@@ -104,27 +105,27 @@ class CraftState:
 
     @property
     def range_m(self) -> float:
-        """Distance between the camera and the spacecraft's origin."""
+        """Distance between the camera and the spacecraft's origin, m."""
         return float(np.linalg.norm(self.t_body_cam_m))
 
 
 @dataclass(frozen=True)
 class FrameState:
-    """What changes from frame to frame: the spacecraft in the camera's view, and both over the Earth.
+    """The state of one frame: the spacecraft relative to the camera, and both relative to the Earth.
 
     Attributes:
-        index: number of the frame, from 0; with the run's seed it fixes every random draw.
-        sequence: number of the continuous relative orbit that the frame belongs to.
+        index: index of the frame, from 0; together with the run's seed it determines all random draws.
+        sequence: index of the continuous relative orbit that the frame belongs to.
         t_s: seconds since the scenario's epoch.
-        epoch_jd_tt: Julian date of this frame in terrestrial time.
+        epoch_jd_tt: Julian date of the frame in terrestrial time.
         craft: the spacecraft and its sunlight, in camera axes.
-        R_cam_from_eci: (3, 3) from GCRF axes.
+        R_cam_from_eci: (3, 3) rotation from GCRF axes to camera axes.
         R_ecef_from_eci: (3, 3) the Earth's rotation, GCRF → ITRF.
-        r_camera_eci_m, r_target_eci_m, r_sun_eci_m, r_moon_eci_m: (3,) geocentric, GCRF axes.
+        r_camera_eci_m, r_target_eci_m, r_sun_eci_m, r_moon_eci_m: (3,) geocentric positions, GCRF axes.
         v_camera_eci_m_s: (3,) geocentric velocity of the camera, GCRF axes.
         solar_flux_w_m2: total irradiance at the target by the whole Sun, at its true distance.
-        sun_fraction_target: share of the Sun's disc that the Earth leaves free, seen by the target.
-        sun_fraction_camera: the same, seen by the camera.
+        sun_fraction_target: share of the Sun's disc that the Earth leaves free, seen from the target.
+        sun_fraction_camera: the same, seen from the camera.
     """
 
     index: int
@@ -166,9 +167,9 @@ class FrameState:
         sun_angular_radius_rad: float,
         rates: Rates = AT_REST,
     ) -> FrameState:
-        """The state with the sunlight in camera axes that follows from the geocentric positions.
+        """Make a state, computing the sunlight in camera axes from the geocentric positions.
 
-        Arguments are as in :class:`FrameState` and :class:`CraftState`.
+        The arguments are as in :class:`FrameState` and :class:`CraftState`.
         """
         to_sun_cam_m = R_cam_from_eci @ (r_sun_eci_m - r_target_eci_m)
         craft = CraftState(
@@ -198,7 +199,7 @@ class FrameState:
         )
 
     def after(self, after_s: float) -> FrameState:
-        """The frame a moment later, or earlier, by its rates."""
+        """The frame ``after_s`` later (or earlier, if negative), by its rates."""
         if after_s == 0:
             return self
         omega_camera_rad_s = self.craft.rates.omega_camera_rad_s
@@ -213,18 +214,18 @@ class FrameState:
             R_cam_from_eci=R_then_from_now @ self.R_cam_from_eci,
             R_ecef_from_eci=earth_turn @ self.R_ecef_from_eci,
             r_camera_eci_m=self.r_camera_eci_m + moved_m,
-            r_target_eci_m=self.r_target_eci_m + moved_m,  # the relative motion is metres
+            r_target_eci_m=self.r_target_eci_m + moved_m,  # relative motion is negligible here
         )
 
 
 @dataclass(frozen=True)
 class EnvironmentMap:
-    """Light from everywhere but the Sun and the spacecraft: the sky as an equirectangular map.
+    """Light from everywhere but the Sun and the spacecraft, as an equirectangular map in camera axes.
 
     Attributes:
-        radiance_rgb: (h, w, 3) float32 radiance, W m⁻² sr⁻¹. Row i, column j is seen in the
-            direction, in camera axes, (sin θ sin φ, −cos θ, sin θ cos φ) with θ = π (i + ½)/h
-            and φ = 2π (j + ½)/w − π: the middle is forward, the top row is up (−y).
+        radiance_rgb: (h, w, 3) float32 radiance, W m⁻² sr⁻¹. Row i, column j has the direction
+            (sin θ sin φ, −cos θ, sin θ cos φ) in camera axes, with θ = π (i + ½)/h and
+            φ = 2π (j + ½)/w − π. The centre of the map is forward, and the top row is up (−y).
     """
 
     radiance_rgb: Float32Array
@@ -232,14 +233,14 @@ class EnvironmentMap:
 
 @dataclass(frozen=True)
 class RenderRequest:
-    """One image of the spacecraft to render.
+    """A request to render one image of the spacecraft.
 
     Attributes:
         craft: the spacecraft and its sunlight, in camera axes.
         box: the part of the image to render; never empty, never outside the image.
-        environment: None where the sky is black.
-        seed: for whatever the renderer draws at random in this frame.
-        index: number of the frame, for messages.
+        environment: light from the sky; None if the sky is black.
+        seed: seed of all random draws of the renderer in this frame.
+        index: index of the frame, for messages.
     """
 
     craft: CraftState
@@ -251,15 +252,15 @@ class RenderRequest:
 
 @dataclass(frozen=True)
 class Radiance:
-    """Light from the spacecraft alone, in the box that was asked for.
+    """Light from the spacecraft alone, in the requested box.
 
     Attributes:
         box: the same box as in the request.
         radiance_rgb: (h, w, 3) float32 W m⁻² sr⁻¹ in the red, green and blue band, averaged over the
-            pixel; where the craft covers a part of the pixel, the rest counts as black.
-        coverage: (h, w) float32, share of the pixel that the craft covers, 0 … 1.
-        depth_m: (h, w) float32 planar z at the pixel's centre, NaN off the craft; None where the
-            renderer has none. Only cross-checks read it.
+            pixel; the part of the pixel that the spacecraft does not cover counts as black.
+        coverage: (h, w) float32, share of the pixel that the spacecraft covers, 0 … 1.
+        depth_m: (h, w) float32 planar z at the pixel's centre, NaN off the spacecraft; None if the
+            renderer does not provide it. Only cross-checks use it.
     """
 
     box: PixelBox

@@ -1,4 +1,5 @@
-"""When the rows of an image see light: in one instant, over an exposure, one row after the other."""
+"""The times at which the rows of an image are exposed: global or rolling shutter, instant or
+exposure."""
 
 from __future__ import annotations
 
@@ -11,21 +12,22 @@ from posse_core._arrays import FloatArray
 from posse_core._model.camera import Camera, PixelBox
 
 STEP_PX = 0.2
-"""How far anything moves in the image from one moment of a picture to the next, at most."""
+"""Maximum motion in the image from one moment to the next, for images."""
 LABEL_STEP_PX = 0.01
-"""The same for the geometry that labels come from."""
-_LATTICE = 7
-"""Places along a box's width and height where motion is measured."""
+"""Maximum motion in the image from one moment to the next, for labels."""
+_GRID = 7
+"""Number of positions along a box's width and height where motion is computed."""
 
 
 @dataclass(frozen=True)
 class Moment:
-    """Rows that see light together.
+    """Rows that are treated as exposed at the same instant.
 
     Attributes:
-        first_row, rows: which rows of the image.
-        after_s: when, against the frame's instant: the middle of the middle row's exposure.
-        share: of the exposure.
+        first_row, rows: the first row and the number of rows.
+        after_s: the instant, relative to the frame's instant, which is the middle of the middle row's
+            exposure.
+        share: share of the rows' exposure that the moment stands for.
     """
 
     first_row: int
@@ -37,15 +39,18 @@ class Moment:
 def moments(
     camera: Camera, speed_px_s: float, step_px: float, exposure_s: float = 0.0, instants: int = 1
 ) -> list[Moment]:
-    """Cut an image into moments so short that nothing moves by more than ``step_px`` in one.
+    """Divide the exposure of an image into moments in which nothing moves by more than ``step_px``.
 
     Args:
-        speed_px_s: of what moves fastest in the image.
-        exposure_s: how long a row is exposed; in one instant, if ``instants`` is 1.
-        instants: of an exposure, at most; where more were needed, a moment is longer.
+        camera: gives the rows and the line time.
+        speed_px_s: largest speed in the image.
+        step_px: largest motion within a moment.
+        exposure_s: exposure time of a row.
+        instants: maximum number of instants per exposure; 1 means no motion blur. If more would be
+            needed, motion within a moment exceeds ``step_px``.
 
     Returns:
-        By rows from the top; the shares of every row add up to 1.
+        The moments by rows from the top; the shares of each row add up to 1.
     """
     height, line_s = camera.height_px, camera.line_time_s
     bands = _count(speed_px_s * line_s * height / step_px, height)
@@ -64,7 +69,8 @@ def moments(
 
 
 def instants_s(speed_px_s: float, step_px: float, exposure_s: float, instants: int) -> FloatArray:
-    """(n,) middles of the n ≤ ``instants`` even parts of an exposure, against its middle, seconds."""
+    """(n,) instants in s relative to the middle of the exposure: the middles of n ≤ ``instants`` equal
+    parts of it."""
     count = _count(speed_px_s * exposure_s / step_px, instants)
     return exposure_s * ((np.arange(count) + 0.5) / count - 0.5)
 
@@ -77,17 +83,19 @@ def fastest_px_s(
     near_m: float,
     far_m: float,
 ) -> float:
-    """Largest speed in the image, pixels a second, of points that move by v + ω × x.
+    """Largest speed in the image, pixels per second, of points that move by v + ω × x.
 
     Args:
-        box: where in the image.
+        camera: the camera.
+        box: the part of the image that the points are in.
         v_m_s, omega_rad_s: (3,) camera axes.
-        near_m, far_m: planar depths that bound the points; may be infinite.
+        near_m, far_m: least and greatest planar depth of the points; may be infinite.
     """
-    u = np.linspace(box.x0, box.x0 + box.width - 1, _LATTICE)
-    v = np.linspace(box.y0, box.y0 + box.height - 1, _LATTICE)
+    u = np.linspace(box.x0, box.x0 + box.width - 1, _GRID)
+    v = np.linspace(box.y0, box.y0 + box.height - 1, _GRID)
     rays = camera.rays(np.stack(np.meshgrid(u, v), axis=-1))
-    # The image velocity is linear in the inverse depth, so that its length is largest at an end.
+    # The image velocity is linear in the inverse depth, so its length is largest at one of the two
+    # depths.
     rates = [np.cross(omega_rad_s, rays) + v_m_s / depth_m for depth_m in (near_m, far_m)]
     image_rates = [rate[..., :2] - rays[..., :2] * rate[..., 2:] for rate in rates]
     scale_px = np.array([camera.fx_px, camera.fy_px]) * camera.stretch[1]

@@ -1,7 +1,8 @@
-"""The transfer curve of sRGB (IEC 61966-2-1): shares of full scale, coded and linear.
+"""The transfer curve of sRGB (IEC 61966-2-1) between coded and linear values, both as shares of full
+scale.
 
-It is applied to each colour by itself, and to values from 0 to 1. Elsewhere, as in the textures of a
-spacecraft, a code is an integer from 0 to 255, which is 255 times the coded share.
+It is applied to each colour channel separately, for values from 0 to 1. An 8-bit sRGB code, as in the
+textures of a spacecraft, is 255 times the coded share.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ def linear_from_srgb(coded: FloatArray) -> FloatArray:
 
 
 def srgb_from_linear(linear: _Floats) -> _Floats:
-    """Linear share 0 … 1 → coded share 0 … 1, any shape, of the same precision."""
+    """Linear share 0 … 1 → coded share 0 … 1, any shape, in the same precision."""
     curved = 1.055 * linear ** (1 / 2.4) - 0.055
     coded: _Floats = np.where(linear <= 0.0031308, 12.92 * linear, curved)
     return coded

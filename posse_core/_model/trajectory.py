@@ -1,4 +1,4 @@
-"""Motion of target and chaser over the frames of a run."""
+"""The motion of target and chaser over the frames of a run."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from posse_core._arrays import AnyArray, FloatArray, IntArray
 
 @dataclass(frozen=True)
 class Motion:
-    """What a propagator computes, for F frames. RTN: see ``posse_core._frames``.
+    """The result of a propagator for F frames. ``posse_core._frames`` defines the RTN axes.
 
     Attributes:
         t_s: (F,) seconds since the scenario's epoch.
-        r_target_eci_m, v_target_eci_m_s: (F, 3) GCRF axes, geocentric.
+        r_target_eci_m, v_target_eci_m_s: (F, 3) geocentric position and velocity, GCRF axes.
         r_chaser_rtn_m: (F, 3) the chaser's position relative to the target, target's RTN axes.
-        v_chaser_rtn_m_s: (F, 3) its derivative in the rotating RTN frame.
-        sequence: (F,) int; frames of one continuous relative orbit have one number.
-        extras: what else the propagator knows of each frame, by name: (F, ...) finite numbers, such as
-            ``{"drag_m_s2": (F, 3)}``. Names are lower-case letters, digits and underscores. They stand
-            in the trajectory's file as ``extra_`` and the name.
+        v_chaser_rtn_m_s: (F, 3) its derivative in the rotating RTN axes.
+        sequence: (F,) int; frames of one continuous relative orbit have the same value.
+        extras: further results of the propagator by name: (F, ...) finite numbers, such as
+            ``{"drag_m_s2": (F, 3)}``. Names consist of lower-case letters, digits and underscores. In
+            the trajectory's file a name has the prefix ``extra_``.
     """
 
     t_s: FloatArray
@@ -34,24 +34,26 @@ class Motion:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Motion, attitude and light, for F frames: all that a scene needs of the dynamics.
+    """Motion, attitude and illumination for F frames: everything that a scene needs from the dynamics.
 
     Attributes:
-        epoch_utc: ISO 8601, of t_s = 0.
-        t_s: (F,).
-        sequence: (F,) int.
-        r_target_eci_m, v_target_eci_m_s, r_chaser_eci_m, v_chaser_eci_m_s: (F, 3) GCRF axes.
-        r_chaser_rtn_m, v_chaser_rtn_m_s: (F, 3) relative to the target; rotating-frame derivative.
-        q_eci_from_body, q_eci_from_camera: (F, 4) unit, scalar first, w ≥ 0.
-        omega_body_rad_s, omega_camera_rad_s: (F, 3) rate of turn against GCRF axes, in the axes of
-            the body and of the camera.
-        r_sun_eci_m, r_moon_eci_m: (F, 3) geocentric, geometric.
+        epoch_utc: the epoch t_s = 0, ISO 8601.
+        t_s: (F,) seconds since the epoch.
+        sequence: (F,) int, see :class:`Motion`.
+        r_target_eci_m, v_target_eci_m_s, r_chaser_eci_m, v_chaser_eci_m_s: (F, 3) geocentric positions
+            and velocities, GCRF axes.
+        r_chaser_rtn_m, v_chaser_rtn_m_s: (F, 3) the chaser's position relative to the target, and its
+            derivative in the rotating axes, target's RTN axes.
+        q_eci_from_body, q_eci_from_camera: (F, 4) unit quaternions, scalar first, w ≥ 0.
+        omega_body_rad_s, omega_camera_rad_s: (F, 3) angular velocities relative to GCRF axes, in body
+            axes and in camera axes.
+        r_sun_eci_m, r_moon_eci_m: (F, 3) geocentric positions, geometric, GCRF axes.
         sun_fraction_target, sun_fraction_camera: (F,) share of the Sun's disc in view, 0 … 1.
-        solar_flux_w_m2: (F,) at the target, of the whole disc.
-        earth_albedo_w_m2, earth_infrared_w_m2: (F,) the Earth's reflected and own light on a plate
-            at the target that faces the Earth's centre.
+        solar_flux_w_m2: (F,) irradiance at the target by the whole disc.
+        earth_albedo_w_m2, earth_infrared_w_m2: (F,) irradiance by sunlight that the Earth reflects, and
+            by its infrared radiation, on a plate at the target that faces the Earth's centre.
         earth_rotation_rad: (F,) Earth rotation angle, 0 … 2π.
-        extras: of the propagator, see :class:`Motion`.
+        extras: further results of the propagator, see :class:`Motion`.
     """
 
     epoch_utc: str
@@ -81,14 +83,14 @@ class Trajectory:
         return len(self.t_s)
 
     def arrays(self) -> dict[str, AnyArray]:
-        """The arrays (F, ...) by name, without the extras."""
+        """The arrays (F, ...) by name, without :attr:`extras`."""
         return {name: getattr(self, name) for name in TRAJECTORY_ARRAYS}
 
     def rows(self, indices: AnyArray | slice) -> Trajectory:
-        """The frames of these indices alone, in their order.
+        """The trajectory of the frames with these indices, in their order.
 
         Args:
-            indices: (K,) of int, 0 … F − 1, or a slice.
+            indices: (K,) int, 0 … F − 1, or a slice.
         """
         arrays = {name: array[indices] for name, array in self.arrays().items()}
         extras = {name: array[indices] for name, array in self.extras.items()}

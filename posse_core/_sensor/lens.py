@@ -1,8 +1,8 @@
 """A distorting lens in front of any renderer.
 
-Renderers are pinholes. Behind a lens they render a pinhole image that holds the lens's whole field, with
-pixels at most half as wide as the lens draws them, and each pixel of the distorted image is the mean of
-what its rays meet there.
+Renderers are pinhole cameras. For a distorting lens, the renderer makes a pinhole image that contains
+the lens's whole field of view, with pixels at most half as wide as those of the distorted image. Each
+pixel of the distorted image is the mean of samples of that pinhole image.
 """
 
 from __future__ import annotations
@@ -21,18 +21,19 @@ from posse_core._model.camera import Camera, PixelBox
 from posse_core._model.scene import Radiance, RenderRequest, Scene
 
 FINER = 2
-"""Pixels of the pinhole image across one of the distorted image, at least."""
-_WIDEST_PX = 32766
-"""That OpenCV's remap can read."""
-_FLAT = 1e-5
-"""How far, over itself, 1/z of four neighbours may be from one plane's."""
+"""Minimum number of pinhole pixels across one pixel of the distorted image."""
+_MAX_SIDE_PX = 32766
+"""The largest image that OpenCV's remap can read."""
+_PLANE_TOLERANCE_SHARE = 1e-5
+"""Tolerance, relative to 1/z, within which the 1/z of four neighbours must lie on one plane."""
 _MARGIN_PX = 2
 _ROWS = 64
-"""Rows of the image that are made at once, so that memory stays small."""
+"""Number of rows that are processed at once, to save memory."""
 
 
 class LensRenderer(Renderer):
-    """A renderer seen through the scene's lens; where that does not distort, just the renderer."""
+    """Applies the scene's lens distortion to a renderer. Without distortion it only passes requests
+    on."""
 
     def __init__(self, renderer: Renderer) -> None:
         super().__init__(renderer.options)
@@ -45,10 +46,10 @@ class LensRenderer(Renderer):
         if scene.camera.distortion is not None:
             self._pinhole = pinhole_of(scene.camera)
             widest_px = max(self._pinhole.width_px, self._pinhole.height_px)
-            if widest_px > _WIDEST_PX:
+            if widest_px > _MAX_SIDE_PX:
                 raise ComponentError(
-                    f"behind this lens the renderer would need an image of {widest_px} px, and"
-                    f" {_WIDEST_PX} px is the most that can be distorted; take fewer pixels"
+                    f"with this lens the renderer would need an image of {widest_px} px, but at most"
+                    f" {_MAX_SIDE_PX} px can be distorted; use an image with fewer pixels"
                 )
             scene = replace(scene, camera=self._pinhole)
         self._renderer.open(scene)
@@ -66,12 +67,13 @@ class LensRenderer(Renderer):
         self._renderer.close()
 
     def describe(self) -> Mapping[str, str]:
-        """What the renderer says of itself."""
+        """The description of the renderer."""
         return self._renderer.describe()
 
 
 def pinhole_of(camera: Camera) -> Camera:
-    """The pinhole with square pixels that holds all that a distorting camera sees, finely enough."""
+    """The pinhole camera with square pixels that covers the field of view of a distorting camera, at the
+    resolution that :data:`FINER` asks for."""
     rays = camera.rays(camera.border_px())
     low, high = rays[:, :2].min(axis=0), rays[:, :2].max(axis=0)
     focal_px = FINER * max(camera.fx_px, camera.fy_px) * camera.stretch[1]
@@ -88,57 +90,62 @@ def pinhole_of(camera: Camera) -> Camera:
 
 
 def samples(camera: Camera) -> int:
-    """Rays across a pixel, and down it, that read the pinhole image between its pixels, linearly.
+    """The number of samples per pixel and axis that are taken from the pinhole image, bilinearly.
 
-    They stand about one or half of its pixels apart, where weights of linear reading are even.
+    Their spacing is about one pinhole pixel or half of one, for which bilinear weights are uniform.
     """
     least, most = camera.stretch
     return FINER * (1 if most < 1.1 * least else 2 if most < 2.2 * least else 4)
 
 
 def _corners_px(box: PixelBox) -> FloatArray:
-    """(h + 1, w + 1, 2) the corners of a box's pixels."""
+    """(h + 1, w + 1, 2) positions of the corners of a box's pixels."""
     return PixelBox(box.x0, box.y0, box.width + 1, box.height + 1).pixel_centres_px() - 0.5
 
 
-def _box_around(places_px: FloatArray, camera: Camera) -> PixelBox:
-    """Pixels of the camera between which all places (..., 2) can be read linearly."""
+def _box_around(positions_px: FloatArray, camera: Camera) -> PixelBox:
+    """The pixels that bilinear interpolation at the positions (..., 2) needs."""
     limit = np.array([camera.width_px, camera.height_px]) - 1
-    low = np.clip(np.floor(places_px.min(axis=(0, 1))), 0, limit).astype(int).tolist()
-    high = np.clip(np.ceil(places_px.max(axis=(0, 1))), 0, limit).astype(int).tolist()
+    low = np.clip(np.floor(positions_px.min(axis=(0, 1))), 0, limit).astype(int).tolist()
+    high = np.clip(np.ceil(positions_px.max(axis=(0, 1))), 0, limit).astype(int).tolist()
     return PixelBox(low[0], low[1], high[0] - low[0] + 1, high[1] - low[1] + 1)
 
 
 def _distorted(
     image: Radiance, box: PixelBox, corners_px: FloatArray, centres_px: FloatArray, n: int
 ) -> Radiance:
-    """The pinhole's image through the lens.
+    """Distort a pinhole image.
 
     Args:
-        image: the pinhole's, in its own box.
-        box: of the distorted image, h × w pixels.
-        corners_px: (h + 1, w + 1, 2) where the corners of these lie in the pinhole's image.
-        centres_px: (h, w, 2) where their centres do.
-        n: rays across a pixel, and down it.
+        image: the pinhole image, in its own box.
+        box: the box of the distorted image, h × w pixels.
+        corners_px: (h + 1, w + 1, 2) positions of the corners of these pixels in the pinhole image.
+        centres_px: (h, w, 2) positions of their centres in the pinhole image.
+        n: number of samples per pixel and axis.
     """
     origin_px = np.array([image.box.x0, image.box.y0])
     source = np.dstack([image.radiance_rgb, image.coverage])
-    made = np.empty((box.height, box.width, 4), dtype=np.float32)
+    distorted = np.empty((box.height, box.width, 4), dtype=np.float32)
     for top in range(0, box.height, _ROWS):
         rows = slice(top, min(top + _ROWS, box.height))
-        places = _sampled(corners_px[rows.start : rows.stop + 1] - origin_px, n)
-        read = cv2.remap(
-            source, places[..., 0], places[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        positions = _sampled(corners_px[rows.start : rows.stop + 1] - origin_px, n)
+        sampled = cv2.remap(
+            source,
+            positions[..., 0],
+            positions[..., 1],
+            cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_REPLICATE,
         )
-        made[rows] = read.reshape(-1, n, box.width, n, 4).mean(axis=(1, 3))
+        distorted[rows] = sampled.reshape(-1, n, box.width, n, 4).mean(axis=(1, 3))
     depth_m = None if image.depth_m is None else _depth_at(image.depth_m, centres_px - origin_px)
-    return Radiance(box, np.ascontiguousarray(made[..., :3]), made[..., 3].copy(), depth_m)
+    return Radiance(box, np.ascontiguousarray(distorted[..., :3]), distorted[..., 3].copy(), depth_m)
 
 
 def _sampled(corners_px: FloatArray, n: int) -> Float32Array:
-    """(h + 1, w + 1, 2) corners → (h n, w n, 2) the places of n² samples in each pixel.
+    """(h + 1, w + 1, 2) corners of pixels → (h n, w n, 2) positions of n² samples in each pixel.
 
-    Linear between the corners: within a pixel a lens is straight to 10⁻⁴ of it.
+    The positions are linear between the corners; within a pixel, distortion deviates from that by 10⁻⁴
+    px.
     """
     steps = (np.arange(n) + 0.5) / n
     for axis in (0, 1):
@@ -148,16 +155,17 @@ def _sampled(corners_px: FloatArray, n: int) -> Float32Array:
     return np.ascontiguousarray(corners_px, dtype=np.float32)
 
 
-def _depth_at(depth_m: Float32Array, places_px: FloatArray) -> Float32Array:
-    """(h, w) planar depth at places (h, w, 2), NaN where the four pixels around are not of one plane.
-
-    1/z is linear in the image of a plane.
+def _depth_at(depth_m: Float32Array, positions_px: FloatArray) -> Float32Array:
+    """(h, w) planar depth at positions (h, w, 2), NaN where the four pixels around one are not of one
+    plane. In the image of a plane, 1/z is linear.
     """
     size = np.array(depth_m.shape[::-1])
-    first = np.clip(np.floor(places_px).astype(np.intp), 0, np.maximum(size - 2, 0))
-    u, v = np.moveaxis(np.clip(places_px - first, 0, 1), -1, 0)
+    first = np.clip(np.floor(positions_px).astype(np.intp), 0, np.maximum(size - 2, 0))
+    u, v = np.moveaxis(np.clip(positions_px - first, 0, 1), -1, 0)
     (x, y), (x1, y1) = np.moveaxis(first, -1, 0), np.moveaxis(np.minimum(first + 1, size - 1), -1, 0)
     near = 1 / depth_m.astype(np.float64)
     a, b, c, d = near[y, x], near[y, x1], near[y1, x], near[y1, x1]
     at = (a * (1 - u) + b * u) * (1 - v) + (c * (1 - u) + d * u) * v
-    return np.where(np.abs(a + d - b - c) < _FLAT * at, 1 / at, np.nan).astype(np.float32)
+    return np.where(np.abs(a + d - b - c) < _PLANE_TOLERANCE_SHARE * at, 1 / at, np.nan).astype(
+        np.float32
+    )

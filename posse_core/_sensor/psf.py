@@ -1,4 +1,4 @@
-"""Point spread functions: blurring of extended light, and spots of point sources."""
+"""Point spread functions: they blur images and give the spots of point sources."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ from scipy.special import j1, ndtr
 from posse_core._arrays import Float32Array, FloatArray
 from posse_core._scenario.sensor import PsfConfig
 
-_PLACES = 8
+_STEPS_PER_PX = 8
+"""Positions of a spot's centre within a pixel, per axis, for which :class:`RadialPsf` has a table."""
 
 
 class GaussianPsf:
-    """A Gaussian spot, cut at 4.5 σ and made whole again."""
+    """A Gaussian spot, cut off at 4.5 σ and normalised."""
 
     def __init__(self, config: PsfConfig) -> None:
         self._sigma_px = config.sigma_px
@@ -25,17 +26,20 @@ class GaussianPsf:
         self._kernel = kernel / kernel.sum()
 
     def blur(self, image: Float32Array) -> Float32Array:
-        """(H, W, C) → (H, W, C). As much light comes in over an edge as leaves, so none is lost."""
+        """(H, W, C) → (H, W, C). The image is mirrored at its borders, so that no light is lost."""
         blurred = cv2.sepFilter2D(
             image, cv2.CV_32F, self._kernel, self._kernel, borderType=cv2.BORDER_REFLECT
         )
         return np.asarray(blurred, dtype=np.float32).reshape(image.shape)
 
     def spots(self, offsets_px: FloatArray) -> FloatArray:
-        """Shares of a point's light in the pixels around it, which add up to 1.
+        """Shares of the light of point sources in the pixels around them; each spot adds up to 1.
 
-        (S, 2) place (u, v) from the centre of the middle pixel → (S, n, n), n = 2 ``radius_px`` + 1,
-        rows along v.
+        Args:
+            offsets_px: (S, 2) positions (u, v) of the points relative to the centre of their pixel.
+
+        Returns:
+            (S, n, n) with n = 2 ``radius_px`` + 1; rows are along v.
         """
         edges = np.arange(-self.radius_px, self.radius_px + 2) - 0.5
         shares = np.diff(ndtr((edges - offsets_px[..., None]) / self._sigma_px), axis=-1)
@@ -44,37 +48,40 @@ class GaussianPsf:
 
 
 class RadialPsf:
-    """A spot that depends on the distance from its middle only, integrated over the pixels."""
+    """A spot that depends only on the distance from its centre, integrated over the pixels."""
 
     def __init__(
         self, profile: Callable[[FloatArray], FloatArray], radius_px: int, detail_px: float
     ) -> None:
-        """profile: intensity by distance in pixels; detail_px: the smallest size that it has."""
+        """``profile`` gives the intensity by distance in pixels; ``detail_px`` is the size of its
+        smallest detail."""
         self.radius_px = radius_px
         side = 2 * radius_px + 1
-        # One fine picture of the spot; the bank's pixels are sums of it, begun at other places.
+        # The spot is computed once at high resolution. The tables are sums of it over pixels whose
+        # borders are shifted by steps of a pixel's fraction.
         step = int(np.ceil(1 / min(1.0, detail_px)))
-        fine = _PLACES * step
+        fine = _STEPS_PER_PX * step
         axis = (np.arange((side + 1) * fine) + 0.5) / fine - (side + 1) / 2
         spot = profile(np.hypot(axis[:, None], axis))
-        bank = np.empty((_PLACES + 1, _PLACES + 1, side, side))
-        for i in range(_PLACES + 1):
-            for j in range(_PLACES + 1):
+        bank = np.empty((_STEPS_PER_PX + 1, _STEPS_PER_PX + 1, side, side))
+        for i in range(_STEPS_PER_PX + 1):
+            for j in range(_STEPS_PER_PX + 1):
                 y, x = fine - i * step, fine - j * step
                 part = spot[y : y + side * fine, x : x + side * fine]
                 bank[i, j] = part.reshape(side, fine, side, fine).sum(axis=(1, 3))
         bank /= bank.sum(axis=(2, 3), keepdims=True)
         self._bank = bank
-        self._kernel = bank[_PLACES // 2, _PLACES // 2]
+        self._kernel = bank[_STEPS_PER_PX // 2, _STEPS_PER_PX // 2]
 
     def blur(self, image: Float32Array) -> Float32Array:
-        """(H, W, C) → (H, W, C). As much light comes in over an edge as leaves, so none is lost."""
+        """(H, W, C) → (H, W, C). The image is mirrored at its borders, so that no light is lost."""
         blurred = cv2.filter2D(image, cv2.CV_32F, self._kernel, borderType=cv2.BORDER_REFLECT)
         return np.asarray(blurred, dtype=np.float32).reshape(image.shape)
 
     def spots(self, offsets_px: FloatArray) -> FloatArray:
-        """As :meth:`GaussianPsf.spots`, linear between places an eighth of a pixel apart."""
-        at = np.clip((offsets_px + 0.5) * _PLACES, 0, _PLACES - 1e-9)
+        """As :meth:`GaussianPsf.spots`, interpolated linearly between tables an eighth of a pixel
+        apart."""
+        at = np.clip((offsets_px + 0.5) * _STEPS_PER_PX, 0, _STEPS_PER_PX - 1e-9)
         low = at.astype(np.intp)
         share = (at - low)[..., None, None]
         (j, i), (dj, di) = low.T, (share[:, 0], share[:, 1])
@@ -84,7 +91,7 @@ class RadialPsf:
 
 
 class NoPsf:
-    """All light of a point in its own pixel."""
+    """No blur: all light of a point falls into its own pixel."""
 
     radius_px = 0
 
@@ -100,7 +107,7 @@ class NoPsf:
 def make_psf(
     config: PsfConfig | None, f_number: float, pixel_pitch_m: float
 ) -> GaussianPsf | RadialPsf | NoPsf:
-    """The point spread function that a scenario asks for."""
+    """The point spread function of a scenario's configuration."""
     if config is None:
         return NoPsf()
     if config.shape == "gaussian":
@@ -117,6 +124,6 @@ def make_psf(
         x = np.maximum(r_px / unit_px, 1e-6)
         return np.asarray((2 * j1(x) / x) ** 2)
 
-    # Eight dark rings hold 97.5 % of the light; the rest is put back into them.
+    # 97.5 % of the light is within the eighth dark ring; the spot is cut off there and normalised.
     radius_px = int(np.clip(np.ceil(8 * np.pi * unit_px + 0.5), 2, 40))
     return RadialPsf(airy, radius_px, np.pi * unit_px)

@@ -17,18 +17,19 @@ from posse_core._sensor.psf import make_psf
 from posse_core._sky.view import SkyView
 
 POISSON_BELOW_E = 64.0
-"""Means above are drawn as a Gaussian of the same mean and variance: 20 times faster."""
+"""Above this mean, Poisson noise is drawn as a Gaussian of the same mean and variance, which is 20 times
+faster."""
 
 
 FULL_WELL_E_M2 = 1e6 / 28.125e-6**2
-"""Electrons that a pixel holds by its area, if the scenario is silent: silicon's usual 10³ per µm²."""
+"""Default full well per pixel area: about 10³ electrons per µm², which is usual for silicon."""
 
 
 class Sensor:
-    """A lens and a detector with linear response up to its full well.
+    """A lens and an image sensor with a linear response up to its full well.
 
-    The pixel's irradiance is π L / (4 N²) (Born & Wolf § 4.8, for distant objects, on the axis); a
-    point source gives its irradiance times the aperture's area. Without vignetting both hold
+    A pixel's irradiance is π L / (4 N²) (Born & Wolf § 4.8, for distant objects on the axis). A point
+    source contributes its irradiance times the area of the aperture. Without vignetting both hold
     everywhere in the image, as after a flat-field correction.
     """
 
@@ -43,8 +44,8 @@ class Sensor:
         per_radiance = np.pi * pixel_m2 / (4 * config.f_number**2) * electrons_j
         per_irradiance = aperture_m2 * electrons_j
         self._camera = camera
-        self._aslant = config.vignetting == "cos4"
-        self._falloff = _falloff(camera, self._aslant)
+        self._vignetting = config.vignetting == "cos4"
+        self._falloff = _falloff(camera, self._vignetting)
         self._max_dn = 2**config.bit_depth - 1
         self._full_well_e = config.full_well_e or FULL_WELL_E_M2 * pixel_m2
         gain_e_dn = config.gain_e_dn or self._full_well_e / self._max_dn
@@ -59,10 +60,10 @@ class Sensor:
             self._gain_e_dn = gain_e_dn * white_e / white_e.sum()
 
     def metered_s(self, sky: SkyView, craft: Radiance | None, rule: AutoExposureConfig) -> float:
-        """The exposure that a rule chooses for a frame's light.
+        """The exposure time in s that an auto-exposure rule chooses for a frame.
 
         Raises:
-            ComponentError: the craft's radiance is negative or not finite.
+            ComponentError: the renderer's radiance is negative or not finite.
         """
         white_e = np.minimum(self._gain_e_dn * self._max_dn, self._full_well_e)
         whites_s = (self.mean_electrons(sky, craft, 1.0) / white_e).max(axis=-1)
@@ -73,10 +74,10 @@ class Sensor:
         return float(np.clip(wanted_s, rule.shortest_s, rule.longest_s))
 
     def mean_electrons(self, sky: SkyView, craft: Radiance | None, exposure_s: float) -> Float32Array:
-        """Expected photo-electrons of a scene: (H, W, C), C = 1 or 3.
+        """Expected number of photo-electrons: (H, W, C), C = 1 or 3.
 
         Raises:
-            ComponentError: the craft's radiance is negative or not finite.
+            ComponentError: the renderer's radiance is negative or not finite.
         """
         channels = self._e_s_per_radiance.shape[1]
         to_e = (self._e_s_per_radiance * exposure_s).astype(np.float32)
@@ -87,7 +88,7 @@ class Sensor:
         if craft is not None:
             light = craft.radiance_rgb
             if not np.all((light >= 0) & np.isfinite(light)):
-                raise ComponentError("the renderer's radiance is negative or not finite in some pixel")
+                raise ComponentError("the renderer's radiance is negative or not finite in some pixels")
             inside = electrons[craft.box.slices]
             inside *= 1 - craft.coverage[..., None]
             inside += light @ to_e
@@ -102,19 +103,20 @@ class Sensor:
     def expose(
         self, sky: SkyView, craft: Radiance | None, exposure_s: float, seed: int, index: int
     ) -> AnyArray:
-        """Take a frame's image: (H, W) or (H, W, 3) of uint8 or uint16.
+        """Make the image of a frame: (H, W) or (H, W, 3) of uint8 or uint16.
 
-        craft: None where the spacecraft is out of view. Noise depends on ``seed`` and ``index`` alone.
+        ``craft`` is None if the spacecraft is out of view. The noise depends only on ``seed`` and
+        ``index``, the frame's index.
 
         Raises:
-            ComponentError: the craft's radiance is negative or not finite.
+            ComponentError: the renderer's radiance is negative or not finite.
         """
         config = self._config
         random = random_generator(seed, index, "sensor")
         electrons = self.mean_electrons(sky, craft, exposure_s)
         electrons += np.float32(config.noise.dark_e_s * exposure_s)
         if config.noise.hot_pixels:
-            self._heat(electrons, exposure_s, random_generator(seed, -1, "hot pixels"))
+            self._add_hot_pixels(electrons, exposure_s, random_generator(seed, -1, "hot pixels"))
         if config.noise.shot:
             electrons = _shot(electrons, random)
         if config.blooming:
@@ -137,8 +139,10 @@ class Sensor:
         image = dn.astype(np.uint8 if config.bit_depth == 8 else np.uint16)
         return image[..., 0] if config.color == "mono" else image
 
-    def _heat(self, electrons: Float32Array, exposure_s: float, random: np.random.Generator) -> None:
-        """Add the dark electrons of hot pixels."""
+    def _add_hot_pixels(
+        self, electrons: Float32Array, exposure_s: float, random: np.random.Generator
+    ) -> None:
+        """Add the dark current of hot pixels, in place."""
         noise, pixels = self._config.noise, electrons.reshape(-1)
         hot = random.choice(pixels.size, round(noise.hot_pixels * pixels.size), replace=False)
         pixels[hot] += random.exponential(noise.hot_e_s * exposure_s, hot.size)
@@ -146,7 +150,7 @@ class Sensor:
     def _add_points(
         self, electrons: Float32Array, sky: SkyView, craft: Radiance | None, exposure_s: float
     ) -> None:
-        """Spread point sources over the pixels around them; the craft hides those behind it."""
+        """Add the spots of point sources, in place; the spacecraft hides those behind it."""
         radius = self._psf.radius_px
         pixels = np.floor(sky.points_px + 0.5).astype(np.int64)
         light_e: FloatArray = sky.points_irradiance_rgb_w_m2 @ self._e_s_per_irradiance * exposure_s
@@ -155,8 +159,8 @@ class Sensor:
             x, y = pixels[:, 0] - box.x0, pixels[:, 1] - box.y0
             behind = (x >= 0) & (x < box.width) & (y >= 0) & (y < box.height)
             light_e[behind] *= 1 - craft.coverage[y[behind], x[behind], None]
-        if self._aslant:
-            # A star's light meets the aperture aslant; the other cosines are those of a pixel.
+        if self._vignetting:
+            # For a star only the aperture's tilt counts; the other cosines of cos⁴ belong to pixels.
             light_e /= np.linalg.norm(self._camera.rays(sky.points_px), axis=-1, keepdims=True)
         height, width = self._shape
         reach = np.all((pixels >= -radius) & (pixels < [width + radius, height + radius]), axis=-1)
@@ -172,9 +176,10 @@ class Sensor:
 
 
 def _falloff(camera: Camera, cos4: bool) -> Float32Array | None:
-    """(H, W, 1) what a pixel gets of an even light, by that of one on the axis; None where all get 1.
+    """(H, W, 1) irradiance of each pixel under uniform radiance, relative to one on the axis; None if it
+    is 1 everywhere.
 
-    A pixel into which the lens draws more of the pinhole's image gets the light of all of it.
+    Distortion changes the solid angle that a pixel sees, and with it the pixel's light.
     """
     if camera.distortion is None and not cos4:
         return None
@@ -187,7 +192,7 @@ def _falloff(camera: Camera, cos4: bool) -> Float32Array | None:
 
 
 def _shot(mean_e: Float32Array, random: np.random.Generator) -> Float32Array:
-    """Poisson draws of the given means, any shape."""
+    """Poisson draws with the given means, of any shape."""
     drawn = mean_e + np.sqrt(mean_e) * random.standard_normal(mean_e.shape, dtype=np.float32)
     few = mean_e < POISSON_BELOW_E
     drawn[few] = random.poisson(mean_e[few])
@@ -195,7 +200,8 @@ def _shot(mean_e: Float32Array, random: np.random.Generator) -> Float32Array:
 
 
 def _bloom(electrons: Float32Array, full_well_e: np.float32) -> None:
-    """Let overfull pixels run over along their columns, in place; what passes an edge is lost."""
+    """Let the charge of overfull pixels spread along their columns, in place. Charge that passes the
+    image's border is lost."""
     full = np.flatnonzero((electrons > full_well_e).any(axis=(0, 2)))
     if not len(full):
         return

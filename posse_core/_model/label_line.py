@@ -137,7 +137,7 @@ class LabelLine(BaseModel):
         return all(name in self.__dict__ for name in names)
 
     def as_json(self) -> dict[str, Any]:
-        """For :func:`json.dumps`: the labels that were made, in the order of a line."""
+        """The labels that were made, as a mapping for :func:`json.dumps`, in the order of a line."""
         values = {name: self.__dict__[name] for name in _FIELDS if name in self.__dict__}
         if "mask_rle" in values:
             values["mask_rle"] = dict(self.mask_rle)

@@ -1,4 +1,4 @@
-"""The manifest of a dataset: what it was made from, whether it is whole, the digests of its files."""
+"""The manifest of a dataset: its origin, whether it is complete, and the digests of its files."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from posse_core._errors import InputError
 FORMAT: Final = "posse-dataset"
 FORMAT_VERSION: Final = 1
 CHECKSUMS: Final = "checksums.sha256"
-"""The list of the digests of images and arrays, in the format of the tool ``sha256sum``."""
+"""The file with the digests of images and arrays, in the format of the tool ``sha256sum``."""
 
 State = Literal["complete", "incomplete"]
 Count = Annotated[int, Field(ge=0)]
@@ -22,7 +22,7 @@ class _Record(BaseModel):
 
 
 class PluginVersion(_Record):
-    """A plugin that was there when the run ended: its distribution, and what became of it."""
+    """A plugin that was installed when the run ended: its distribution, version and state."""
 
     dist: str
     version: str
@@ -30,12 +30,13 @@ class PluginVersion(_Record):
 
 
 class Source(_Record):
-    """A dataset that ``posse collect`` took frames from.
+    """A dataset from which ``posse collect`` took frames.
 
     Attributes:
         dataset: name of its folder.
-        scenario: the copy of its scenario beside the manifest; None where it had none.
-        frames, seed, renderer, versions, sources: as its own manifest has them.
+        scenario: file name of the copy of its scenario, in the folder of the manifest; None if it has no
+            scenario.
+        frames, seed, renderer, versions, sources: as in its own manifest.
     """
 
     dataset: str
@@ -48,12 +49,14 @@ class Source(_Record):
 
 
 class Selection(_Record):
-    """What a rule of ``posse collect`` did.
+    """The effect of a rule of ``posse collect``.
 
     Attributes:
+        rule: name of the rule.
         why: the rule in words.
-        dropped: number of frames.
-        bins: of the rule ``balance``: the names of each bin, the frames there were, and those kept.
+        dropped: number of frames that it left out.
+        bins: for the rule ``balance``: the names of each bin, its number of frames, and how many were
+            kept.
     """
 
     rule: str
@@ -63,16 +66,19 @@ class Selection(_Record):
 
 
 class Manifest(_Record):
-    """What a dataset says of itself when its run has ended (``manifest.json``; docs/dataset.md).
+    """The manifest that a run writes when it ends (``manifest.json``; docs/dataset.md).
 
     Attributes:
-        frames: how many there should be.
+        format, format_version: of the dataset.
+        state: whether every frame was made.
+        frames: number of frames that the dataset should have.
         failed_frames: index → error of each frame that could not be made.
-        seed, renderer, plugins: of the run; a dataset of ``posse collect`` has none.
-        versions: of posse-core, Python and libraries.
-        sources, selection: of a dataset of ``posse collect``: what was joined, and what was left out.
+        seed, renderer, plugins: those of the run; None in a dataset of ``posse collect``.
+        versions: versions of posse-core, Python and libraries.
+        sources, selection: in a dataset of ``posse collect``, the datasets that were joined, and the
+            rules by which frames were left out.
         sha256: path → digest of every file but images, arrays and exports.
-        exports: path → digest of every file that writers wrote in the dataset's folder.
+        exports: path → digest of every file that writers wrote into the dataset's folder.
         frame_checksums: the file with the digests of images and arrays.
     """
 
@@ -97,15 +103,16 @@ class Manifest(_Record):
         return self.state == "complete"
 
     def as_json(self) -> dict[str, Any]:
-        """For :func:`json.dumps`: the keys that were given when it was made or read."""
+        """The keys that were given when the manifest was made or read, as a mapping for
+        :func:`json.dumps`."""
         return self.model_dump(mode="json", exclude_unset=True)
 
     @classmethod
     def from_json(cls, text: bytes) -> Manifest:
-        """Read what :meth:`as_json` gave.
+        """Read a manifest.
 
         Raises:
-            InputError: it is none; the message names the first key that is at fault.
+            InputError: the text is not a valid manifest; the message names the first key at fault.
         """
         try:
             return cls.model_validate_json(text)

@@ -26,11 +26,12 @@ class Poses:
 
 
 class NamedPose(NamedTuple):
-    """The pose that a list of labels gives for one image, as it stands there.
+    """The pose of one image, exactly as a list of labels gives it.
 
     Attributes:
+        image: name of the image.
         q_cam_from_body: four numbers, scalar first.
-        t_body_cam_m: three numbers, the body's origin in camera axes.
+        t_body_cam_m: three numbers, position of the body axes' origin in camera axes.
     """
 
     image: str

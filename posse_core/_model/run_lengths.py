@@ -1,8 +1,9 @@
-"""COCO's compressed run-lengths: a mask as text.
+"""COCO's compressed run-length code: a mask as text.
 
-Runs of 0 and 1 alternate down the columns, beginning with 0. From the fourth on a run is stored as its
-difference from the one two before; numbers are cut into groups of five bits, lowest first, each a
-character from '0' on, with bit 5 set where more follow and the sign in the last one's bit 4.
+Runs of 0 and 1 alternate down the columns, beginning with a run of 0. From the fourth run on, a run is
+stored as its difference to the one two before it. Each number is split into groups of five bits, least
+significant first. A group is a character, counted from '0'; its bit 5 is set if more groups follow, and
+bit 4 of the last group is the sign.
 """
 
 from __future__ import annotations
@@ -18,10 +19,11 @@ _Side = Annotated[int, Field(ge=0, strict=True)]
 
 
 class RunLengths(BaseModel):
-    """A mask in COCO's compressed run-lengths.
+    """A mask in COCO's compressed run-length code.
 
     Attributes:
         size: height and width of the image.
+        counts: the run lengths, as text.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -30,10 +32,10 @@ class RunLengths(BaseModel):
     counts: Annotated[str, Strict()]
 
     def mask(self) -> BoolArray:
-        """(H, W) bool.
+        """Decode the mask: (H, W) bool.
 
         Raises:
-            ValueError: the runs do not fill the size.
+            ValueError: the code is damaged, or the runs do not fill the image.
         """
         height, width = self.size
         groups = np.frombuffer(self.counts.encode("ascii"), np.uint8).astype(np.int64) - 48
@@ -42,8 +44,8 @@ class RunLengths(BaseModel):
             raise ValueError("the run lengths of the mask are damaged")
         first = np.concatenate([[0], np.flatnonzero(last)[:-1] + 1])
         lengths = np.diff(np.append(first, len(groups)))
-        place = np.arange(len(groups)) - np.repeat(first, lengths)
-        runs = np.add.reduceat((groups & 0x1F) << (5 * place), first)
+        index_in_number = np.arange(len(groups)) - np.repeat(first, lengths)
+        runs = np.add.reduceat((groups & 0x1F) << (5 * index_in_number), first)
         runs -= np.where(groups[last] & 0x10, 1 << (5 * lengths), 0)
         runs[1::2] = np.cumsum(runs[1::2])
         runs[2::2] = np.cumsum(runs[2::2])

@@ -1,4 +1,4 @@
-"""The exposure that a frame's own light asks for."""
+"""Auto-exposure: the exposure time that follows from a frame's own light."""
 
 from dataclasses import replace
 
@@ -24,7 +24,7 @@ BOX = PixelBox(8, 6, 40, 30)
 
 
 def plate(albedo: float, box: PixelBox = BOX) -> Radiance:
-    """A plate that faces the Sun and fills a box, but for the left column."""
+    """A plate that faces the Sun and fills a box except for its left column."""
     coverage = np.ones((box.height, box.width), dtype=np.float32)
     coverage[:, 0] = 0
     light = coverage[..., None] * (albedo * SUN_RGB / np.pi).astype(np.float32)
@@ -37,8 +37,9 @@ def sensor(**more: object) -> Sensor:
 
 @pytest.mark.parametrize("color", ["mono", "rgb"])
 @given(albedo=st.floats(0.01, 1.0), level=st.floats(0.1, 1.0))
-def test_a_plate_ends_at_the_level(albedo: float, level: float, color: str) -> None:
-    """Whatever its albedo, it ends at that share of white; 0.9611 is docs/sensor.md's at 2 ms."""
+def test_a_plate_is_exposed_to_the_level(albedo: float, level: float, color: str) -> None:
+    """Whatever its albedo, the plate gets the share ``level`` of full scale. The factor 0.9611 is that
+    of a white plate at 2 ms in docs/sensor.md."""
     camera = sensor(bit_depth=16, color=color)
     exposure_s = camera.metered_s(BLACK, plate(albedo), AutoExposureConfig(level=level))
     assert exposure_s == pytest.approx(0.002 * level / (0.961123 * albedo), rel=1e-5)
@@ -46,7 +47,7 @@ def test_a_plate_ends_at_the_level(albedo: float, level: float, color: str) -> N
     np.testing.assert_allclose(image[6:36, 9:48], level * 65535, atol=1)
 
 
-def test_the_percentile_is_of_the_craft_and_not_of_the_sky() -> None:
+def test_the_percentile_is_that_of_the_spacecraft_and_not_of_the_sky() -> None:
     craft = plate(0.5)
     craft.radiance_rgb[:9] *= 2  # three tenths of the rows
     blinding = replace(BLACK, radiance_rgb=np.full((48, 64, 3), 1e4, dtype=np.float32))
@@ -56,7 +57,7 @@ def test_the_percentile_is_of_the_craft_and_not_of_the_sky() -> None:
         assert sensor().metered_s(blinding, craft, rule) == pytest.approx(expected_s, rel=1e-5)
 
 
-def test_where_the_craft_covers_no_pixel_the_image_counts() -> None:
+def test_without_a_covered_pixel_the_whole_image_is_metered() -> None:
     rule = AutoExposureConfig(level=0.8)
     sky = replace(BLACK, radiance_rgb=np.broadcast_to(plate(0.5).radiance_rgb[0, 1], (48, 64, 3)))
     speck = plate(1.0, PixelBox(20, 20, 3, 1))
@@ -66,7 +67,7 @@ def test_where_the_craft_covers_no_pixel_the_image_counts() -> None:
         assert exposure_s == pytest.approx(0.0016 / 0.961123 / 0.5, rel=1e-5)
 
 
-def test_the_range_bounds_it_and_a_small_well_is_white() -> None:
+def test_exposure_stays_in_its_range_and_full_well_counts_as_white() -> None:
     rule = AutoExposureConfig(shortest_s=1e-3, longest_s=0.1)
     assert sensor().metered_s(BLACK, None, rule) == 0.1
     glare = replace(BLACK, radiance_rgb=np.full((48, 64, 3), 1e6, dtype=np.float32))

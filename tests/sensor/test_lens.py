@@ -1,4 +1,4 @@
-"""A renderer behind a lens: edges, light and depth against OpenCV's projection and closed forms."""
+"""A renderer with a distorting lens: edges, radiance and depth against OpenCV and closed forms."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -30,7 +30,8 @@ FINE = 4
 
 
 class PlateRenderer(Renderer):
-    """A rectangle by its closed form, the mean of 16 rays in each pixel; brighter to the right."""
+    """Renders a rectangle, brighter to the right, by its closed form, averaged over 16 rays per
+    pixel."""
 
     def open(self, scene):
         self.camera = scene.camera
@@ -60,7 +61,8 @@ class PlateRenderer(Renderer):
 
 
 def on_plate(camera: Camera, craft, uv_px):
-    """(..., 2) place on the plate's plane in its own axes, and depth, where pixels look."""
+    """The points of the plate's plane that pixels see: (..., 2) positions in the plate's axes, and
+    depth."""
     R, t = craft.R_cam_from_body, craft.t_body_cam_m
     rays = camera.rays(uv_px)
     z = (R[:, 2] @ t) / (rays @ R[:, 2])
@@ -100,7 +102,7 @@ def shoot(distortion, at) -> tuple[Radiance, PlateRenderer]:
 
 
 def outline_px(cam: Camera, at) -> np.ndarray:
-    """(N, 2) the plate's curved outline in the image, by OpenCV."""
+    """(N, 2) the plate's curved outline in the image, projected by OpenCV."""
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * HALF_M
     share = np.linspace(0, 1, 200, endpoint=False)[:, None]
     edge = np.concatenate(
@@ -113,7 +115,7 @@ def outline_px(cam: Camera, at) -> np.ndarray:
 
 
 def covered(uv: np.ndarray) -> np.ndarray:
-    """(60, 80) share of each pixel within a polygon, by 32² points a pixel."""
+    """(60, 80) share of each pixel inside a polygon, from 32² points per pixel."""
     mask = np.zeros((60 * 32, 80 * 32), dtype=np.uint8)
     fixed = np.round(((uv + 0.5) * 32 - 0.5) * 256).astype(np.int32)
     cv2.fillPoly(mask, [fixed], 1, shift=8)
@@ -125,16 +127,16 @@ def test_edges_are_where_opencv_projects_them(distortion):
     at = frame()
     image, _ = shoot(distortion, at)
     expected = covered(outline_px(camera(distortion), at))
-    # Area between the outlines over their length; fillPoly draws its border, 1/64 pixel too much.
+    # The area between the outlines divided by their length. fillPoly also draws the border, 1/64 pixel.
     length = np.linalg.norm(np.diff(outline_px(camera(distortion), at), axis=0), axis=1).sum()
-    assert np.abs(image.coverage - expected).sum() / length < 0.15  # as wide as a pixel's own blur
+    assert np.abs(image.coverage - expected).sum() / length < 0.15  # within the blur of a pixel
     assert abs((image.coverage - expected).sum()) / length < 0.03
-    for axis in (0, 1):  # first moments: the outline is not moved
+    for axis in (0, 1):  # first moments: the outline is not displaced
         places = np.arange(image.coverage.shape[axis])
         middle = [np.average(places, weights=c.sum(axis=1 - axis)) for c in (image.coverage, expected)]
         assert middle[0] == pytest.approx(middle[1], abs=0.02)
     straight = covered(outline_px(camera(None), at))
-    assert np.abs(straight - expected).sum() / length > 0.05  # the lens does something here
+    assert np.abs(straight - expected).sum() / length > 0.05  # the distortion matters here
 
 
 @pytest.mark.parametrize("distortion", [BARREL, PINCUSHION, WEAK])
@@ -160,8 +162,8 @@ def test_labels_and_image_agree(distortion):
     st.floats(0, 3),
     st.sampled_from(["none", "cos4"]),
 )
-def test_lens_and_psf_keep_the_light(distortion, x_m, y_m, angle, vignetting):
-    """Electrons of a whole plate, with lens and without: within 0.5 %."""
+def test_lens_and_psf_conserve_light(distortion, x_m, y_m, angle, vignetting):
+    """The electrons of a whole plate with and without distortion agree within 0.5 %."""
     at = frame(x_m, y_m, 7.0, angle)
     config = SensorConfig(
         noise=NoiseConfig(shot=False, read_e=0, dark_e_s=0),
@@ -181,7 +183,7 @@ def test_lens_and_psf_keep_the_light(distortion, x_m, y_m, angle, vignetting):
     assert total[0] == pytest.approx(total[1], rel=0.005)
 
 
-def test_a_star_gives_its_light_wherever_the_lens_puts_it():
+def test_distortion_does_not_change_a_stars_electrons():
     config = SensorConfig(psf=None)
     star = SkyView(None, np.array([[10.0, 7.0]]), np.full((1, 3), 1e-9))
     electrons = [
@@ -190,7 +192,7 @@ def test_a_star_gives_its_light_wherever_the_lens_puts_it():
     assert electrons[0] == pytest.approx(electrons[1], rel=1e-6)
 
 
-def test_a_part_of_the_image_is_that_of_the_whole():
+def test_a_box_is_the_slice_of_the_whole_image():
     at = frame()
     whole, _ = shoot(BARREL, at)
     renderer = LensRenderer(PlateRenderer(NoOptions()))
@@ -202,7 +204,7 @@ def test_a_part_of_the_image_is_that_of_the_whole():
     np.testing.assert_allclose(part.radiance_rgb, whole.radiance_rgb[box.slices], atol=3e-3)
 
 
-def test_without_distortion_the_renderer_is_asked_as_it_is():
+def test_without_distortion_requests_are_passed_on_unchanged():
     image, inner = shoot(None, frame())
     assert inner.camera == camera(None)
     assert inner.boxes == [PixelBox(0, 0, 80, 60)]
@@ -212,11 +214,11 @@ def test_without_distortion_the_renderer_is_asked_as_it_is():
     assert np.array_equal(image.radiance_rgb, expected.radiance_rgb)
 
 
-def test_a_weak_lens_is_read_by_fewer_rays():
+def test_weak_distortion_needs_fewer_samples():
     assert [samples(camera(lens)) for lens in (WEAK, PINCUSHION, BARREL)] == [2, 4, 4]
 
 
-def test_the_pinhole_is_finer_than_the_lens_everywhere():
+def test_the_pinhole_image_is_finer_than_the_distorted_one_everywhere():
     _, inner = shoot(PINCUSHION, frame())
     cam, fine = camera(PINCUSHION), inner.camera
     assert fine.fx_px == fine.fy_px

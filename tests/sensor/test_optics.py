@@ -27,7 +27,7 @@ def _sensor(config: PsfConfig, f_number: float) -> Sensor:
 
 
 def _spot(config: PsfConfig, u: float, v: float, f_number: float = 100.0) -> np.ndarray:
-    """(65, 49) shares of a star's light; f/100 makes an Airy disc of 4.8 pixels across."""
+    """(65, 49) shares of a star's light; f/100 gives an Airy disc of 4.8 pixels in diameter."""
     electrons = _sensor(config, f_number).mean_electrons(
         SkyView(None, np.array([[u, v]]), np.ones((1, 3))), None, EXPOSURE_S
     )[..., 0]
@@ -36,7 +36,7 @@ def _spot(config: PsfConfig, u: float, v: float, f_number: float = 100.0) -> np.
 
 @pytest.mark.parametrize("config", SHAPES, ids=lambda c: c.shape)
 @given(u=st.floats(25, 35), v=st.floats(20, 28))
-def test_a_star_is_centred_at_its_place(config: PsfConfig, u: float, v: float) -> None:
+def test_a_spot_is_centred_on_its_star(config: PsfConfig, u: float, v: float) -> None:
     spot = _spot(config, u, v)
     rows, columns = np.mgrid[:49, :65]
     centroid = [(spot * columns).sum(), (spot * rows).sum()]
@@ -44,7 +44,7 @@ def test_a_star_is_centred_at_its_place(config: PsfConfig, u: float, v: float) -
 
 
 @pytest.mark.parametrize("config", SHAPES, ids=lambda c: c.shape)
-def test_light_is_the_same_sharp_and_spread(config: PsfConfig) -> None:
+def test_a_psf_conserves_light(config: PsfConfig) -> None:
     random = np.random.default_rng(1)
     image = random.exponential(1.0, (49, 65, 3)).astype(np.float32)
     sky = SkyView(image, np.array([[30.3, 20.6]]), np.ones((1, 3)))
@@ -53,27 +53,28 @@ def test_light_is_the_same_sharp_and_spread(config: PsfConfig) -> None:
     assert spread.sum(dtype=float) == pytest.approx(sharp.sum(dtype=float), rel=1e-3)
 
 
-def test_the_airy_spot_holds_what_rayleigh_says_inside_its_rings() -> None:
+def test_the_airy_spot_has_rayleighs_encircled_energy() -> None:
     """Encircled energy 1 − J₀² − J₁² (Rayleigh 1881): 83.8 % within the first dark ring."""
     spot = _spot(PsfConfig(shape="airy"), 32.0, 24.0, f_number=400.0)
     pitch_m = 0.036 / 1280
     x = np.pi * np.hypot(*np.meshgrid(np.arange(65) - 32, np.arange(49) - 24)) * pitch_m / (550e-9 * 400)
-    cut = np.pi * 40 * pitch_m / (550e-9 * 400)  # the window's half-width
+    cut = np.pi * 40 * pitch_m / (550e-9 * 400)  # half the width of the window
     whole = 1 - j0(cut) ** 2 - j1(cut) ** 2
     for ring in (3.8317, 7.0156):
         expected = (1 - j0(ring) ** 2 - j1(ring) ** 2) / whole
         assert spot[x <= ring].sum() == pytest.approx(expected, abs=0.03)
 
 
-def test_a_defocused_star_is_an_even_disc() -> None:
+def test_a_defocused_star_is_a_uniform_disc() -> None:
     spot = _spot(PsfConfig(shape="defocus", diameter_px=9.0), 32.0, 24.0)
     distance = np.hypot(*np.meshgrid(np.arange(65) - 32, np.arange(49) - 24))
     assert spot[distance < 3.5] == pytest.approx(1 / (np.pi * 4.5**2), rel=0.01)
     assert spot[distance > 5.5].sum() == 0
 
 
-def test_vignetting_is_the_cosine_to_the_fourth_and_holds_a_sources_light() -> None:
-    """Flat light falls as cos⁴; a small source keeps E A cos θ, as a star of its irradiance does."""
+def test_vignetting_is_cos4_for_extended_light_and_stars_alike() -> None:
+    """Uniform radiance falls off as cos⁴. A small source gives E A cos θ, as does a star of the same
+    irradiance."""
     sensor = Sensor(SensorConfig(noise=QUIET, psf=None, vignetting="cos4"), CAMERA)
     flat = sensor.mean_electrons(SkyView(np.ones((49, 65, 3), np.float32), *NOTHING), None, EXPOSURE_S)[
         ..., 0
@@ -87,7 +88,7 @@ def test_vignetting_is_the_cosine_to_the_fourth_and_holds_a_sources_light() -> N
     assert sensor.mean_electrons(star, None, EXPOSURE_S).sum() == pytest.approx(by_patch, rel=1e-5)
 
 
-def test_blooming_runs_along_the_column_and_loses_nothing_inside() -> None:
+def test_blooming_spreads_along_the_column_and_conserves_charge() -> None:
     image = np.zeros((49, 65, 3), np.float32)
     image[20, 30] = 400.0
     noise = NoiseConfig(shot=False, read_e=0, dark_e_s=0)
@@ -108,7 +109,7 @@ def test_blooming_runs_along_the_column_and_loses_nothing_inside() -> None:
     assert cut.sum() == 65535
 
 
-def test_hot_pixels_stay_where_they_are_for_a_seed() -> None:
+def test_hot_pixels_are_the_same_in_all_frames_of_a_seed() -> None:
     noise = NoiseConfig(hot_pixels=0.01, hot_e_s=1e8, read_e=0, dark_e_s=0)
     sensor = Sensor(SensorConfig(noise=noise, bit_depth=16), CAMERA)
     dark = SkyView(None, *NOTHING)
@@ -121,7 +122,7 @@ def test_hot_pixels_stay_where_they_are_for_a_seed() -> None:
     assert (hot[0] != hot[2]).any()
 
 
-def test_each_form_is_made_from_its_own_key() -> None:
+def test_each_psf_shape_is_made_from_its_own_key() -> None:
     wide = make_psf(PsfConfig(shape="airy"), 32.0, 3.45e-6)
     narrow = make_psf(PsfConfig(shape="airy"), 4.0, 3.45e-6)
     assert wide.radius_px > narrow.radius_px

@@ -29,7 +29,7 @@ def _flat(rgb) -> SkyView:
 
 
 def _plate_electrons(albedo: float, config: SensorConfig) -> float:
-    """E A t λ QE / (4 N² h c), band by band: the radiance of the plate is albedo E / π."""
+    """E A t λ QE / (4 N² h c), summed over the bands; the radiance of the plate is albedo E / π."""
     bands = np.array([650e-9, 550e-9, 450e-9])
     area_m2 = (0.036 / 1280) ** 2
     photons = albedo * SUN_RGB * area_m2 * EXPOSURE_S * bands / HC / (4 * config.f_number**2)
@@ -67,15 +67,15 @@ def test_the_defaults_expose_white_just_below_saturation() -> None:
     half = Sensor(SensorConfig(noise=QUIET), CAMERA).expose(
         _flat(0.5 * SUN_RGB / np.pi), None, EXPOSURE_S, 0, 0
     )
-    assert np.unique(half) == [123]  # the number that docs/sensor.md states
+    assert np.unique(half) == [123]  # the value in docs/sensor.md
 
 
 @pytest.mark.parametrize("psf", [None, PsfConfig(sigma_px=0.5), PsfConfig(sigma_px=1.7)])
-@pytest.mark.parametrize("place", [(20.0, 20.0), (20.5, 19.75), (31.23, 24.49)])
-def test_a_star_gives_its_flux_at_its_place(psf, place) -> None:
+@pytest.mark.parametrize("position", [(20.0, 20.0), (20.5, 19.75), (31.23, 24.49)])
+def test_a_star_gives_its_flux_at_its_position(psf, position) -> None:
     irradiance = np.array([[3e-5, 2e-5, 1e-5]])
     config = SensorConfig(noise=QUIET, psf=psf)
-    sky = SkyView(None, np.array([place]), irradiance)
+    sky = SkyView(None, np.array([position]), irradiance)
     electrons = Sensor(config, CAMERA).mean_electrons(sky, None, EXPOSURE_S)[..., 0].astype(float)
     aperture_m2 = np.pi / 4 * (32 * 0.036 / 1280 / config.f_number) ** 2
     bands = np.array([650e-9, 550e-9, 450e-9])
@@ -84,11 +84,11 @@ def test_a_star_gives_its_flux_at_its_place(psf, place) -> None:
     if psf is not None:
         v, u = np.mgrid[:48, :64]
         centroid = np.array([(u * electrons).sum(), (v * electrons).sum()]) / electrons.sum()
-        assert centroid == pytest.approx(place, abs=0.01)
+        assert centroid == pytest.approx(position, abs=0.01)
 
 
 def test_extended_and_point_light_agree_on_the_axis() -> None:
-    """A star of irradiance L dΩ is as bright as one pixel of radiance L."""
+    """A star of irradiance L dΩ gives as many electrons as one pixel of radiance L."""
     camera = Camera(65, 49, 320.0, 320.0, 32.0, 24.0, 0.036)
     sensor = Sensor(SensorConfig(noise=QUIET), camera)
     image = np.zeros((49, 65, 3), dtype=np.float32)
@@ -140,8 +140,8 @@ def test_photon_transfer_curve(mean_dn, gain_e_dn, read_e, gaussian_dn, seed) ->
 
 
 @pytest.mark.parametrize("mean_e", [0.05, 1.0, 20.0, 63.0, 65.0])
-def test_few_photons_are_poisson(mean_e: float) -> None:
-    """Third central moment of a Poisson variable is its mean."""
+def test_small_signals_are_poisson_distributed(mean_e: float) -> None:
+    """The third central moment of a Poisson variable is its mean."""
     config = SensorConfig(
         gain_e_dn=1.0, psf=None, bit_depth=16, noise=NoiseConfig(read_e=0, dark_e_s=mean_e / 0.002)
     )
@@ -150,12 +150,12 @@ def test_few_photons_are_poisson(mean_e: float) -> None:
     counts = np.stack(frames).astype(float)
     n = counts.size
     assert counts.mean() == pytest.approx(mean_e, abs=5 * np.sqrt(mean_e / n))
-    # Quantisation adds nothing below the switch to a Gaussian, 1/12 above it.
+    # Below the switch to a Gaussian, quantisation adds no variance; above it, 1/12.
     variance = mean_e + (1 / 12 if mean_e > 64 else 0)
     assert counts.var() == pytest.approx(variance, rel=5 * np.sqrt((2 + 1 / mean_e) / n))
 
 
-def test_full_well_and_range_bound_the_image() -> None:
+def test_full_well_and_bit_depth_limit_the_image() -> None:
     bright = _flat(100 * SUN_RGB)
     assert (Sensor(SensorConfig(), CAMERA).expose(bright, None, EXPOSURE_S, 0, 0) >= 254).all()
     low = SensorConfig(full_well_e=1000, gain_e_dn=10, noise=QUIET)
@@ -165,7 +165,7 @@ def test_full_well_and_range_bound_the_image() -> None:
     ).all()
 
 
-def test_the_craft_covers_sky_and_stars() -> None:
+def test_the_spacecraft_hides_sky_and_stars() -> None:
     box = PixelBox(10, 8, 20, 16)
     coverage = np.zeros((16, 20), dtype=np.float32)
     coverage[:, 10:] = 1.0
@@ -203,7 +203,7 @@ def test_noise_depends_on_seed_and_index_alone(seed: int, index: int) -> None:
 
 
 @pytest.mark.parametrize("value", [-0.1, np.nan, np.inf])
-def test_a_renderer_that_makes_no_light_is_told_so(value: float) -> None:
+def test_radiance_that_is_negative_or_not_finite_is_an_error(value: float) -> None:
     box = PixelBox(0, 0, 4, 4)
     light = np.ones((4, 4, 3), dtype=np.float32)
     light[2, 1, 0] = value
@@ -213,7 +213,7 @@ def test_a_renderer_that_makes_no_light_is_told_so(value: float) -> None:
 
 
 def test_the_srgb_response_is_the_standards_curve() -> None:
-    """IEC 61966-2-1: a share of 0.2140 is half way, 0.0025 lies on the straight part."""
+    """IEC 61966-2-1: a linear share of 0.2140 has the code 0.5; 0.0025 is on the linear part."""
     for share, coded in ((0.21404, 0.5), (0.0025, 0.0323), (2.0, 1.0)):
         light = share / 0.961123 * SUN_RGB / np.pi
         config = SensorConfig(noise=QUIET, response="srgb", bit_depth=16)

@@ -1,4 +1,4 @@
-"""Motion blur against the ramp and the streak of an even motion."""
+"""Motion blur against the ramp and the streak of uniform motion."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def gathered(v_m_s: float, exposure_s: float, instants: int):
 
 
 @pytest.mark.parametrize("v_m_s", [6.0, -15.0])
-def test_a_moving_edge_is_a_ramp_as_wide_as_it_moves(v_m_s):
+def test_a_moving_edge_becomes_a_ramp_as_wide_as_its_motion(v_m_s):
     exposure_s = 0.05
     ramp_px = abs(v_m_s) * exposure_s * FOCAL_PX / DISTANCE_M
     craft = gathered(v_m_s, exposure_s, 64)
@@ -38,7 +38,7 @@ def test_a_moving_edge_is_a_ramp_as_wide_as_it_moves(v_m_s):
     edge_px = MIDDLE[0] - FOCAL_PX * 2.03 / DISTANCE_M
 
     def integral(x):
-        """Of the ramp, which rises from 0 to 1 around the edge."""
+        """The integral of the ramp, which rises from 0 to 1 around the edge."""
         begun, done = (np.clip((x - edge_px) / ramp_px + s, 0, None) ** 2 for s in (0.5, -0.5))
         return (begun - done) / 2 * ramp_px
 
@@ -47,7 +47,7 @@ def test_a_moving_edge_is_a_ramp_as_wide_as_it_moves(v_m_s):
     np.testing.assert_allclose(line[left], expected[left], atol=0.01)
 
 
-def test_blur_keeps_the_light_and_the_place():
+def test_blur_conserves_light_and_position():
     sharp, blurred = gathered(12.0, 0.05, 1), gathered(12.0, 0.05, 32)
     assert blurred.radiance_rgb.sum(dtype=float) == pytest.approx(
         sharp.radiance_rgb.sum(dtype=float), rel=1e-5
@@ -60,13 +60,13 @@ def test_blur_keeps_the_light_and_the_place():
     assert blurred.box.width > sharp.box.width + 5
 
 
-def test_a_star_is_a_streak_of_the_cameras_turn_and_keeps_its_light():
+def test_a_star_becomes_a_streak_along_the_cameras_rotation_and_keeps_its_light():
     turn_rad_s, exposure_s = 0.8, 0.2
     frame = moving(omega_camera=(0, turn_rad_s, 0))
     sky = Sky(STARS, camera(), 0)
     sharp, streaked = sky.look(frame), sky.look(frame, exposure_s, 8)
     central = int(np.argmin(np.linalg.norm(sharp.points_px - MIDDLE, axis=1)))
-    # Points of one star have its colour and share, which no other has.
+    # The points of a star are recognised by their colour and irradiance, which no other star has.
     ratio = streaked.points_irradiance_rgb_w_m2 / sharp.points_irradiance_rgb_w_m2[central]
     least_points = FOCAL_PX * turn_rad_s * exposure_s / 0.2
     own = np.ptp(ratio, axis=1) < 1e-9 * ratio[:, 0]

@@ -1,4 +1,5 @@
-"""A dataset of a spinning craft under a rolling shutter, with blur: made, proven, and spoilt."""
+"""A dataset of a spinning spacecraft with rolling shutter and blur: it passes validation, and fails if
+its camera.json claims a global shutter."""
 
 import json
 import shutil
@@ -25,7 +26,7 @@ def rolling(posse_in, tmp_path_factory):
     return make_small(posse_in, tmp_path_factory.mktemp("rolling"), OPTIONS)
 
 
-def test_it_is_proven_row_by_row(posse, rolling):
+def test_it_is_validated_row_by_row(posse, rolling):
     proof = posse("validate", rolling)
     assert proof.returncode == 0, proof.stdout
     assert json.loads((rolling / "camera.json").read_text())["lineTime_s"] == 0.002
@@ -34,7 +35,7 @@ def test_it_is_proven_row_by_row(posse, rolling):
     assert lines[0]["exposure_s"] > 0
 
 
-def test_as_a_global_shutter_its_labels_are_refuted(posse, rolling, tmp_path):
+def test_validation_fails_with_a_global_shutter(posse, rolling, tmp_path):
     shutil.copytree(rolling, tmp_path / "d")
     camera = json.loads((tmp_path / "d/camera.json").read_text())
     (tmp_path / "d/camera.json").write_text(json.dumps({**camera, "lineTime_s": 0.0}))

@@ -1,4 +1,4 @@
-"""How an image is cut into moments, and how fast things move in it."""
+"""The division of an exposure into moments, and the largest speed in an image."""
 
 import numpy as np
 import pytest
@@ -27,13 +27,13 @@ def test_every_row_is_exposed_once_and_around_its_own_time(speed, line_s, exposu
         share[rows] += moment.share
         mean_s[rows] += moment.share * moment.after_s
     np.testing.assert_allclose(share, 1)
-    # A moment lasts no longer than anything takes for a fifth of a pixel, or than a row.
+    # Within a moment nothing moves by more than a fifth of a pixel, or the moment is a single row.
     longest_s = max(0.2 / max(speed, 1e-9), line_s) + line_s
     np.testing.assert_allclose(mean_s, made.row_after_s(np.arange(HEIGHT)), atol=longest_s / 2 + 1e-12)
     assert made.row_after_s(np.array([(HEIGHT - 1) / 2])) == 0
 
 
-def test_instants_are_the_middles_of_even_parts():
+def test_instants_are_the_middles_of_equal_parts():
     np.testing.assert_allclose(instants_s(100.0, 0.2, 0.004, 100), [-0.001, 0.001])
     np.testing.assert_allclose(instants_s(1e6, 0.2, 0.9, 3), [-0.3, 0, 0.3], atol=1e-15)
     assert instants_s(1e6, 0.2, 0.9, 1) == [0]
@@ -41,7 +41,7 @@ def test_instants_are_the_middles_of_even_parts():
 
 @given(v=vectors, omega=vectors, near=st.floats(2, 50), seed=st.integers(0, 2**31))
 def test_no_point_of_the_box_is_faster(v, omega, near, seed):
-    """Against the projections of points a microsecond apart."""
+    """Against the projections of moving points at times a microsecond apart."""
     random = np.random.default_rng(seed)
     made, far = camera(), 3 * near
     uv = random.uniform([0, 0], [WIDTH - 1, HEIGHT - 1], (200, 2))
@@ -53,7 +53,7 @@ def test_no_point_of_the_box_is_faster(v, omega, near, seed):
     assert fastest <= 4 * speeds.max() + 1e-3
 
 
-def test_a_turning_camera_sees_the_stars_move_by_its_rate():
+def test_a_rotating_camera_sees_the_stars_move_at_its_rate():
     fastest = fastest_px_s(camera(), WHOLE, np.zeros(3), np.array([0, 0.01, 0]), np.inf, np.inf)
     x = (WIDTH - 1) / 2 / 100
     assert fastest == pytest.approx(100 * 0.01 * (1 + x**2), rel=0.1)

@@ -1,4 +1,4 @@
-"""Labels and light of a rolling shutter against the edge that geometry draws."""
+"""Labels and images of a rolling shutter against the closed form of a moving edge."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ DARK = SkyConfig(earth=False, stars=None, sun_disc=False)
 
 
 def left_edges(view) -> np.ndarray:
-    """(H,) first column of the mask by row, NaN where there is none."""
+    """(H,) first column of the mask in each row, NaN if there is none."""
     edges = np.full(HEIGHT, np.nan)
     columns = np.argmax(view.mask, axis=1).astype(float) + view.box.x0
     edges[view.box.slices[0]] = np.where(view.mask.any(axis=1), columns, np.nan)
@@ -26,12 +26,12 @@ def left_edges(view) -> np.ndarray:
 
 
 def sheared_edge_px(v_m_s: float) -> np.ndarray:
-    """(H,) where the left edge of a plate that slides to the right is when its row is exposed."""
+    """(H,) position of the left edge of a plate that slides to the right, at the time of each row."""
     return MIDDLE[0] + FOCAL_PX * (-2.03 + v_m_s * AFTER_S) / DISTANCE_M
 
 
 @pytest.mark.parametrize("v_m_s", [20.0, -35.0])
-def test_a_sliding_edge_leans_by_its_speed(v_m_s):
+def test_a_sliding_edge_is_sheared_by_its_speed(v_m_s):
     scene = plate(line_time_s=LINE_S)
     edges = left_edges(RayCaster(scene).view(moving(v_m_s=(v_m_s, 0, 0)).craft))
     seen = np.isfinite(edges)
@@ -43,7 +43,8 @@ def test_a_sliding_edge_leans_by_its_speed(v_m_s):
 
 @pytest.mark.parametrize("turning", ["body", "camera"])
 def test_a_spinning_edge_bends(turning):
-    """About the boresight the edge stands at ωτ: x = (−a − y sin ωτ) / cos ωτ, τ by the row."""
+    """At the angle ωτ about the boresight the edge is x = (−a − y sin ωτ) / cos ωτ, with τ of the
+    row."""
     omega = 2.0
     rates = {"omega_body": (0, 0, omega)} if turning == "body" else {"omega_camera": (0, 0, -omega)}
     view = RayCaster(plate(half_y_m=9.0, line_time_s=LINE_S)).view(moving(**rates).craft)
@@ -55,8 +56,8 @@ def test_a_spinning_edge_bends(turning):
     assert abs(bend_px) > 2
 
 
-def test_a_keypoint_lies_where_its_row_sees_it():
-    """Against a root of: the row of the projection at τ is the row that is exposed at τ."""
+def test_a_keypoint_has_its_position_at_the_time_of_its_row():
+    """Against the root τ for which the point's row at the time τ is the row that is exposed at τ."""
     v, omega = np.array([20.0, -8.0, 3.0]), np.array([0.3, -0.2, 1.5])
     scene = plate(line_time_s=LINE_S)
     view = RayCaster(scene).view(moving(v_m_s=tuple(v), omega_body=tuple(omega)).craft)
@@ -72,15 +73,15 @@ def test_a_keypoint_lies_where_its_row_sees_it():
         after_s = brentq(lambda t, c=corner: (at(c, t)[1] - MIDDLE[1]) * LINE_S - t, -1, 1, xtol=1e-15)
         assert uv == pytest.approx(at(corner, after_s), abs=1e-6)
     assert (view.keypoints_visibility == 2).all()
-    # The mask reaches from keypoint to keypoint.
+    # The mask extends from keypoint to keypoint.
     assert view.whole_box_px[0] == pytest.approx(view.keypoints_px[:, 0].min())
     columns = np.flatnonzero(view.mask.any(axis=0)) + view.box.x0
     assert columns[0] == pytest.approx(view.keypoints_px[:, 0].min(), abs=1.02)
     assert columns[-1] == pytest.approx(view.keypoints_px[:, 0].max(), abs=1.02)
 
 
-def test_image_and_mask_have_one_edge():
-    """The rows' sums of exact coverage give the image's edge to a fraction of a pixel."""
+def test_image_and_mask_have_the_same_edge():
+    """The sum of a row's exact coverage gives the image's edge to a fraction of a pixel."""
     scene, v_m_s = plate(line_time_s=LINE_S), 30.0
     renderer = PlateRenderer(None)
     renderer.open(scene)
@@ -96,7 +97,7 @@ def test_image_and_mask_have_one_edge():
     assert np.abs(image_edge_px - expected_px).max() < 0.105
     mask_edge_px = left_edges(geometry.view(frame.craft))[rows]
     assert np.all((mask_edge_px - image_edge_px > -0.105) & (mask_edge_px - image_edge_px < 1.105))
-    # The bands together are one picture: nothing is rendered twice.
+    # The bands together cover the image once: nothing is rendered twice.
     assert renderer.rendered_px < 1.3 * craft.box.width * craft.box.height
 
 
@@ -107,19 +108,19 @@ def test_without_motion_a_rolling_shutter_is_a_global_one():
     assert rolling.silhouette_px == instant.silhouette_px
 
 
-def test_the_silhouette_counts_what_leaves_the_image_while_it_is_read():
+def test_the_silhouette_counts_what_leaves_the_image_during_readout():
     scene = plate(half_y_m=9.0, line_time_s=LINE_S)
     view = RayCaster(scene).view(moving(v_m_s=(0.0, 0, 0), omega_body=(0, 0, 1e-9)).craft)
     assert view.silhouette_px == pytest.approx(4 * 2.03 * 9.0 * (FOCAL_PX / DISTANCE_M) ** 2, rel=0.02)
 
 
-def test_each_row_of_the_sky_is_that_of_its_moment():
+def test_each_row_shows_the_sky_at_its_time():
     frame, rolling = moving(omega_camera=(0, 0.2, 0.05)), camera(LINE_S)
     config = SkyConfig(stars=None)
     seen = Sky(config, rolling, 0).look(frame).radiance_rgb
     still = Sky(config, camera(), 0)
     for row in (3, 35, 68):
         expected = still.look(frame.after(AFTER_S[row])).radiance_rgb[row]
-        # Half a moment is a tenth of a pixel.
+        # Half a moment corresponds to a tenth of a pixel.
         step = np.abs(np.diff(expected, axis=0)).max()
         np.testing.assert_allclose(seen[row], expected, atol=0.3 * step + 1e-3)

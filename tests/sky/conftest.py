@@ -1,4 +1,4 @@
-"""Frame states for the sky's tests, built by hand."""
+"""Cameras and frame states for the tests of the sky."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ SUN_RADIUS_RAD = float(np.arcsin(Constants().sun_radius_m / AU_M))
 
 @pytest.fixture(scope="session")
 def make_camera():
-    """Square pixels, 320×240 and 90° across unless told."""
+    """Returns a function that makes a camera with square pixels; by default 320×240 px and 90° wide."""
     return _camera
 
 
 @pytest.fixture(scope="session")
 def make_state():
-    """A frame state; by default over the equator, looking along the velocity, the Sun overhead."""
+    """Returns a function that makes a frame state; by default the camera is over the equator, looks
+    along its velocity, and the Sun is in the zenith."""
     return _state
 
 
@@ -31,7 +32,8 @@ def _camera(width_px: int = 320, height_px: int = 240, hfov_deg: float = 90.0) -
 
 
 def _looking(forward, up=(0.0, 0.0, 1.0)) -> np.ndarray:
-    """R_cam_from_eci of a camera that looks along ``forward`` (ECI), ``up`` upwards in the image."""
+    """R_cam_from_eci of a camera that looks along ``forward``, with ``up`` upwards in the image; ECI
+    axes."""
     z = np.asarray(forward, dtype=float) / np.linalg.norm(forward)
     x = np.cross(z, up)
     x /= np.linalg.norm(x)

@@ -1,4 +1,4 @@
-"""The air against closed forms and an integration by another method."""
+"""The atmosphere against closed forms and an integration by another method."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,8 @@ from posse_core._sky.atmosphere import (
 
 
 def _slant_depth(height_m: float, mu: float) -> np.ndarray:
-    """(3,) optical depth from a height to space along a zenith cosine, by adaptive quadrature."""
+    """(3,) optical depth from a height to space, at a cosine of the zenith angle, by adaptive
+    quadrature."""
     r = RADIUS_M + height_m
     end = -r * mu + np.sqrt((RADIUS_M + TOP_M) ** 2 - r**2 * (1 - mu**2))
 
@@ -37,8 +38,9 @@ def _slant_depth(height_m: float, mu: float) -> np.ndarray:
     return np.array(column) @ EXTINCTION
 
 
-def test_optical_depths_are_those_of_the_literature() -> None:
-    """Rayleigh at sea level, 650, 550 and 450 nm (Bodhaine et al. 1999), and a sum of columns."""
+def test_optical_depths_agree_with_the_literature() -> None:
+    """Rayleigh scattering at sea level at 650, 550 and 450 nm (Bodhaine et al. 1999); also, the
+    densities integrate to 1."""
     assert pytest.approx([0.0491, 0.0971, 0.2214], rel=0.02) == RAYLEIGH_DEPTH
     assert _slant_depth(0.0, 1.0) == pytest.approx(
         RAYLEIGH_DEPTH + AEROSOL_DEPTH + OZONE_DEPTH, rel=1e-3
@@ -47,7 +49,7 @@ def test_optical_depths_are_those_of_the_literature() -> None:
 
 @pytest.mark.parametrize("height_m", [0.0, 3000.0, 12e3, 30e3])
 @pytest.mark.parametrize("mu", [1.0, 0.5, 0.2, 0.08, 0.02])
-def test_sunlight_is_the_integral_of_the_density(height_m: float, mu: float) -> None:
+def test_sunlight_agrees_with_the_integral_of_the_density(height_m: float, mu: float) -> None:
     got = sunlight(np.array([[height_m]]), np.array([[mu]]))[0, 0]
     assert got == pytest.approx(np.exp(-_slant_depth(height_m, mu)), abs=0.008)
 
@@ -60,7 +62,7 @@ def test_the_earth_shadows_the_air_behind_it() -> None:
     assert above[0] > 0
 
 
-def test_ground_light_falls_and_reddens_with_the_sun_and_leaves_a_blue_twilight() -> None:
+def test_ground_irradiance_falls_and_reddens_with_the_sun_and_leaves_a_blue_twilight() -> None:
     mu = np.linspace(GROUND_MU_MIN, 1, GROUND_SUNS)
     light = ground_irradiance()[0].astype(float)
     assert (np.diff(light[mu > -0.1], axis=0) >= -1e-6).all()
@@ -72,7 +74,7 @@ def test_ground_light_falls_and_reddens_with_the_sun_and_leaves_a_blue_twilight(
     assert (light[mu < -0.25] < 1e-6).all()
 
 
-def test_rays_from_space_dim_as_the_way_through_the_air() -> None:
+def test_rays_from_space_are_attenuated_by_their_path_through_the_air() -> None:
     tables = air_tables(7.08e6, 0.5)
     for row in (4, 20, 40):
         passing_m = TOP_M * (row / (LIMB_ROWS - 1)) ** 2
@@ -81,7 +83,8 @@ def test_rays_from_space_dim_as_the_way_through_the_air() -> None:
 
 
 def test_the_glow_of_thin_air_is_single_scattering() -> None:
-    """60 km up only air scatters and nothing dims: L/E = τ P(Θ), τ = 2 τ_z K for the whole slant way."""
+    """At 60 km only air scatters and attenuation is negligible: L/E = τ P(Θ), with τ = 2 τ_z K for the
+    whole slant path."""
     tables = air_tables(7.08e6, 0.0)
     row = round((LIMB_ROWS - 1) * np.sqrt(60e3 / TOP_M))
     passing_m = TOP_M * (row / (LIMB_ROWS - 1)) ** 2

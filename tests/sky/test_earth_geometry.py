@@ -1,4 +1,4 @@
-"""Limb, terminator and reflected light of a bare, grey Earth against closed forms."""
+"""Limb, terminator and reflected light of a grey Earth without clouds and air, against closed forms."""
 
 import erfa
 import numpy as np
@@ -12,13 +12,13 @@ from posse_core._sky.ground import Ground
 from posse_core._sky.pyramid import Pyramid
 
 A_M, B_M = 6378137.0, 6356752.314245
-ALBEDO = (140 / 255) ** 2  # one that the map's 8 bits hold exactly
+ALBEDO = (140 / 255) ** 2  # exactly representable in the map's 8 bits
 
 
 @pytest.fixture(scope="module")
 def grey() -> Earth:
     """Grey land everywhere, no clouds, no air."""
-    land = np.full((64, 128, 3), np.rint(255 * np.sqrt(ALBEDO)), np.uint8)  # the map holds square roots
+    land = np.full((64, 128, 3), np.rint(255 * np.sqrt(ALBEDO)), np.uint8)  # the map stores square roots
     water = np.zeros((64, 128, 1), np.uint8)
     return Earth(Ground(Pyramid(np.dstack([land, water]))), clouds=None, air=False)
 
@@ -29,13 +29,14 @@ def _spin(angle: float) -> np.ndarray:
 
 
 def _level(point: np.ndarray) -> float:
-    """Under 1 inside the ellipsoid."""
+    """Below 1 inside the ellipsoid, above 1 outside."""
     return (point[0] ** 2 + point[1] ** 2) / A_M**2 + point[2] ** 2 / B_M**2
 
 
 @pytest.fixture(scope="module")
 def over_europe(make_state):
-    """700 km above 50° N, looking at the northern horizon; the Earth turned by 0.7 rad."""
+    """A camera 700 km above 50° N that looks at the northern horizon; the Earth is rotated by 0.7
+    rad."""
     r = 7.07e6 * np.array([np.cos(0.87), 0.0, np.sin(0.87)])
     up = r / np.linalg.norm(r)
     forward = -0.42 * up + 0.9 * np.array([-np.sin(0.87), 0.3, np.cos(0.87)])
@@ -51,7 +52,7 @@ def _ray_ecef(frame, camera, u: float, v: float) -> tuple[np.ndarray, np.ndarray
 
 
 @pytest.mark.parametrize("column", [3, 100, 250])
-def test_the_limb_is_the_ellipsoids(grey, over_europe, make_camera, column: int) -> None:
+def test_the_limb_is_that_of_the_ellipsoid(grey, over_europe, make_camera, column: int) -> None:
     camera = make_camera(320, 240)
     rows = np.arange(240.0)
     rays = camera.rays(np.stack([np.full(240, float(column)), rows], axis=-1))
@@ -68,9 +69,7 @@ def test_the_limb_is_the_ellipsoids(grey, over_europe, make_camera, column: int)
 
 
 @pytest.mark.parametrize("row", [175, 200, 235])
-def test_the_terminator_is_where_the_sun_stands_on_the_horizon(
-    grey, over_europe, make_camera, row: int
-) -> None:
+def test_at_the_terminator_the_sun_is_on_the_horizon(grey, over_europe, make_camera, row: int) -> None:
     """ERFA's geodetic latitude gives the vertical; the lit side rises linearly from zero."""
     camera = make_camera(320, 240)
     columns = np.arange(320.0)
@@ -88,14 +87,14 @@ def test_the_terminator_is_where_the_sun_stands_on_the_horizon(
     expected = brentq(elevation_sine, 5, 314)
     lit = np.flatnonzero(light > 0)
     assert 0 < len(lit) < 320
-    # Straight line through the four pixels next to the edge but one, down to zero.
+    # A straight line through four pixels near the edge, but not the outermost, extrapolated to zero.
     first = lit[2:6] if lit[-1] == 319 else lit[-6:-2]
     slope, offset = np.polyfit(columns[first], light[first], 1)
     assert -offset / slope == pytest.approx(expected, abs=0.2)
 
 
 def _shine_w_m2(r_m: np.ndarray, facing: np.ndarray, sun: np.ndarray) -> float:
-    """Irradiance of a plate by a Lambertian ellipsoid under sunlight of 1 W/m²: a sum over its area."""
+    """Irradiance of a plate by a Lambertian ellipsoid in sunlight of 1 W/m², as a sum over its area."""
     lat, lon = np.meshgrid(
         (np.arange(400) + 0.5) / 400 * np.pi - np.pi / 2,
         (np.arange(800) + 0.5) / 400 * np.pi,
@@ -131,13 +130,13 @@ def _plate_w_m2(environment, facing_cam: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("altitude_m", [400e3, 700e3, 2e7])
 @pytest.mark.parametrize("sun_angle", [0.0, 0.8, 1.7])
-def test_earthshine_on_a_plate_is_the_sum_over_the_ground(
+def test_earthshine_on_a_plate_agrees_with_a_sum_over_the_ground(
     grey, make_state, altitude_m: float, sun_angle: float
 ) -> None:
     zenith = np.array([0.6, 0.0, 0.8])
     sun = np.cos(sun_angle) * zenith + np.sin(sun_angle) * np.array([0.0, 1.0, 0.0])
     r = (A_M + altitude_m) * zenith
-    # The distance of the Sun, 1 au from the camera, takes its direction off by 0.01 degrees.
+    # The Sun is 1 au away, so its directions from the camera and the ground differ by 0.01 degrees.
     frame = make_state(r_camera_m=r, forward=(0.3, 0.7, -0.2), sun=sun)
     environment = environment_map(grey.seen(frame))
     for facing in (-zenith, np.array([0.0, 0.8, -0.6])):

@@ -1,4 +1,4 @@
-"""The real map, its clouds, water and air; and the Moon."""
+"""The real map with its clouds, water and air, and the Moon."""
 
 import numpy as np
 import pytest
@@ -36,7 +36,7 @@ def _normal(lat_deg, lon_deg) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", PLACES)
-def test_land_and_water_lie_where_they_do(name: str) -> None:
+def test_land_and_water_have_the_right_positions(name: str) -> None:
     lat, lon, wet, red = PLACES[name]
     land, water = blue_marble().at(
         _normal([lat], [lon]), np.float32(np.deg2rad([lat])), np.float32([5000.0])
@@ -47,7 +47,7 @@ def test_land_and_water_lie_where_they_do(name: str) -> None:
 
 
 def test_no_seam_at_the_date_line() -> None:
-    """Values a kilometre apart, over the meridian of 180°, differ no more than elsewhere."""
+    """Values a kilometre apart differ no more across the meridian of 180° than elsewhere."""
     lat = np.float32(np.deg2rad(np.linspace(-75, 75, 400)))
     clouds = make_clouds(3)
     steps = []
@@ -60,7 +60,7 @@ def test_no_seam_at_the_date_line() -> None:
     assert steps[0] < 2 * steps[1] + 0.05
 
 
-def test_clouds_belong_to_a_seed_and_drift_with_the_wind() -> None:
+def test_clouds_depend_on_the_seed_and_drift_with_the_wind() -> None:
     lat = np.zeros(500, np.float32)
     lon = np.linspace(-60, 60, 500)
     footprint = np.full(500, 2000.0, np.float32)
@@ -72,25 +72,25 @@ def test_clouds_belong_to_a_seed_and_drift_with_the_wind() -> None:
     make_clouds.cache_clear()
     np.testing.assert_array_equal(row(one, 0.0), row(make_clouds(0), 0.0))
     assert np.corrcoef(row(one, 0.0), row(other, 0.0))[0, 1] < 0.5
-    # Trade winds: 8 m/s to the west, 0.26° in an hour.
+    # Trade winds blow to the west at 8 m/s, which is 0.26° per hour.
     hour_deg = -np.rad2deg(8.0 * 3600 / 6.378e6)
     np.testing.assert_allclose(row(one, 3600.0, hour_deg), row(one, 0.0), atol=0.05)
 
 
-def test_glint_at_the_mirror_point_is_cox_and_munks() -> None:
-    """Sun and eye overhead: R₀ / (4 π σ²) with R₀ = ((n − 1)/(n + 1))²."""
+def test_glint_at_the_specular_point_agrees_with_cox_and_munk() -> None:
+    """With Sun and camera in the zenith it is R₀ / (4 π σ²), where R₀ = ((n − 1)/(n + 1))²."""
     one = np.ones(1, np.float32)
     r0 = (0.34 / 2.34) ** 2
     expected = r0 / (4 * np.pi * (0.003 + 0.00512 * WIND_M_S))
     assert glint_radiance(one, one, one)[0] == pytest.approx(expected, rel=1e-4)
-    # Both 40° from the vertical: bright with the Sun opposite, dark with the Sun behind.
+    # Both are 40° from the zenith: bright if the Sun is opposite, dark if it is behind the camera.
     forty, eighty = np.float32([np.cos(np.deg2rad(40))]), np.float32([np.cos(np.deg2rad(80))])
     assert glint_radiance(forty, forty, eighty)[0] > expected
     assert glint_radiance(forty, forty, one)[0] < 1e-4 * expected
 
 
-def test_the_planet_reflects_three_tenths(make_state) -> None:
-    """Mean over directions of a plate's irradiance far away; CERES' planetary albedo is 0.29."""
+def test_the_planetary_albedo_is_three_tenths(make_state) -> None:
+    """From the mean over all directions of the irradiance far away; CERES gives 0.29."""
     earth = Earth(blue_marble(), make_clouds(0))
     count, r = 40, 20 * 6.378137e6
     k = np.arange(count) + 0.5
@@ -118,7 +118,8 @@ def test_the_planet_reflects_three_tenths(make_state) -> None:
 
 
 def test_earthshine_agrees_with_the_albedo_model_of_the_dynamics(make_state) -> None:
-    """Around a polar orbit, on a plate that faces the Earth; zonal means know no weather of a day."""
+    """For a plate that faces the Earth, around a polar orbit. The albedo model has zonal means only,
+    without the weather of a day."""
     earth, angles = Earth(blue_marble(), make_clouds(0)), np.linspace(0, 2 * np.pi, 16, endpoint=False)
     places = 7.08e6 * np.stack([np.cos(angles), 0.2 * np.cos(angles), np.sin(angles)], axis=-1)
     sun_m = np.array([1.4e11, 0.5e11, -0.3e11])
@@ -146,8 +147,9 @@ def test_earthshine_agrees_with_the_albedo_model_of_the_dynamics(make_state) -> 
     assert np.mean(shine) == pytest.approx(expected.mean(), rel=0.2)
 
 
-def test_the_low_sun_is_red_and_its_light_lost_in_the_air(make_camera, make_state) -> None:
-    """Seen 15 km over the limb the Sun has lost its blue; 60 km over it nearly nothing."""
+def test_the_low_sun_is_red_and_attenuated(make_camera, make_state) -> None:
+    """Seen 15 km above the limb the Sun has lost its blue light; 60 km above it has lost almost
+    nothing."""
     sky = Sky(SkyConfig(stars=None), make_camera(320, 240, hfov_deg=4), seed=0)
     r = 7.08e6
     blue = []
@@ -162,11 +164,11 @@ def test_the_low_sun_is_red_and_its_light_lost_in_the_air(make_camera, make_stat
 
 
 def test_the_sky_over_the_day_side(make_camera, make_state) -> None:
-    """Nadir is filled with light, the limb has a blue rim, the zenith is black."""
+    """The nadir is bright everywhere, the limb has a blue rim, and the zenith is black."""
     camera = make_camera(160, 120)
     sky = Sky(SkyConfig(stars=None), camera, seed=0)
     down = sky.look(make_state(forward=(-1.0, 0.0, 0.0))).radiance_rgb
-    assert down.min() > 1.0  # W m⁻² sr⁻¹; a white plate has 50
+    assert down.min() > 1.0  # W m⁻² sr⁻¹; a white plate in sunlight has 50
     assert down.max() < 70
     assert sky.look(make_state(forward=(1.0, 0.3, 0.0), sun=(-1.0, 0.0, 0.0))).radiance_rgb is None
     limb = sky.look(make_state(forward=(-0.45, 0.9, 0.0), up=(1.0, 0.0, 0.0))).radiance_rgb
@@ -176,13 +178,15 @@ def test_the_sky_over_the_day_side(make_camera, make_state) -> None:
     assert (limb[: top - 8, 75:85] < 0.02).all()
 
 
-def test_the_night_side_is_dark_and_the_map_of_the_sky_holds_the_earth(make_camera, make_state) -> None:
+def test_the_night_side_is_dark_and_the_environment_map_contains_the_earth(
+    make_camera, make_state
+) -> None:
     sky = Sky(SkyConfig(stars=None), make_camera(160, 120), seed=0)
     night = make_state(forward=(-1.0, 0.0, 0.0), sun=(-1.0, 0.0, 0.0), sun_fraction_camera=0.0)
     rgb = sky.look(night).radiance_rgb
     assert rgb is None or rgb.max() < 1e-3
     environment = sky.environment(make_state(forward=(0.0, 1.0, 0.0), up=(1.0, 0.0, 0.0))).radiance_rgb
-    assert environment[:28].max() < 0.5 < environment[40:].mean()  # rows: the top is up
+    assert environment[:28].max() < 0.5 < environment[40:].mean()  # the top row is up
     assert Sky(SkyConfig(earth=False), make_camera(160, 120), 0).environment(night) is None
 
 
@@ -194,8 +198,8 @@ def test_the_night_side_is_dark_and_the_map_of_the_sky_holds_the_earth(make_came
     altitude_m=st.sampled_from([2e5, 7e5, 3.6e7, 3e8]),
     t_s=st.floats(0, 1e6),
 )
-def test_light_is_finite_and_never_negative(make_state, zenith, sun, altitude_m, t_s) -> None:
-    """From any place and with any Sun, the Sun in the zenith too (``None``)."""
+def test_radiance_is_finite_and_never_negative(make_state, zenith, sun, altitude_m, t_s) -> None:
+    """From any position and with any direction of the Sun, also in the zenith (``None``)."""
     zenith = np.array(zenith) / np.linalg.norm(zenith)
     sun = zenith if sun is None else np.array(sun) / np.linalg.norm(sun)
     place = (6.378137e6 + altitude_m) * zenith
@@ -208,7 +212,7 @@ def test_light_is_finite_and_never_negative(make_state, zenith, sun, altitude_m,
     light, passed = earth.light(rays, 0.01), earth.passed(rays, 0.01)
     assert np.isfinite(light).all()
     assert light.min() >= 0
-    assert light.max() < 3000  # the Sun's image in flat water at grazing incidence is far below
+    assert light.max() < 3000  # not even the Sun's reflection at grazing incidence exceeds this
     assert passed.min() >= 0
     assert passed.max() <= 1
     assert (passed[12, 12] == 0).all()
@@ -216,7 +220,7 @@ def test_light_is_finite_and_never_negative(make_state, zenith, sun, altitude_m,
 
 @pytest.mark.parametrize(("phase_deg", "magnitudes"), [(0.0, 0.0), (45.0, 1.1864), (90.0, 2.6024)])
 def test_the_moon_follows_its_phase_law(make_camera, make_state, phase_deg, magnitudes) -> None:
-    """Irradiance p E_sun (R/d)² · 10^(−0.4 Δm), Δm of Allen's law by hand."""
+    """The irradiance is p E_sun (R/d)² · 10^(−0.4 Δm), with Δm of Allen's law computed by hand."""
     camera = make_camera(200, 200, hfov_deg=1)
     d = 3.844e8
     phase = np.deg2rad(phase_deg)

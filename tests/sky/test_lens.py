@@ -1,4 +1,4 @@
-"""The sky through a lens: where OpenCV puts it, whole, and with all its light."""
+"""The sky with a distorting lens: positions as OpenCV projects them, no gaps, and no light lost."""
 
 import dataclasses
 
@@ -43,7 +43,7 @@ def test_stars_are_where_opencv_projects_them(lensed, make_state, lens):
 @LENSES
 @pytest.mark.parametrize("forward", [(1.0, 0.005, 0.0), (1.0, 0.04, 0.03)])
 def test_the_suns_disc_keeps_its_light(lensed, make_state, lens, forward):
-    """Radiance over each pixel's solid angle, that of OpenCV's rays around it."""
+    """Integrated over the pixels' solid angles, which OpenCV's rays give."""
     camera = lensed(dataclasses.replace(lens, k1=60 * lens.k1), 160, 120, hfov_deg=6)
     frame = make_state(forward=forward)
     sky = Sky(SkyConfig(earth=False, stars=None), camera, seed=0).look(frame)
@@ -69,8 +69,8 @@ def test_the_suns_disc_keeps_its_light(lensed, make_state, lens, forward):
 
 
 @LENSES
-def test_the_earth_fills_all_that_its_ellipsoid_fills(lensed, make_state, lens):
-    """Every pixel whose ray meets the ellipsoid has its light, to the image's very border."""
+def test_the_earth_covers_all_pixels_of_its_ellipsoid(lensed, make_state, lens):
+    """Every pixel whose ray hits the ellipsoid is bright, right up to the border of the image."""
     camera = lensed(lens, 333, 245, hfov_deg=75)
     r = 7.08e6
     limb = np.pi - np.arcsin(6.378137e6 / r)

@@ -1,4 +1,4 @@
-"""Stars against published places and magnitudes, and against ERFA's space motion."""
+"""Stars against published positions and magnitudes, and against ERFA's space motion."""
 
 import erfa
 import numpy as np
@@ -11,7 +11,7 @@ from posse_core._sky.sky import Sky
 from posse_core._sky.stars import hipparcos, irradiance_rgb_w_m2, random_field, temperature_k, v_from_hp
 
 J2000 = 2451545.0
-# Place at J2000, ICRS, from SIMBAD; Johnson V from the first Hipparcos catalogue (I/239, field H5).
+# Positions at J2000, ICRS, from SIMBAD; Johnson V from the first Hipparcos catalogue (I/239, field H5).
 KNOWN = {
     "Vega": ("18:36:56.336", "+38:47:01.28", 0.03),
     "Arcturus": ("14:15:39.672", "+19:10:56.67", -0.05),
@@ -33,19 +33,19 @@ def _direction(ra: str, dec: str) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", KNOWN)
-def test_bright_stars_stand_where_and_shine_as_published(name: str) -> None:
+def test_bright_stars_have_the_published_positions_and_magnitudes(name: str) -> None:
     ra, dec, v = KNOWN[name]
     field = hipparcos(6.5)
     separation = np.linalg.norm(field.directions_at(J2000) - _direction(ra, dec), axis=1)
     nearest = np.argmin(separation)
     assert separation[nearest] < np.deg2rad(0.5 / 3600)
-    # The green band is the middle of V: invert its irradiance back to a magnitude.
+    # The green band is at the centre of V, so its irradiance is converted back to a magnitude.
     at_zero = irradiance_rgb_w_m2(np.array([0.0]), np.array([10000.0]))[0, 1]
     assert -2.5 * np.log10(field.irradiance_rgb_w_m2[nearest, 1] / at_zero) == pytest.approx(v, abs=0.07)
 
 
-def test_space_motion_is_that_of_erfa() -> None:
-    """Barnard's star, 10.4″ a year, by the rigorous model; its catalogue row typed in by hand."""
+def test_space_motion_agrees_with_erfa() -> None:
+    """Barnard's star, 10.4″ per year, against the rigorous model with its published catalogue row."""
     jd = 2459610.58
     ra, dec = np.deg2rad(269.45402305), np.deg2rad(4.66828815)
     mas = np.deg2rad(1 / 3600e3)
@@ -57,7 +57,7 @@ def test_space_motion_is_that_of_erfa() -> None:
     assert separation.min() < np.deg2rad(0.3 / 3600)
 
 
-def test_a_fainter_limit_holds_every_brighter_star() -> None:
+def test_a_fainter_limit_includes_every_brighter_star() -> None:
     few, many = hipparcos(4.0), hipparcos(6.5)
     shared = (few.directions[:, None] == many.directions[None]).all(axis=2).any(axis=1)
     assert shared.all()
@@ -66,20 +66,20 @@ def test_a_fainter_limit_holds_every_brighter_star() -> None:
 
 
 def test_the_suns_colour_and_magnitude_give_the_solar_irradiance() -> None:
-    """V = −26.76 (Willmer 2018); at 545 nm the true Sun outshines its black body by 5 %."""
+    """V = −26.76 (Willmer 2018); at 545 nm the Sun is 5 % brighter than its black body."""
     rgb = irradiance_rgb_w_m2(np.array([-26.76]), np.array([5772.0]))[0]
     assert rgb == pytest.approx(Constants().solar_constant_w_m2 * SOLAR_BAND_FRACTIONS, rel=0.06)
     assert temperature_k(np.array([0.653]))[0] == pytest.approx(5772, abs=60)
 
 
-def test_hp_is_v_for_white_stars_and_fainter_for_red_ones() -> None:
+def test_hp_equals_v_for_white_stars_and_is_fainter_for_red_ones() -> None:
     assert v_from_hp(np.array([5.0]), np.array([0.0]))[0] == 5.0
     # HIP 2: Hp 9.4017, B−V 0.999, V 9.27 (Hipparcos main catalogue).
     assert v_from_hp(np.array([9.4017]), np.array([0.999]))[0] == pytest.approx(9.27, abs=0.04)
 
 
-def test_stars_project_by_the_camera_matrix(make_camera, make_state) -> None:
-    """Pixels by ERFA's spherical astronomy: standard coordinates about the optical axis."""
+def test_stars_are_projected_by_the_camera_matrix(make_camera, make_state) -> None:
+    """Against ERFA's spherical astronomy: standard coordinates about the optical axis."""
     camera = make_camera(640, 480)
     frame = make_state(forward=erfa.s2c(1.2, 0.3), r_camera_m=(3e6, 6e6, 2e6))
     view = Sky(SkyConfig(earth=False), camera, seed=0).look(frame)
@@ -98,7 +98,7 @@ def test_stars_project_by_the_camera_matrix(make_camera, make_state) -> None:
 
 
 def test_the_earth_hides_stars_below_its_limb(make_camera, make_state) -> None:
-    """From 700 km the limb stands at asin(Rₑ / r) from nadir; between ellipsoid and sphere 0.3°."""
+    """From 700 km the limb is asin(Rₑ / r) away from the nadir; ellipsoid and sphere differ by 0.3°."""
     camera = make_camera()
     frame = make_state(r_camera_m=(0.0, 7.08e6, 0.0), forward=(1.0, 0.0, 0.0))
     view = Sky(SkyConfig(earth=False), camera, seed=0).look(frame)
@@ -125,7 +125,9 @@ def test_gain_scales_stars_and_null_removes_them(make_camera, make_state) -> Non
     assert none.radiance_rgb is None
 
 
-def test_the_thesis_field_has_three_sizes_and_colours_and_a_seed(make_camera, make_state) -> None:
+def test_the_thesis_stars_have_three_sizes_and_colours_and_depend_on_the_seed(
+    make_camera, make_state
+) -> None:
     field = random_field(7, 40.0)
     assert len(field.directions) == round(4 * np.pi * 400) + round(4 * np.pi * 225) + round(
         4 * np.pi * 100
@@ -133,7 +135,7 @@ def test_the_thesis_field_has_three_sizes_and_colours_and_a_seed(make_camera, ma
     colours = np.round(field.irradiance_rgb_w_m2[:, 2] / field.irradiance_rgb_w_m2[:, 0], 6)
     assert len(np.unique(colours)) == 3
     assert np.linalg.norm(field.directions.mean(axis=0)) < 0.05  # all over the sky
-    # Strengths are even in 0 … 4, so the brightest of the medium ones is V = 3 − 2.5 lg 4.
+    # Strengths are uniform in 0 … 4, so the brightest of the medium stars has V = 3 − 2.5 lg 4.
     assert len(random_field(7, 1.49).directions) == 0
     assert len(random_field(7, 2.25).directions) == pytest.approx(0.5 * 4 * np.pi * 100, rel=0.1)
     config = SkyConfig(earth=False, stars=StarsConfig(catalogue="thesis"))

@@ -1,4 +1,4 @@
-"""The Sun's disc: its light, its size, its eclipse."""
+"""The Sun's disc: its irradiance, its limb darkening and its eclipses."""
 
 import numpy as np
 import pytest
@@ -11,14 +11,14 @@ DARK = SkyConfig(earth=False, stars=None)
 
 
 def _solid_angle_sr(camera) -> np.ndarray:
-    """(H, W) of a pinhole's pixels: dΩ = cos³ / (fx fy)."""
+    """(H, W) solid angles of a pinhole's pixels: dΩ = cos³ / (fx fy)."""
     v, u = np.mgrid[: camera.height_px, : camera.width_px]
     rays = camera.rays(np.stack([u, v], axis=-1))
     return 1 / (camera.fx_px * camera.fy_px * np.linalg.norm(rays, axis=-1) ** 3)
 
 
 @pytest.mark.parametrize("forward", [(1.0, 0.0, 0.0), (1.0, 0.02, 0.03), (1.0, 0.06, 0.0)])
-def test_the_disc_holds_the_suns_irradiance(make_camera, make_state, forward) -> None:
+def test_the_disc_gives_the_suns_irradiance(make_camera, make_state, forward) -> None:
     camera = make_camera(320, 240, hfov_deg=10)
     frame = make_state(forward=forward)
     sky = Sky(DARK, camera, seed=0).look(frame)
@@ -40,7 +40,7 @@ def test_the_limb_is_darker_and_redder(make_camera, make_state) -> None:
     assert rim[2] / centre[2] < rim[0] / centre[0]
 
 
-def test_no_sun_when_switched_off_behind_or_wholly_eclipsed(make_camera, make_state) -> None:
+def test_no_sun_if_switched_off_behind_the_camera_or_fully_eclipsed(make_camera, make_state) -> None:
     camera = make_camera()
     off = SkyConfig(earth=False, stars=None, sun_disc=False)
     ahead = make_state(forward=(1.0, 0.0, 0.0))
@@ -51,7 +51,7 @@ def test_no_sun_when_switched_off_behind_or_wholly_eclipsed(make_camera, make_st
 
 
 def test_the_earth_covers_the_part_below_its_limb(make_camera, make_state) -> None:
-    """The Sun's middle on the limb: half its light is left."""
+    """If the centre of the Sun is on the limb, half its light remains."""
     camera = make_camera(320, 240, hfov_deg=10)
     r = 7.08e6
     limb = np.pi - np.arcsin(6.378137e6 / r)  # from the zenith, in the equator's plane

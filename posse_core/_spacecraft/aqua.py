@@ -1,8 +1,8 @@
 """A spacecraft like Aqua (EOS PM-1), from its published dimensions.
 
-Axes: X forward (towards AMSR-E), Z to the nadir, Y completes; the solar wing stands along −Y.
-Sizes: 8.04 × 16.70 × 4.81 m deployed, bus 6.49 m long (NASA EOS PM-1 fact sheet; thesis, Table 3.2).
-What the fact sheet leaves open is drawn by eye after NASA's photographs.
+Body axes: X is forward (towards AMSR-E), Z points to the nadir, and Y completes the right-handed system.
+The solar wing extends along −Y. Deployed size 8.04 × 16.70 × 4.81 m, bus 6.49 m long (NASA EOS PM-1 fact
+sheet; thesis, Table 3.2). Everything else is modelled by eye after NASA's photographs.
 """
 
 from __future__ import annotations
@@ -21,17 +21,19 @@ from posse_core._spacecraft.parametric import Parametric
 from posse_core._spacecraft.shapes import box
 
 SIZE_M = (8.04, 16.70, 4.81)
-"""Deployed size along X, Y, Z."""
+"""Deployed size along X, Y, Z, m."""
 CENTRE_OF_MASS_M = (-0.1, -0.9, 0.1)
-"""In the layout frame: 2.6 t of bus and instruments about its middle, 0.33 t of wing 8 m away."""
+"""In layout coordinates, from 2.6 t of bus and instruments about the origin and 0.33 t of wing 8 m
+away."""
 
-# Layout frame: body axes, x = 0 at the middle of the 6.49 m bus, y = 0 in its plane of symmetry.
+# Layout coordinates: body axes, with x = 0 at the centre of the 6.49 m bus and y = 0 in its symmetry
+# plane.
 AFT, WAIST, NOSE, FRONT = -3.25, -1.55, 2.0, 3.24  # ends of the aft module, the body, the front deck
 HALF_WIDTH = 1.2
 AFT_TOP, AFT_BOTTOM = -1.15, 1.0  # z; up is −z
 TOP, BOTTOM = -0.8, 0.35
 DECK_TOP, DECK_BOTTOM = -0.2, 0.05
-SHIELD_EDGE = 1.75  # y, the far side's outermost point
+SHIELD_EDGE = 1.75  # y of the outermost point opposite the wing
 WING_AXIS = (-0.4, -0.25)  # x, z of the solar array drive
 PANELS, PANEL_GAP, PANEL_THICKNESS = 11, 0.03, 0.03
 WING_ROOT, WING_TIP = -3.5, SHIELD_EDGE - SIZE_M[1]  # y
@@ -86,10 +88,7 @@ def _cuboid(x: tuple[float, float], y: tuple[float, float], z: tuple[float, floa
 def _edges(
     x: tuple[float, float], y: tuple[float, float], z: tuple[float, float], width: float
 ) -> list[shapes.Mesh]:
-    """Strips of angle section over the twelve edges of a box; they end short of the corners.
-
-    The corners stay bare, since keypoints lie there.
-    """
+    """Angle strips along the twelve edges of a box. They leave out the corners, where keypoints are."""
     sides = (x, y, z)
     strips = []
     for axis in range(3):
@@ -108,7 +107,7 @@ def _edges(
 
 
 def _bus(craft: Assembly) -> None:
-    """The body in three lengths, their radiators, and the keypoints at their corners."""
+    """The body in three sections, with radiators, and keypoints at the corners."""
     w = HALF_WIDTH
     craft.add("bus_aft", "foil_amber", _cuboid((AFT, WAIST), (-w, w), (AFT_TOP, AFT_BOTTOM)))
     craft.add("bus", "foil_amber", _cuboid((WAIST, NOSE), (-w, w), (TOP, BOTTOM)))
@@ -181,12 +180,12 @@ def _fittings(craft: Assembly) -> None:
 
 
 def _amsr(craft: Assembly) -> None:
-    """AMSR-E: a 1.6 m offset reflector over a spinning drum, looking 47.4° off the nadir."""
-    look = np.radians(47.4)
-    boresight = np.array([np.sin(look), 0.0, np.cos(look)])
+    """AMSR-E: a 1.6 m offset reflector over a spinning drum, pointing 47.4° away from the nadir."""
+    off_nadir = np.radians(47.4)
+    boresight = np.array([np.sin(off_nadir), 0.0, np.cos(off_nadir)])
     feed = np.array([2.72, 0.0, DECK_TOP - 0.62])
     reach = 1.08  # from the feed, which is the paraboloid's focus, up to the aperture's centre
-    focal, offset = reach * (1.0 + np.cos(look)) / 2.0, reach * np.sin(look)
+    focal, offset = reach * (1.0 + np.cos(off_nadir)) / 2.0, reach * np.sin(off_nadir)
     centre = feed - (0.0, 0.0, reach)
     R = R_from_z(boresight, (0.0, 0.0, -1.0))
     reflector = shapes.dish(1.6, focal, offset, thickness_m=0.035, rings=10, segments=64)
@@ -243,7 +242,7 @@ def _backing(focal_m: float, offset_m: float, centre_m: FloatArray, R: FloatArra
 
 
 def _instruments(craft: Assembly) -> None:
-    """What looks at the Earth, on the nadir side."""
+    """The Earth-observing instruments on the nadir side."""
     down = R_from_z(DOWN)
 
     def aperture(x: float, y: float, z: float, size: tuple[float, float, float]) -> shapes.Mesh:
@@ -284,14 +283,14 @@ def _flap(hinge_m: tuple[float, float, float], length_m: float) -> shapes.Mesh:
     """A radiant cooler's Earth shield: a plate from its hinge out to :data:`SHIELD_EDGE`."""
     x, y, z = hinge_m
     thickness, rise = 0.02, np.radians(28.0)
-    # The plate's lower outer corner is the outermost point.
+    # The lower outer corner of the plate is the outermost point.
     reach = (SHIELD_EDGE - y - 0.5 * thickness * np.sin(rise)) / np.cos(rise)
     plate = box((length_m, reach, thickness)).at((0.0, reach / 2.0, 0.0))
     return plate.at((x, y, z), R_about((1.0, 0.0, 0.0), rise))
 
 
 def _antennas(craft: Assembly) -> None:
-    """The antenna on its boom behind, omnis above and below, the X-band horn."""
+    """The antenna on its aft boom, omnidirectional antennas above and below, and the X-band horn."""
     front = craft.bounds_m[1, 0]
     radius, y, z = 0.28, 0.95, AFT_BOTTOM - 0.1
     tip = np.array([front - SIZE_M[0] + radius, y, z + 0.25])
@@ -312,7 +311,7 @@ def _antennas(craft: Assembly) -> None:
 
 
 def _wing(craft: Assembly, angle_rad: float) -> None:
-    """The solar wing: drive, yoke, eleven panels on a spine; cells face +X at angle zero."""
+    """The solar wing: drive, yoke and eleven panels on a spine; at angle zero the cells face +X."""
     turn = R_about((0.0, 1.0, 0.0), angle_rad)
     x_axis, z_axis = WING_AXIS
 
@@ -328,7 +327,7 @@ def _wing(craft: Assembly, angle_rad: float) -> None:
     half, t = SIZE_M[2] / 2.0, PANEL_THICKNESS
     neck, shoulder = -1.75, -2.6
     hips = 0.5 * half
-    # Outline in (z, y) of the yoke's plane; x is its normal.
+    # The outline is in (z, y) of the yoke's plane, whose normal is x.
     outline = [(-0.25, neck), (0.25, neck), (hips, shoulder), (hips, WING_ROOT + PANEL_GAP)]
     outline += [(-hips, WING_ROOT + PANEL_GAP), (-hips, shoulder)]
     face = R_from_z((1.0, 0.0, 0.0), (0.0, 0.0, -1.0))  # y stays

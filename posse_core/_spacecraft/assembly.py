@@ -1,4 +1,4 @@
-"""Putting named parts, materials and keypoints together to a spacecraft."""
+"""Assembles a spacecraft from named parts, materials and keypoints."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from posse_core._spacecraft.shapes import Mesh, joined
 
 @dataclass
 class Assembly:
-    """A spacecraft being built in its layout frame: body axes, any origin."""
+    """A spacecraft being built, in layout coordinates: body axes with any origin."""
 
     name: str
     _parts: dict[str, tuple[Mesh, str]] = field(default_factory=dict)
     _keypoints: dict[str, tuple[str, FloatArray]] = field(default_factory=dict)
 
     def add(self, name: str, material: str, *meshes: Mesh) -> None:
-        """A part of one or more solids with one material."""
+        """Add a part made of one or more solids with one material."""
         if name in self._parts:
             raise ValueError(f"two parts are named {name!r}")
         self._parts[name] = (joined(meshes), material)
 
     @property
     def bounds_m(self) -> FloatArray:
-        """(2, 3) lower and upper corner of what is there so far."""
+        """(2, 3) lower and upper corner of the parts so far, m."""
         points = np.concatenate([mesh.vertices_m for mesh, _ in self._parts.values()])
         return np.stack([points.min(axis=0), points.max(axis=0)])
 
@@ -44,14 +44,14 @@ class Assembly:
         return list(dict.fromkeys(material for _, material in self._parts.values()))
 
     def remove(self, names: Collection[str]) -> None:
-        """Take parts away, and the keypoints on them."""
+        """Remove parts and the keypoints on them."""
         self._parts = {name: part for name, part in self._parts.items() if name not in names}
         self._keypoints = {
-            name: place for name, place in self._keypoints.items() if place[0] in self._parts
+            name: keypoint for name, keypoint in self._keypoints.items() if keypoint[0] in self._parts
         }
 
     def mark(self, name: str, part: str, point_m: ArrayLike) -> None:
-        """A keypoint (3,) on the surface of a part."""
+        """Add a keypoint (3,) on the surface of a part."""
         self._keypoints[name] = (part, np.asarray(point_m, dtype=np.float64))
 
     def finish(
@@ -60,9 +60,9 @@ class Assembly:
         centre_of_mass_m: ArrayLike,
         skeleton: Sequence[tuple[str, str]],
     ) -> Spacecraft:
-        """The spacecraft, its origin moved to the centre of mass (3,) given in the layout frame.
+        """Make the spacecraft, with the origin at the centre of mass (3,), given in layout coordinates.
 
-        Pairs of the skeleton that lack a keypoint are left out.
+        Pairs of the skeleton with a missing keypoint are left out.
         """
         origin = np.asarray(centre_of_mass_m, dtype=np.float64)
         return Spacecraft(

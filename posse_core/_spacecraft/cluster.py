@@ -1,9 +1,10 @@
 """A spacecraft like Cluster II, from its published dimensions.
 
-Axes: Y is the spin axis, the drum's own; X and Z lie in the plane of the rigid booms. Drum 2.9 m
-across and 1.3 m high, rigid booms 5 m long (ESA SP-1159; thesis, Table 3.2). The booms' place and the
-antennas' length follow the thesis' bounding box, 0.616 : 0.378 : 1; its 50 m wire booms are left out
-there too, and so here. What these leave open is drawn by eye after ESA's photographs.
+Body axes: Y is the spin axis and the axis of the drum; X and Z are in the plane of the rigid booms. The
+drum is 2.9 m in diameter and 1.3 m high, the rigid booms are 5 m long (ESA SP-1159; thesis, Table 3.2).
+The positions of the booms and the length of the antennas follow the thesis' bounding box, 0.616 : 0.378
+: 1. The 50 m wire booms are left out, as in the thesis. Everything else is modelled by eye after ESA's
+photographs.
 """
 
 from __future__ import annotations
@@ -23,14 +24,14 @@ from posse_core._spacecraft.shapes import box
 
 RADIUS_M, HEIGHT_M = 1.45, 1.30
 BOX_RATIO = (0.616, 0.378, 1.0)
-"""Overall box along X, Y, Z, the thesis' Table 3.2."""
+"""Proportions of the bounding box along X, Y, Z (thesis, Table 3.2)."""
 CENTRE_OF_MASS_M = (0.0, 0.0, 0.0)
-"""A spinner is balanced about its axis; the drum's middle."""
+"""The centre of the drum: a spinner is balanced about its axis."""
 
 BOOM_TIP = RADIUS_M + 5.0
 BOOM_AZIMUTH = np.arctan2(BOX_RATIO[2], BOX_RATIO[0])  # about the spin axis, from X towards Z
 BOOM_Y = 0.50
-ANTENNA_TIP = BOX_RATIO[1] * BOOM_TIP * np.sin(BOOM_AZIMUTH)  # half the box's height
+ANTENNA_TIP = BOX_RATIO[1] * BOOM_TIP * np.sin(BOOM_AZIMUTH)  # half the height of the bounding box
 TOP, BOTTOM = HEIGHT_M / 2.0, -HEIGHT_M / 2.0
 BAND = (-0.12, 0.12)  # y, the open band between the two rows of solar panels
 SIDES = 6
@@ -78,7 +79,7 @@ class Cluster(Parametric[ClusterOptions]):
 
 
 def _around(azimuth_rad: float) -> FloatArray:
-    """Rotation (3, 3) about the spin axis that takes X towards Z by the azimuth."""
+    """Rotation (3, 3) about the spin axis by the azimuth, from X towards Z."""
     return R_about((0.0, -1.0, 0.0), azimuth_rad)
 
 
@@ -87,7 +88,7 @@ def _ray(azimuth_rad: float, radius_m: float, y: float) -> FloatArray:
 
 
 def _drum(craft: Assembly) -> None:
-    """What shows between the solar panels: the black wall, its frames."""
+    """The parts that are visible between the solar panels: the black wall and its frames."""
     wall = shapes.cylinder(1.41, HEIGHT_M - 0.04, 72).at((0.0, BOTTOM + 0.02, 0.0), UP)
     craft.add("body", "foil_black", wall)
     frames = [
@@ -98,7 +99,7 @@ def _drum(craft: Assembly) -> None:
 
 
 def _solar_array(craft: Assembly) -> None:
-    """Six curved panels a row, two rows; keypoints at their edges."""
+    """Two rows of six curved panels, with keypoints at their edges."""
     slot = np.radians(0.7)
     arc = 2.0 * np.pi / SIDES - slot
     rows = {"upper": (BAND[1], TOP), "lower": (BOTTOM, BAND[0])}
@@ -108,9 +109,9 @@ def _solar_array(craft: Assembly) -> None:
         sheet = sheet.textured((1.0 / (RADIUS_M * arc), 1.0 / height))
         for side in range(SIDES):
             start = 2.0 * np.pi * side / SIDES + slot / 2.0
-            # UP turns counter-clockwise about Y, which goes from X towards −Z.
-            place = _around(start + arc) @ UP
-            panel = sheet.at((0.0, (low + high) / 2.0, 0.0), place)
+            # The sheet's arc is counter-clockwise about Y, which is from X towards −Z.
+            rotation = _around(start + arc) @ UP
+            panel = sheet.at((0.0, (low + high) / 2.0, 0.0), rotation)
             craft.add(f"solar_{row}_{side + 1}", "solar_cells", panel)
     for side in range(SIDES):
         middle = 2.0 * np.pi * (side + 0.5) / SIDES
@@ -122,7 +123,8 @@ def _solar_array(craft: Assembly) -> None:
 
 
 def _ends(craft: Assembly) -> None:
-    """Top: white rim, foil, the ring that carries the second craft. Bottom: foil, engine, ring."""
+    """Top: white rim, foil, and the ring that carries a second spacecraft. Bottom: foil, engine,
+    ring."""
     rim = shapes.ring(1.08, 1.425, 0.03, 72)
     craft.add("top_rim", "white_paint", rim.at((0.0, TOP - 0.03, 0.0), UP))
     craft.add("bottom_rim", "white_paint", rim.at((0.0, BOTTOM, 0.0), UP))
@@ -161,7 +163,7 @@ def _ends(craft: Assembly) -> None:
 
 
 def _instruments(craft: Assembly) -> None:
-    """Sensors that look out of the band and stand on the top rim, named after Cluster's."""
+    """Sensors in the open band and on the top rim, named after Cluster's."""
     middle = sum(BAND) / 2.0
 
     def outward(name: str, material: str, degrees: float, size: tuple[float, float, float]) -> None:
@@ -201,7 +203,8 @@ def _instruments(craft: Assembly) -> None:
 
 
 def _booms(craft: Assembly) -> None:
-    """Two rigid booms, opposed, with a knuckle halfway: magnetometers on one, coils on the other."""
+    """Two opposite rigid booms with a hinge halfway; one carries magnetometers, the other search
+    coils."""
     for k in (0, 1):
         turn = _around(BOOM_AZIMUTH + np.pi * k)
 
@@ -213,7 +216,7 @@ def _booms(craft: Assembly) -> None:
         craft.add(f"boom_{k + 1}", "grey_paint", out(rod))
         knuckles = [box((0.16, 0.09, 0.09)).at((x, y, 0.0)) for x in (RADIUS_M + 0.05, half)]
         craft.add(f"boom_{k + 1}_hinges", "aluminium", *(out(mesh) for mesh in knuckles))
-        # Where the folded boom lay: two cradles on the top rim, a quarter turn on.
+        # Two cradles on the top rim, in which the folded boom was stowed.
         cradles = [
             box((0.05, 0.07, 0.12)).at(_ray(BOOM_AZIMUTH + np.pi * k + turned, 1.36, TOP + 0.03))
             for turned in (0.6, 1.2)
@@ -235,7 +238,8 @@ def _booms(craft: Assembly) -> None:
 
 
 def _antennas(craft: Assembly) -> None:
-    """S-band antennas on masts along the spin axis, above in the middle, below beside the engine."""
+    """S-band antennas on masts along the spin axis: at the centre of the top, and beside the engine
+    below."""
     length = ANTENNA_TIP - TOP + 0.02
     stem = [(0, 0), (0.05, 0), (0.05, 0.05), (0.022, 0.07), (0.022, length - 0.42)]
     stem += [(0.055, length - 0.40), (0.055, length - 0.06), (0.02, length), (0, length)]

@@ -1,7 +1,8 @@
-"""A 3U CubeSat with two wings: all of it, options too, in this one file.
+"""A 3U CubeSat with two wings. The whole spacecraft and its options are in this file.
 
-Axes: Z along the length, the camera at +Z (to the nadir when nadir-pointing), cells towards −Y.
-Body 100 × 100 × 340.5 mm with rails of 8.5 mm (CubeSat Design Specification, rev. 14.1).
+Body axes: Z is along the length, with the camera at +Z (towards the nadir when nadir-pointing); the
+cells face −Y. The body is 100 × 100 × 340.5 mm with rails of 8.5 mm (CubeSat Design Specification, rev.
+14.1).
 """
 
 from __future__ import annotations
@@ -22,19 +23,22 @@ from posse_core._spacecraft.parametric import Parametric
 from posse_core._spacecraft.shapes import box
 
 WIDTH_M, LENGTH_M, RAIL_M = 0.100, 0.3405, 0.0085
-PANEL_M = (0.082, 0.320, 0.002)  # wide, long, thick
-TAPE_M = (0.17, 0.006, 0.0008)  # a monopole for 435 MHz, a quarter wave
+PANEL_M = (0.082, 0.320, 0.002)  # width, length, thickness
+TAPE_M = (0.17, 0.006, 0.0008)  # a quarter-wave monopole for 435 MHz
 HALF, END = WIDTH_M / 2.0, LENGTH_M / 2.0
 
 
 class CubesatOptions(VariantOptions):
-    """3U CubeSat: a bar of 34 cm with two hinged wings."""
+    """Options of the 3U CubeSat, 34 cm long with two hinged wings."""
 
     panel_angle_deg: float = Field(
-        0.0, ge=0.0, le=150.0, description="fold of both wings from flat, back towards the sides"
+        0.0,
+        ge=0.0,
+        le=150.0,
+        description="folding angle of both wings, from flat back towards the sides",
     )
     variant_panel_angle_deg: float = Field(
-        40.0, ge=0.0, le=150.0, description="a variant folds the wings by up to so much more"
+        40.0, ge=0.0, le=150.0, description="largest additional random folding angle in a variant"
     )
 
 
@@ -67,7 +71,7 @@ class Cubesat(Parametric[CubesatOptions]):
 
 
 def _body(craft: Assembly) -> None:
-    """Rails with their feet, the frame's ribs, the walls, cells on three sides."""
+    """Rails with their feet, ribs of the frame, walls, and cells on three sides."""
     offset = HALF - RAIL_M / 2.0
     corners = [(offset, offset), (-offset, offset), (-offset, -offset), (offset, -offset)]
     rails = [box((RAIL_M, RAIL_M, LENGTH_M)).at((x, y, 0.0)) for x, y in corners]
@@ -88,12 +92,13 @@ def _body(craft: Assembly) -> None:
 
 
 def _sheet() -> shapes.Mesh:
-    """A panel whose back lies just outside a wall's plane, its outside towards +z."""
+    """A panel whose back is just outside the plane of a wall, with its front towards +z."""
     return shapes.panel(*PANEL_M).at((0.0, 0.0, HALF - 0.0035))
 
 
 def _side(azimuth_rad: float) -> FloatArray:
-    """Rotation (3, 3): a panel's z → outward at the azimuth from X to Y, its y → body Z."""
+    """Rotation (3, 3) that takes a panel's z to the outward direction at the azimuth (from X to Y), and
+    its y to body Z."""
     outward = np.array([np.cos(azimuth_rad), np.sin(azimuth_rad), 0.0])
     along = np.array([0.0, 0.0, 1.0])
     return R_a_from_b_by_directions(outward, along, np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]))
@@ -130,7 +135,7 @@ def _payload(craft: Assembly) -> None:
 
 
 def _tapes(craft: Assembly) -> None:
-    """Four tape antennas out of the −Z end, leaning back a little."""
+    """Four tape antennas at the −Z end, tilted slightly backwards."""
     length, width, thick = TAPE_M
     for number in range(4):
         azimuth = np.pi / 2.0 * number
@@ -142,7 +147,7 @@ def _tapes(craft: Assembly) -> None:
 
 
 def _wings(craft: Assembly, fold_rad: float) -> None:
-    """Two wings hinged at the upper long edges, their cells up (−Y) when flat."""
+    """Two wings hinged at the upper long edges; when flat, their cells face up (−Y)."""
     width, length, _ = PANEL_M
     hinge = HALF - 0.002
     for sign, name, first in ((1.0, "right", 1), (-1.0, "left", 3)):

@@ -1,4 +1,4 @@
-"""The finishes that the built-in spacecraft are made of, by name."""
+"""The surface finishes of the built-in spacecraft, by name."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from posse_core._model.spacecraft import Material
 from posse_core._spacecraft import textures
 
 Finish = Callable[[], Material]
-"""Makes a material; called only for those that a spacecraft has."""
+"""Makes a material; it is called only for materials that the spacecraft uses."""
 
 
 def common_finishes(seed: int) -> dict[str, Finish]:
-    """All common finishes, drawn from a seed."""
+    """All common finishes; the seed determines their textures."""
     return {
         "foil_gold": lambda: textures.foil("foil_gold", (0.86, 0.56, 0.20), seed),
         "foil_amber": lambda: textures.foil("foil_amber", (0.78, 0.60, 0.35), seed, 0.14, 0.42),

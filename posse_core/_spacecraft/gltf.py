@@ -1,8 +1,9 @@
-"""glTF 2.0: what trimesh leaves out.
+"""Reads glTF 2.0 files, with the help of trimesh.
 
-trimesh reads the geometry. The node tree and the materials are read here, since trimesh rounds
-their factors to 8 bits and needs another library for pictures. Each primitive goes to trimesh with a
-material of its own, named by its place, so that its geometry is found again.
+trimesh reads the geometry. The node tree and the materials are read here, because trimesh rounds
+material factors to 8 bits and needs another library for pictures. Each primitive is passed to trimesh
+with its own material, named after the indices of mesh and primitive, so that its geometry can be
+identified.
 
 Source: Khronos glTF 2.0 specification; KHR_texture_transform, EXT_texture_webp,
 KHR_draco_mesh_compression, KHR_materials_pbrSpecularGlossiness.
@@ -45,11 +46,12 @@ _HARMLESS = ("KHR_materials_", "KHR_lights_")
 
 
 def read_gltf(path: Path) -> RawMesh:
-    """All triangles of a .gltf or .glb file's scene, in its own units, its nodes' places applied.
+    """Read all triangles of the scene in a .gltf or .glb file, in its own units, with the transforms of
+    its nodes applied.
 
     Raises:
-        InputError: it needs what cannot be read here.
-        ValueError, KeyError, IndexError, TypeError: the file is broken.
+        InputError: the file needs an extension or another file that cannot be read.
+        ValueError, KeyError, IndexError, TypeError: the file is damaged.
     """
     file = _open(path)
     geometries = _geometries(file)
@@ -104,19 +106,19 @@ def _open(path: Path) -> _File:
         if data[:4] == b"glTF":
             version, length = struct.unpack_from("<II", data, 4)
             if version != 2 or length > len(data):
-                raise InputError(f"{path}: not a whole glTF 2.0 file; export it again")
-            place = 12
+                raise InputError(f"{path}: not a complete glTF 2.0 file; export it again")
+            offset = 12
             chunks: dict[int, bytes] = {}
-            while place + 8 <= length:
-                size, kind = struct.unpack_from("<II", data, place)
-                chunks.setdefault(kind, data[place + 8 : place + 8 + size])
-                place += 8 + size
+            while offset + 8 <= length:
+                size, kind = struct.unpack_from("<II", data, offset)
+                chunks.setdefault(kind, data[offset + 8 : offset + 8 + size])
+                offset += 8 + size
             text, binary = chunks.get(0x4E4F534A, b""), chunks.get(0x004E4942, b"")
         else:
             text = data
         header = json.loads(text)
         if not isinstance(header, dict):
-            raise ValueError("no object")
+            raise ValueError("not an object")
     except (ValueError, struct.error, UnicodeDecodeError):
         raise InputError(f"{path}: not a glTF file; export it again") from None
     _check_extensions(path, header)
@@ -137,61 +139,61 @@ def _check_extensions(path: Path, header: dict[str, Any]) -> None:
     used = {*header.get("extensionsUsed", []), *header.get("extensionsRequired", [])}
     if _DRACO in used and importlib.util.find_spec("DracoPy") is None:
         raise InputError(
-            f"{path}: Draco-compressed, and the decoder is not installed;"
+            f"{path}: compressed with Draco, but the decoder is not installed;"
             " pip install 'posse-core[draco]', or export it without Draco"
         )
 
 
 def _content(path: Path, uri: str) -> bytes:
-    """What a URI holds: data, or a file beside the model."""
+    """The content of a URI, which is data or the path of a file in the model's folder."""
     if uri.startswith("data:"):
         try:
             return base64.b64decode(uri.partition(",")[2], validate=True)
         except binascii.Error:
-            raise InputError(f"{path}: broken data in the file; export it again") from None
+            raise InputError(f"{path}: the file contains damaged data; export it again") from None
     return beside(path, urllib.parse.unquote(uri)).read_bytes()
 
 
 def beside(path: Path, name: str) -> Path:
-    """A file named in a model: in its folder or below, nowhere else.
+    """The path of a file that a model refers to, which must be within the model's folder.
 
     Raises:
-        InputError: it leaves the folder, or is missing.
+        InputError: the file is outside the folder or missing.
     """
     folder = path.parent.resolve()
     target = (folder / name).resolve()
     if not target.is_relative_to(folder):
         raise InputError(
-            f"{path}: names {name!r}, which lies outside its folder; move it beside the model"
+            f"{path}: refers to {name!r}, which is outside its folder; move it into the model's folder"
         )
     if not target.is_file():
-        raise InputError(f"{path}: names {name!r}, which is missing; put it beside the model")
+        raise InputError(f"{path}: refers to {name!r}, which is missing; put it into the model's folder")
     return target
 
 
 def side_files(path: Path) -> list[Path]:
-    """The buffers and pictures beside a .gltf file."""
+    """The buffers and pictures that a .gltf file refers to."""
     header = _open(path).header
     uris = [item.get("uri", "data:") for key in ("buffers", "images") for item in header.get(key, [])]
     return [beside(path, urllib.parse.unquote(uri)) for uri in uris if not uri.startswith("data:")]
 
 
 def _geometries(file: _File) -> dict[str, Any]:
-    """trimesh's geometry by the place of its primitive, ``mesh:primitive``."""
+    """trimesh's geometries by the indices of mesh and primitive, ``mesh:primitive``."""
     header = {
         key: value for key, value in file.header.items() if key not in ("images", "textures", "samplers")
     }
-    places: list[str] = []
+    keys: list[str] = []
     meshes = []
     for m, mesh in enumerate(file.header.get("meshes", [])):
         primitives = []
         for p, primitive in enumerate(mesh["primitives"]):
-            primitives.append({**primitive, "material": len(places)})
-            places.append(f"{m}:{p}")
+            primitives.append({**primitive, "material": len(keys)})
+            keys.append(f"{m}:{p}")
         meshes.append({"primitives": primitives, "name": f"m{m}"})
     header["meshes"] = meshes
-    header["materials"] = [{"name": place} for place in places]
-    # A flat scene that holds each mesh once; the node tree is walked here.
+    header["materials"] = [{"name": key} for key in keys]
+    # trimesh gets a flat scene that contains each mesh once; ``_nodes`` evaluates the node tree.
     header["nodes"] = [{"mesh": m, "name": f"n{m}"} for m in range(len(meshes))]
     header["scenes"] = [{"nodes": list(range(len(meshes)))}]
     header["scene"] = 0
@@ -208,16 +210,16 @@ def _geometries(file: _File) -> dict[str, Any]:
         scene = trimesh.load_scene(
             io.BytesIO(json.dumps(header).encode()), file_type="gltf", process=False
         )
-    except Exception as error:  # whatever a broken file leads trimesh to
+    except Exception as error:  # trimesh raises many kinds of exceptions for broken files
         raise InputError(
-            f"{file.path}: its geometry cannot be read ({type(error).__name__}); export it again"
+            f"{file.path}: the geometry cannot be read ({type(error).__name__}); export it again"
         ) from None
     geometries: list[Any] = [g for g in scene.geometry.values() if isinstance(g, trimesh.Trimesh)]
     return {geometry.visual.material.name: geometry for geometry in geometries}
 
 
 def _nodes(header: dict[str, Any], path: Path) -> list[_Node]:
-    """The nodes with a mesh in the file's scene, with their places in the world."""
+    """The nodes of the file's scene that have a mesh, with their transforms to the scene's axes."""
     nodes = header.get("nodes", [])
     scenes = header.get("scenes")
     roots = scenes[header.get("scene", 0)].get("nodes", []) if scenes else range(len(nodes))
@@ -227,7 +229,7 @@ def _nodes(header: dict[str, Any], path: Path) -> list[_Node]:
     while stack:
         index, above = stack.pop()
         if index in seen:
-            raise InputError(f"{path}: its nodes form a loop or share children; export it again")
+            raise InputError(f"{path}: the nodes form a loop or share children; export it again")
         seen.add(index)
         node = nodes[index]
         matrix = above @ _local(node)
@@ -260,11 +262,12 @@ def _placed(name: str, geometry: Any, has_normals: bool, matrix: FloatArray, mat
 
 
 _Transform = tuple[tuple[float, float], float, tuple[float, float]]
-"""Offset, rotation in rad, scale of KHR_texture_transform."""
+"""The offset, rotation in rad and scale of KHR_texture_transform."""
 
 
 def _transformed(uv: AnyArray, transform: _Transform) -> AnyArray:
-    """KHR_texture_transform on uv (V, 2) whose v is upward; the extension's is downward."""
+    """Apply KHR_texture_transform to texture coordinates (V, 2) whose v points up; the extension's v
+    points down."""
     offset, angle, scale = transform
     down = np.column_stack([uv[:, 0], 1.0 - uv[:, 1]]) * scale
     cosine, sine = np.cos(angle), np.sin(angle)
@@ -304,14 +307,14 @@ def _material(file: _File, index: int | None) -> tuple[Material, _Transform | No
         bumps = _scaled(bumps, float(record["normalTexture"].get("scale", 1.0)))
     if len(set(transforms)) > 1:
         raise InputError(
-            f"{file.path}: the textures of material {record.get('name', index)!r} are placed"
-            " differently from one another; bake their transforms and export again"
+            f"{file.path}: the textures of material {record.get('name', index)!r} have different"
+            " transforms; bake the transforms and export it again"
         )
     red, green, blue = (float(np.clip(c, 0.0, 1.0)) for c in color[:3])
     material = Material(
         name,
         base_color=(red, green, blue),
-        # Exporters do write factors outside the range that the specification allows.
+        # Some exporters write factors outside the range that the specification allows.
         metallic=float(np.clip(metallic, 0.0, 1.0)),
         roughness=float(np.clip(roughness, 0.0, 1.0)),
         base_color_texture=base,
@@ -325,7 +328,7 @@ def _transform(file: _File, texture: dict[str, Any]) -> _Transform | None:
     given = texture.get("extensions", {}).get("KHR_texture_transform")
     if texture.get("texCoord", 0) != 0 or (given or {}).get("texCoord", 0) != 0:
         raise InputError(
-            f"{file.path}: a texture uses a second set of coordinates; export with one set only"
+            f"{file.path}: a texture uses a second set of coordinates; export it with one set only"
         )
     if given is None:
         return None

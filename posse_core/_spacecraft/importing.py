@@ -1,4 +1,4 @@
-"""Making a spacecraft package from a mesh file, and saying what is in the file."""
+"""Makes a spacecraft package from a mesh file, and summarises the file."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SCENARIO = "scenario.yaml"
 
 
 def summary(raw: RawMesh) -> dict[str, Any]:
-    """What a file holds, for a person or a program: sizes in the file's units."""
+    """A summary of a mesh file, for users and programs; sizes are in the file's units."""
     parts = []
     for part in raw.parts:
         material = raw.materials[part.material]
@@ -63,7 +63,7 @@ def _watertight(vertices: Any, faces: Any) -> bool:
 
 
 def side_files(path: Path) -> list[Path]:
-    """The files beside a mesh that it needs: buffers, pictures, material libraries."""
+    """The further files that a mesh file needs: buffers, pictures, material libraries."""
     if path.suffix.lower() == ".gltf":
         return gltf_side_files(path)
     return obj_side_files(path) if path.suffix.lower() == ".obj" else []
@@ -78,15 +78,15 @@ def write_package(
     body_axes: str,
     centre_of_mass_m: Sequence[float],
 ) -> None:
-    """Make the package's folder: the mesh with its side files, the description, a scenario to try.
+    """Make the package's folder: the mesh with its further files, the description and a sample scenario.
 
-    The folder appears whole or not at all.
+    The folder is made completely or not at all.
 
     Raises:
-        InputError: the folder is there already.
+        InputError: the folder already exists.
     """
     if folder.exists():
-        raise InputError(f"{folder}: is there already; remove it, or give another folder with --out")
+        raise InputError(f"{folder}: already exists; remove it, or give another folder with --out")
     folder.parent.mkdir(parents=True, exist_ok=True)
     record = {
         "name": craft.name,
@@ -116,8 +116,10 @@ def write_package(
 
 
 def _description(record: Mapping[str, Any]) -> str:
-    """YAML with one line a keypoint."""
-    lines = ["# A spacecraft package. Lengths in metres, body axes, from the centre of mass."]
+    """The description as YAML, with one line per keypoint."""
+    lines = [
+        "# A spacecraft package. Positions are in metres, body axes, relative to the centre of mass."
+    ]
     for key, value in record.items():
         if isinstance(value, dict) and value:
             lines.append(f"{key}:")
@@ -128,7 +130,7 @@ def _description(record: Mapping[str, Any]) -> str:
 
 
 def _scenario(craft: Spacecraft) -> str:
-    """A scenario of the spacecraft: an inspection ellipse of about three radii in low orbit."""
+    """A scenario for the spacecraft: an inspection ellipse of about three radii in low Earth orbit."""
     reach = float(f"{3.0 * craft.radius_m:.2g}")
     scenario = {
         "target": {"package": "."},
@@ -146,5 +148,5 @@ def _scenario(craft: Spacecraft) -> str:
         "relative": {"roe_m": [0, 0, -reach, -0.75 * reach, -reach, -0.75 * reach]},
         "times": {"duration_orbits": 1, "count": 24},
     }
-    head = "# Try it: posse run scenario.yaml\n"
+    head = "# Run it with: posse run scenario.yaml\n"
     return head + yaml.safe_dump(scenario, sort_keys=False, default_flow_style=None)

@@ -1,4 +1,4 @@
-"""Keypoints in a file: the user's own, or those of a package or a dataset's spacecraft/NAME.json."""
+"""Keypoint files: a user's own, the description of a package, or a dataset's spacecraft/NAME.json."""
 
 from __future__ import annotations
 
@@ -20,24 +20,26 @@ Triple = tuple[float, float, float]
 
 
 class Corner(Options):
-    """A keypoint picked by name: the vertex of a part that lies farthest in a direction."""
+    """A keypoint defined as the vertex of a part that is farthest in a direction."""
 
-    part: str = Field(description="the part's name")
+    part: str = Field(description="name of the part")
     corner: Triple = Field(
-        description="direction in body axes, in sides of the part's box:"
+        description="direction in body axes, scaled by the sides of the part's box:"
         " [1, -1, 1] is its corner at +X -Y +Z"
     )
 
 
 @dataclass(frozen=True)
 class Keypoints:
-    """What :class:`~posse_core.Spacecraft` holds besides its mesh.
+    """The keypoints, skeleton and symmetries of a spacecraft.
 
     Attributes:
-        places: a point (3,) in metres in the body frame, or a part's corner.
+        points: by name, a position (3,) in metres, body axes, or the corner of a part.
+        skeleton: pairs of keypoint names.
+        symmetries: rotations (3, 3).
     """
 
-    places: Mapping[str, FloatArray | Corner] = field(default_factory=dict)
+    points: Mapping[str, FloatArray | Corner] = field(default_factory=dict)
     skeleton: tuple[tuple[str, str], ...] = ()
     symmetries: tuple[FloatArray, ...] = ()
 
@@ -47,14 +49,14 @@ class KeypointModel(Options):
 
     keypoints: dict[str, Triple | Corner] = Field(
         min_length=1,
-        description="name: [x, y, z] in metres in the body frame, or {part: bus, corner: [1, 1, -1]};"
-        " T main body top, B bottom, A antenna, S solar panel, each with a number",
+        description="name: [x, y, z] in metres, body axes, or {part: bus, corner: [1, 1, -1]}; names are"
+        " T (main body top), B (bottom), A (antenna) or S (solar panel) with a number",
     )
     skeleton: tuple[tuple[str, str], ...] = Field(
         (), description="pairs of keypoint names to draw lines between"
     )
     symmetries: tuple[tuple[Triple, Triple, Triple], ...] = Field(
-        (), description="rotations, as rows, that leave the spacecraft's looks unchanged"
+        (), description="rotations, as rows, that leave the spacecraft's appearance unchanged"
     )
 
     @field_validator("symmetries")
@@ -63,7 +65,7 @@ class KeypointModel(Options):
         for rows in matrices:
             R = np.array(rows)
             if not np.allclose(R @ R.T, np.eye(3), atol=1e-6) or np.linalg.det(R) < 0.0:
-                raise ValueError("a symmetry is a rotation matrix")
+                raise ValueError("a symmetry must be a rotation matrix")
         return matrices
 
     @model_validator(mode="after")
@@ -75,11 +77,11 @@ class KeypointModel(Options):
         return self
 
     def records(self) -> Keypoints:
-        """As arrays."""
+        """The same as arrays."""
         return Keypoints(
             {
-                name: place if isinstance(place, Corner) else np.array(place)
-                for name, place in self.keypoints.items()
+                name: point if isinstance(point, Corner) else np.array(point)
+                for name, point in self.keypoints.items()
             },
             self.skeleton,
             tuple(np.array(rows) for rows in self.symmetries),
@@ -87,10 +89,10 @@ class KeypointModel(Options):
 
 
 def read_keypoints(path: Path) -> Keypoints:
-    """Keypoints from YAML or JSON; other keys of a dataset's spacecraft record are passed over.
+    """Read keypoints from YAML or JSON; other keys, as in a dataset's spacecraft record, are ignored.
 
     Raises:
-        InputError: the file is missing, or holds something else.
+        InputError: the file is missing or not a keypoint file.
     """
     raw = read_mapping(path)
     known = {key: value for key, value in raw.items() if key in KeypointModel.model_fields}
@@ -98,10 +100,10 @@ def read_keypoints(path: Path) -> Keypoints:
 
 
 def read_mapping(path: Path) -> dict[str, Any]:
-    """A YAML or JSON file that holds a mapping.
+    """Read a YAML or JSON file that contains a mapping.
 
     Raises:
-        InputError: it is missing, or not such a file.
+        InputError: the file is missing, or not such a file.
     """
     try:
         raw = yaml.safe_load(path.read_text(encoding="utf-8"))
@@ -117,26 +119,26 @@ def read_mapping(path: Path) -> dict[str, Any]:
 
 
 def located(
-    places: Mapping[str, FloatArray | Corner], parts: Sequence[Part], path: Path
+    points: Mapping[str, FloatArray | Corner], parts: Sequence[Part], path: Path
 ) -> dict[str, FloatArray]:
-    """Points (3,) in the body frame for all keypoints.
+    """Positions (3,) of all keypoints, m, body axes.
 
     Raises:
-        InputError: a part that is not there, or a corner without a direction.
+        InputError: a part does not exist, or a corner has no direction.
     """
     by_name = {part.name: part for part in parts}
-    points: dict[str, FloatArray] = {}
-    for name, place in places.items():
-        if not isinstance(place, Corner):
-            points[name] = place
+    positions_m: dict[str, FloatArray] = {}
+    for name, point in points.items():
+        if not isinstance(point, Corner):
+            positions_m[name] = point
             continue
-        if place.part not in by_name:
-            hint = nearest(place.part, by_name)
-            raise InputError(f"{path}: keypoints.{name}: no part named {place.part!r}{hint}")
-        if not any(place.corner):
+        if point.part not in by_name:
+            hint = nearest(point.part, by_name)
+            raise InputError(f"{path}: keypoints.{name}: no part is named {point.part!r}{hint}")
+        if not any(point.corner):
             raise InputError(f"{path}: keypoints.{name}.corner: all zero; give it a direction")
-        vertices = by_name[place.part].vertices_body_m
+        vertices = by_name[point.part].vertices_body_m
         size = np.ptp(vertices, axis=0)
-        reach = vertices @ (np.array(place.corner) / np.where(size > 0.0, size, 1.0))
-        points[name] = vertices[int(np.argmax(reach))].copy()
-    return points
+        reach = vertices @ (np.array(point.corner) / np.where(size > 0.0, size, 1.0))
+        positions_m[name] = vertices[int(np.argmax(reach))].copy()
+    return positions_m

@@ -1,4 +1,4 @@
-"""A spacecraft from a mesh file, with its units and axes as the user states them."""
+"""A spacecraft from a mesh file, with units and axes as the user gives them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from posse_core._spacecraft.raw import RawMesh
 from posse_core._spacecraft.reader import read_mesh
 
 SMALLEST_M, LARGEST_M = 0.01, 1000.0
-"""A spacecraft outside this is a mistake in the scale."""
+"""Limits of a spacecraft's size; outside them the scale must be wrong."""
 
 
 class MeshFile(SceneSource[MeshOptions]):
@@ -30,10 +30,10 @@ class MeshFile(SceneSource[MeshOptions]):
 
 
 def spacecraft_from_raw(raw: RawMesh, options: MeshOptions, name: str, points: Keypoints) -> Spacecraft:
-    """A file's mesh in metres and body axes about its centre of mass.
+    """Make a spacecraft from a file's mesh: in metres, body axes, with the origin at the centre of mass.
 
     Raises:
-        InputError: the scale is missing or absurd, or a keypoint lies far from the mesh.
+        InputError: the scale is missing or implausible, or a keypoint is far from the mesh.
     """
     scale = stated_scale(raw, options.mesh, options.scale_m_per_unit)
     R = R_body_from_mesh(options.body_axes)
@@ -58,7 +58,7 @@ def spacecraft_from_raw(raw: RawMesh, options: MeshOptions, name: str, points: K
         name=name,
         parts=parts,
         materials=raw.materials,
-        keypoints_body_m=located(points.places, parts, options.keypoints or options.mesh),
+        keypoints_body_m=located(points.points, parts, options.keypoints or options.mesh),
         skeleton=points.skeleton,
         symmetries=points.symmetries,
     )
@@ -67,24 +67,25 @@ def spacecraft_from_raw(raw: RawMesh, options: MeshOptions, name: str, points: K
 
 
 def stated_scale(raw: RawMesh, path: Path, scale_m_per_unit: float | None) -> float:
-    """The scale, proven to be there and sensible.
+    """The scale, after a check that it is given and plausible.
 
     Raises:
-        InputError: it is missing, or gives a spacecraft below a centimetre or beyond a kilometre.
+        InputError: it is missing, or gives a spacecraft below a centimetre or above a kilometre.
     """
     extent: FloatArray = np.diff(raw.bounds, axis=0)[0]
     longest = float(extent.max())
     size = " × ".join(f"{length:.4g}" for length in extent)
     if scale_m_per_unit is None:
         raise InputError(
-            f"{path}: its unit is not stated; it measures {size} units. Add scale_m_per_unit, such as"
-            f" 1 if a unit is a metre (it would be {longest:.4g} m long), 0.001 if a millimetre"
-            f" ({longest / 1000.0:.4g} m), or length in metres / {longest:.6g}"
+            f"{path}: the unit of the mesh is not given; the mesh measures {size} units. Add"
+            f" scale_m_per_unit: 1 if a unit is a metre (a length of {longest:.4g} m), 0.001 if it is a"
+            f" millimetre ({longest / 1000.0:.4g} m), or the length in metres / {longest:.6g}"
         )
     if not SMALLEST_M <= longest * scale_m_per_unit <= LARGEST_M:
         raise InputError(
-            f"{path}: scale_m_per_unit {scale_m_per_unit:g} makes it {longest * scale_m_per_unit:.4g} m"
-            f" long; it measures {size} units, and a spacecraft is {SMALLEST_M:g} … {LARGEST_M:g} m"
+            f"{path}: scale_m_per_unit {scale_m_per_unit:g} gives a length of"
+            f" {longest * scale_m_per_unit:.4g} m; the mesh measures {size} units, and a spacecraft is"
+            f" {SMALLEST_M:g} … {LARGEST_M:g} m long"
         )
     return scale_m_per_unit
 
@@ -94,8 +95,8 @@ def _check_keypoints(craft: Spacecraft, path: Path) -> None:
     margin = 0.1 * craft.radius_m
     for name, point in craft.keypoints_body_m.items():
         if np.any(point < low - margin) or np.any(point > high + margin):
-            place = ", ".join(f"{value:.4g}" for value in point)
+            position = ", ".join(f"{value:.4g}" for value in point)
             raise InputError(
-                f"{path}: keypoint {name} at [{place}] m lies outside the spacecraft; keypoints are in"
-                " metres along body axes from the centre of mass"
+                f"{path}: keypoint {name} at [{position}] m is outside the spacecraft; keypoints are in"
+                " metres, body axes, relative to the centre of mass"
             )

@@ -1,4 +1,4 @@
-"""Options of the core's scene sources. Cheap to import."""
+"""Options of the core's scene sources. This module is fast to import."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from posse_core._plugins.options import Options
 
 
 def R_body_from_mesh(axes: str) -> FloatArray:
-    """(3, 3) rotation of ``body_axes``: row k picks the mesh axis, with its sign, for body axis k.
+    """(3, 3) rotation for ``body_axes``: row k selects the mesh axis, with its sign, that is body axis
+    k.
 
     Raises:
-        ValueError: not three different axes, or a mirror image.
+        ValueError: the text does not give three different axes, or gives a mirror image.
     """
     words = axes.lower().split()
     names = [word.lstrip("+-") for word in words]
@@ -35,7 +36,7 @@ def R_body_from_mesh(axes: str) -> FloatArray:
             repr(" ".join(signs[k] if k == row else word for k, word in enumerate(words)))
             for row in range(3)
         )
-        raise ValueError(f"body_axes {axes!r} is a mirror image; take {ways}")
+        raise ValueError(f"body_axes {axes!r} is a mirror image; use {ways}")
     return R
 
 
@@ -45,11 +46,11 @@ def _checked_axes(text: str) -> str:
 
 
 BodyAxes = Annotated[str, AfterValidator(_checked_axes)]
-"""Mesh axes along the body axes, as in ``"x -z y"``: a rotation."""
+"""Mesh axes along the body axes, such as ``"x -z y"``; they must form a rotation."""
 
 
 class VariantOptions(Options):
-    """What all spacecraft made by code take."""
+    """Options of all spacecraft that are made by code."""
 
     missing_parts: tuple[str, ...] = Field(
         (), description="names of parts to leave out, with their keypoints"
@@ -57,51 +58,51 @@ class VariantOptions(Options):
     variant_seed: int | None = Field(
         None,
         ge=0,
-        description="for domain randomisation: draws colours, roughness, wrinkles, the panels' angle"
-        " and missing parts; none: the spacecraft as published",
+        description="seed for domain randomisation: random colours, roughness, wrinkles, panel angle and"
+        " missing parts; without it, the spacecraft as published",
     )
     variant_missing_parts: int = Field(
-        2, ge=0, description="how many parts (or groups of parts) a variant may lack at most"
+        2, ge=0, description="maximum number of parts (or groups of parts) that a variant lacks"
     )
 
 
 class AquaOptions(VariantOptions):
-    """Aqua-like: a bus with one long solar wing."""
+    """Options of the Aqua-like spacecraft, a bus with one long solar wing."""
 
     panel_angle_deg: float = Field(
-        0.0, ge=-180.0, le=180.0, description="turn of the solar wing about its axis, body Y"
+        0.0, ge=-180.0, le=180.0, description="rotation of the solar wing about its axis, body Y"
     )
     variant_panel_angle_deg: float = Field(
-        45.0, ge=0.0, le=180.0, description="a variant turns the wing by up to so much more, either way"
+        45.0, ge=0.0, le=180.0, description="largest additional random rotation of the wing in a variant"
     )
 
 
 class ClusterOptions(VariantOptions):
-    """Cluster-like: a spinning drum with booms."""
+    """Options of the Cluster-like spacecraft, a spinning drum with booms."""
 
 
 class MeshOptions(Options):
-    """A mesh file of the user's own: glTF, OBJ, PLY, STL."""
+    """Options for a user's mesh file: glTF, OBJ, PLY or STL."""
 
-    mesh: Path = Field(description="the file: .glb, .gltf, .obj, .ply, .stl")
+    mesh: Path = Field(description="the mesh file: .glb, .gltf, .obj, .ply or .stl")
     scale_m_per_unit: float | None = Field(
-        None, gt=0, description="metres that one unit of the file is; no format can be trusted to say it"
+        None, gt=0, description="metres per unit of the file; required, as no format reliably gives it"
     )
     body_axes: BodyAxes = Field(
         "x y z",
-        description="the mesh axis along each of the body axes X, Y, Z; 'x -z y' turns Y up into Z up",
+        description="the mesh axis along each of the body axes X, Y, Z; 'x -z y' converts Y up to Z up",
     )
     centre_of_mass_m: tuple[float, float, float] | None = Field(
         None,
-        description="the body frame's origin, in metres along body axes from the file's origin;"
-        " without it, the centroid of the surface",
+        description="the origin of the body axes, in metres along body axes from the file's origin;"
+        " default: the centroid of the surface",
     )
     keypoints: Path | None = Field(
-        None, description="YAML or JSON: keypoints: {T1: [x, y, z]}, in metres in the body frame"
+        None, description="YAML or JSON file with keypoints: {T1: [x, y, z]}, in metres, body axes"
     )
 
 
 class PackageOptions(Options):
-    """A spacecraft package, as 'posse import' makes it."""
+    """Options for a spacecraft package, as 'posse import' makes it."""
 
-    package: Path = Field(description="its folder, with spacecraft.yaml and the mesh")
+    package: Path = Field(description="the package's folder, with spacecraft.yaml and the mesh")

@@ -22,9 +22,9 @@ class PackageModel(KeypointModel):
     """The keys of ``spacecraft.yaml``."""
 
     name: str = Field(pattern=r"^[A-Za-z0-9][\w.-]*$", description="the class name in the labels")
-    mesh: str = Field(description="the mesh file, in the package's folder or below")
-    scale_m_per_unit: float = Field(gt=0, description="metres that one unit of the mesh file is")
-    body_axes: BodyAxes = Field(description="the mesh axis along each body axis, as in 'x -z y'")
+    mesh: str = Field(description="path of the mesh file, within the package's folder")
+    scale_m_per_unit: float = Field(gt=0, description="metres per unit of the mesh file")
+    body_axes: BodyAxes = Field(description="the mesh axis along each body axis, such as 'x -z y'")
     centre_of_mass_m: Triple = Field(description="in metres along body axes from the mesh file's origin")
     keypoints: dict[str, Triple | Corner] = Field(
         default_factory=dict, description="as in a keypoint file"
@@ -35,7 +35,7 @@ class PackageModel(KeypointModel):
     def _stays_inside(cls, text: str) -> str:
         path = PurePosixPath(text)
         if path.is_absolute() or ".." in path.parts or "\\" in text:
-            raise ValueError("the mesh lies outside the package; move it into the folder")
+            raise ValueError("the mesh is outside the package; move it into the folder")
         return text
 
 
@@ -46,7 +46,7 @@ class Package(SceneSource[PackageOptions]):
         folder = self.options.package
         description = folder / DESCRIPTION
         if not folder.is_dir():
-            raise InputError(f"{folder}: no such package folder; 'posse import MODEL' makes one")
+            raise InputError(f"{folder}: no such package folder; make one with 'posse import MODEL'")
         model = validated(
             PackageModel,
             read_mapping(description),
@@ -65,7 +65,7 @@ class Package(SceneSource[PackageOptions]):
 
 
 def _inside(folder: Path, name: str) -> Path:
-    """The mesh, its links followed, proven to lie in the folder."""
+    """The path of the mesh, after a check that it is in the folder even when links are followed."""
     mesh = folder / name
     if not mesh.resolve().is_relative_to(folder.resolve()):
         raise InputError(f"{folder / DESCRIPTION}: mesh {name!r} leads out of the package by a link")

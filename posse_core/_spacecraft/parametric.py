@@ -1,4 +1,4 @@
-"""What the spacecraft made by code share: finishes, missing parts, variants by seed."""
+"""The base of spacecraft that are made by code: finishes, missing parts, random variants."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ VariantOptionsT = TypeVar("VariantOptionsT", bound=VariantOptions)
 
 
 class Parametric(SceneSource[VariantOptionsT]):
-    """A spacecraft made by code; a subclass says of what.
+    """A spacecraft made by code, which a subclass defines.
 
     Attributes:
-        name: the spacecraft's.
-        centre_of_mass_m: the body frame's origin in the layout frame.
-        skeleton: pairs of keypoints.
-        loose: groups of parts that a variant may lack, each lost as a whole.
+        name: name of the spacecraft.
+        centre_of_mass_m: the centre of mass in layout coordinates.
+        skeleton: pairs of keypoint names.
+        loose: groups of parts that a variant may lack; the parts of a group are missing together.
     """
 
     name: ClassVar[str]
@@ -38,17 +38,18 @@ class Parametric(SceneSource[VariantOptionsT]):
 
     @abstractmethod
     def assemble(self, craft: Assembly, lean: float) -> None:
-        """Add all parts and keypoints; ``lean`` −1 … 1 is the variant's turn of what can turn."""
+        """Add all parts and keypoints. ``lean``, −1 … 1, scales the variant's additional rotation of
+        movable parts."""
 
     @abstractmethod
     def finishes(self, seed: int) -> Mapping[str, Finish]:
-        """How the materials are made, by name, their textures drawn from the seed."""
+        """Functions that make the materials, by name; the seed determines their textures."""
 
     def build(self) -> Spacecraft:
-        """The spacecraft that the options ask for, keypoints of missing parts left out.
+        """Build the spacecraft of the options, without the keypoints of missing parts.
 
         Raises:
-            InputError: ``missing_parts`` names what is not there, or leaves nothing.
+            InputError: ``missing_parts`` names a part that does not exist, or no part is left.
         """
         seed = self.options.variant_seed
         craft = Assembly(self.name)
@@ -67,7 +68,7 @@ class Parametric(SceneSource[VariantOptionsT]):
                 raise InputError(f"target: missing_parts: {self.name} has no part {part!r}{hint}")
         craft.remove(missing)
         if not craft.part_names:
-            raise InputError(f"target: missing_parts: nothing of {self.name} is left; leave a part")
+            raise InputError(f"target: missing_parts: no part of {self.name} is left; keep at least one")
         materials = self._materials(craft.material_names, seed)
         return craft.finish(materials, self.centre_of_mass_m, self.skeleton)
 
@@ -83,7 +84,7 @@ class Parametric(SceneSource[VariantOptionsT]):
 
 
 def varied(material: Material, rng: np.random.Generator) -> Material:
-    """The material a little brighter or darker, tinted, rougher or smoother."""
+    """The material with small random changes of brightness, colour and roughness."""
     factor = np.exp(0.15 * rng.standard_normal() + 0.06 * rng.standard_normal(3))
     red, green, blue = (float(c) for c in np.clip(factor * material.base_color, 0.0, 1.0))
     roughness = material.roughness * np.exp(0.3 * rng.standard_normal())

@@ -1,4 +1,4 @@
-"""Keypoints and symmetries proposed from the geometry alone."""
+"""Proposals for keypoints and symmetries, from the geometry alone."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from posse_core._frames import R_about
 from posse_core._model.spacecraft import Part, Spacecraft
 
 DIRECTIONS = 64
-"""Directions, evenly spread over the sphere, that a keypoint's visibility is asked from."""
+"""Number of directions, evenly distributed over the sphere, for which visibility is computed."""
 CANDIDATES = 4000
 ORDERS = (2, 3, 4, 6)
 _WORDS = {
@@ -25,7 +25,7 @@ _WORDS = {
 
 
 def sphere(count: int) -> FloatArray:
-    """Directions (count, 3), unit, evenly spread (Fibonacci lattice; González 2010)."""
+    """Unit vectors (count, 3), evenly distributed over the sphere (Fibonacci lattice; González 2010)."""
     k = np.arange(count) + 0.5
     z = 1.0 - 2.0 * k / count
     azimuth = np.pi * (1.0 + np.sqrt(5.0)) * k
@@ -34,16 +34,18 @@ def sphere(count: int) -> FloatArray:
 
 
 def propose_keypoints(craft: Spacecraft, count: int) -> dict[str, FloatArray]:
-    """Up to ``count`` vertices, well spread and visible from many sides, named by category.
+    """Propose up to ``count`` vertices that are well spread and visible from many sides.
 
-    Each next one is the vertex with the greatest product of its distance to those chosen, the square
-    root of the share of directions it can be seen from, and its sharpness: a corner counts three times
-    a point on an edge or a face. The result depends on the mesh alone.
-    Parts or materials named after panels or antennas give the categories S and A; the rest is main
-    body, T above the origin (body −Z, away from the nadir) and B below.
+    Each next keypoint is the vertex with the largest product of its distance to those already chosen,
+    the square root of the share of directions from which it is visible, and its sharpness: a corner
+    counts three times as much as a point on an edge or a face. The result depends on the mesh alone.
+
+    Keypoints are named by category. Parts or materials named after panels or antennas give the
+    categories S and A. All others are on the main body: T above the origin (body −Z, away from the
+    nadir), B below it.
 
     Returns:
-        name → (3,) metres, body frame, by category and number.
+        name → (3,) position, m, body axes, sorted by category and number.
     """
     points, part_ids, sharpness = _candidates(craft)
     seen = _visibility(craft, points)
@@ -61,9 +63,9 @@ def propose_keypoints(craft: Spacecraft, count: int) -> dict[str, FloatArray]:
 
 
 def _candidates(craft: Spacecraft) -> tuple[FloatArray, IntArray, FloatArray]:
-    """Vertices (N, 3), the part that each is of, its sharpness 0 … 1; about :data:`CANDIDATES` at most.
+    """At most :data:`CANDIDATES` vertices (N, 3), the index of each one's part, and its sharpness 0 … 1.
 
-    Of the vertices in a cell of a grid only the one farthest from the origin stays.
+    Of the vertices in a cell of a grid, only the one farthest from the origin is kept.
     """
     points = np.concatenate([part.vertices_body_m for part in craft.parts])
     sizes = [len(part.vertices_body_m) for part in craft.parts]
@@ -82,30 +84,32 @@ def _candidates(craft: Spacecraft) -> tuple[FloatArray, IntArray, FloatArray]:
 
 
 def _sharpness(part: Part) -> FloatArray:
-    """(V,) how far the faces about each vertex point three ways: 1 at a cube's corner, 0 on an edge.
+    """(V,) sharpness of each vertex: 1 at a cube's corner, 0 on a straight edge or a face.
 
-    It is three times the least eigenvalue of the faces' mean n nᵀ, each face weighted by its angle.
+    It is three times the least eigenvalue of the mean of n nᵀ over the faces at the vertex, weighted by
+    their angles, where n is a face's normal.
     """
-    _, place = np.unique(np.round(part.vertices_body_m, 9), axis=0, return_inverse=True)
-    place = place.reshape(-1)
+    _, position = np.unique(np.round(part.vertices_body_m, 9), axis=0, return_inverse=True)
+    position = position.reshape(-1)
     corners = part.vertices_body_m[part.faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
-    spread = np.zeros((place.max() + 1, 3, 3))
+    spread = np.zeros((position.max() + 1, 3, 3))
     total = np.zeros(len(spread))
     for k in range(3):
         u = corners[:, (k + 1) % 3] - corners[:, k]
         v = corners[:, (k + 2) % 3] - corners[:, k]
         angle = np.arctan2(np.linalg.norm(np.cross(u, v), axis=1), (u * v).sum(axis=1))
-        at = place[part.faces[:, k]]
+        at = position[part.faces[:, k]]
         np.add.at(spread, at, angle[:, None, None] * normal[:, :, None] * normal[:, None, :])
         np.add.at(total, at, angle)
     least = np.linalg.eigvalsh(spread / np.maximum(total, 1e-300)[:, None, None])[:, 0]
-    return np.asarray(np.clip(3.0 * least, 0.0, 1.0)[place])
+    return np.asarray(np.clip(3.0 * least, 0.0, 1.0)[position])
 
 
 def _visibility(craft: Spacecraft, points: FloatArray) -> BoolArray:
-    """(N, DIRECTIONS) whether nothing of the spacecraft stands before a point, seen from afar."""
+    """(N, DIRECTIONS) whether a point is visible from far away, with no part of the spacecraft in
+    front."""
     starts = np.cumsum([0, *(len(part.vertices_body_m) for part in craft.parts[:-1])])
     mesh = trimesh.Trimesh(
         np.concatenate([part.vertices_body_m for part in craft.parts]),
@@ -136,13 +140,13 @@ def _named(craft: Spacecraft, points: FloatArray, part_ids: IntArray) -> dict[st
 
 
 def rotations(axes: Sequence[tuple[str, int]]) -> tuple[FloatArray, ...]:
-    """The group (…, 3, 3) that turns about body axes generate, without the identity.
+    """The group of rotations (3, 3) that rotations about body axes generate, without the identity.
 
     Args:
-        axes: axis ``x``, ``y`` or ``z`` and order, as in ("z", 4) for quarter turns.
+        axes: pairs of an axis ``x``, ``y`` or ``z`` and an order, such as ("z", 4) for quarter turns.
 
     Raises:
-        ValueError: the turns together make more than 60 rotations, so no finite group of a solid.
+        ValueError: they generate more than 60 rotations, so they are not the symmetries of a solid.
     """
     generators = [R_about(np.eye(3)["xyz".index(axis)], 2.0 * np.pi / order) for axis, order in axes]
     group = [np.eye(3)]
@@ -152,18 +156,19 @@ def rotations(axes: Sequence[tuple[str, int]]) -> tuple[FloatArray, ...]:
             if not any(np.allclose(product, known, atol=1e-9) for known in group):
                 group.append(product)
         if len(group) > 60:
-            raise ValueError("these symmetries together leave nothing but a sphere")
+            raise ValueError("only a sphere has all these symmetries together")
     return tuple(group[1:])
 
 
 def shape_symmetries(craft: Spacecraft, tolerance: float = 0.01) -> list[tuple[str, int]]:
-    """Turns about the body axes that leave the shape (not necessarily its looks) unchanged.
+    """Rotations about the body axes that leave the shape (not necessarily the appearance) unchanged.
 
-    Points spread over the surface are turned; each must come to lie near an unturned one: nearer than
-    twice the points' spacing and ``tolerance`` of the radius. So small features do not count.
+    Points distributed over the surface are rotated, and each must then be near an original point: within
+    twice the spacing of the points plus ``tolerance`` times the radius. Small features therefore do not
+    count.
 
     Returns:
-        axis and the highest order found, for each axis that has any.
+        Axis and highest order, for each axis that has a symmetry.
     """
     surface = _surface_points(craft)
     tree = cKDTree(surface)
@@ -181,12 +186,14 @@ def shape_symmetries(craft: Spacecraft, tolerance: float = 0.01) -> list[tuple[s
 
 
 def _surface_points(craft: Spacecraft, count: int = 20000) -> FloatArray:
-    """Points (count, 3) spread over the surface by area: a low-discrepancy sequence, so repeatable."""
+    """Points (count, 3) distributed over the surface by area, by a (repeatable) low-discrepancy
+    sequence."""
     corners = np.concatenate([part.vertices_body_m[part.faces] for part in craft.parts])
     edges = corners[:, 1:] - corners[:, :1]
     share = np.cumsum(np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1))
     k = np.arange(count)
-    # Additive recurrence with the plastic number's powers (Roberts 2018), in three dimensions.
+    # Additive recurrence with powers of the plastic number's generalisation to 3 dimensions (Roberts
+    # 2018).
     g = 1.22074408460575947536
     pick, a, b = ((0.5 + k * g**-power) % 1.0 for power in (1, 2, 3))
     face = np.minimum(np.searchsorted(share, pick * share[-1]), len(corners) - 1)

@@ -1,4 +1,4 @@
-"""What a mesh file holds, before units and axes are known."""
+"""The contents of a mesh file, before units and axes are known."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ from posse_core._model.spacecraft import Material
 from posse_core._model.srgb import linear_from_srgb
 
 CREASE_RAD = np.radians(40.0)
-"""Faces of a mesh without normals are shaded as one surface where they meet at less than this."""
+"""Adjoining faces of a mesh without normals are shaded as one smooth surface if the angle between their
+normals is below this."""
 
 
 @dataclass(frozen=True)
@@ -25,10 +26,12 @@ class RawPart:
     """A part in the file's own units and axes.
 
     Attributes:
+        name: name of the part.
         vertices: (V, 3) float64.
         faces: (T, 3) int32.
-        normals: (V, 3) float32 unit.
-        uv: (V, 2) float32, v upward.
+        normals: (V, 3) float32 unit vectors.
+        uv: (V, 2) float32, v pointing up.
+        material: name of its material.
     """
 
     name: str
@@ -41,7 +44,7 @@ class RawPart:
 
 @dataclass(frozen=True)
 class RawMesh:
-    """All parts of a file and their materials by name."""
+    """All parts of a file, and their materials by name."""
 
     parts: tuple[RawPart, ...]
     materials: Mapping[str, Material]
@@ -55,7 +58,7 @@ class RawMesh:
 
     @property
     def surface_centre(self) -> FloatArray:
-        """(3,) centroid of the surface: what the thesis' Table 3.2 calls the centre of mass."""
+        """(3,) centroid of the surface, which the thesis' Table 3.2 calls the centre of mass."""
         area_sum, moment = 0.0, np.zeros(3)
         for part in self.parts:
             a, b, c = np.moveaxis(part.vertices[part.faces], 1, 0)
@@ -73,23 +76,23 @@ def raw_part(
     uv: AnyArray | None,
     material: str,
 ) -> RawPart:
-    """A part, with normals made for it where the file has none (by crease angle).
+    """Make a part; if the file has no normals, they are computed with :func:`creased_normals`.
 
     Raises:
-        ValueError: arrays that do not fit together, or numbers that are not finite.
+        ValueError: the arrays do not fit together, or have numbers that are not finite.
     """
     vertices, faces = np.asarray(vertices, dtype=np.float64), np.asarray(faces)
     if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
-        raise ValueError(f"{name!r} is not made of triangles in space")
+        raise ValueError(f"{name!r} does not consist of triangles in three dimensions")
     bad = int((~np.isfinite(vertices)).any(axis=1).sum())
     if bad:
         raise ValueError(f"{bad} of {len(vertices)} vertices of {name!r} are NaN or infinite")
     if len(faces) and not (faces.min() >= 0 and faces.max() < len(vertices)):
-        raise ValueError(f"triangles of {name!r} name vertices that are not there")
+        raise ValueError(f"triangles of {name!r} refer to vertices that do not exist")
     if uv is not None and (np.shape(uv) != (len(vertices), 2) or not np.isfinite(uv).all()):
-        raise ValueError(f"the texture coordinates of {name!r} are not finite pairs, one a vertex")
+        raise ValueError(f"the texture coordinates of {name!r} are not one finite pair per vertex")
     if normals is not None and np.shape(normals) != vertices.shape:
-        raise ValueError(f"the normals of {name!r} are not one a vertex")
+        raise ValueError(f"the normals of {name!r} are not one per vertex")
     if normals is None or not np.isfinite(normals).all():
         corners = vertices[faces]
         uv = None if uv is None else np.asarray(uv)[faces].reshape(-1, 2)
@@ -110,31 +113,32 @@ def raw_part(
 
 
 def creased_normals(corners: FloatArray) -> FloatArray:
-    """Shading normals at the corners (T, 3, 3) of triangles → (3 T, 3) unit.
+    """Shading normals at the corners (T, 3, 3) of triangles → (3 T, 3) unit vectors.
 
-    At each corner the normals of the faces that share its position are averaged by area, as far as
-    they meet the face's own at less than :data:`CREASE_RAD`.
+    At each corner the normals of the faces that share its position are averaged, weighted by area. Only
+    faces whose normal is within :data:`CREASE_RAD` of the corner's own face are included.
     """
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(cross, axis=1)
     own = cross / np.where(area > 0.0, area, 1.0)[:, None]
     own[area == 0.0] = (0.0, 0.0, 1.0)
-    _, place = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
-    place = place.reshape(-1)
+    _, position = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    position = position.reshape(-1)
     face = np.repeat(np.arange(len(corners)), 3)
-    # Pairs (corner, face) that share a position: the product of two incidence matrices.
-    at = coo_matrix((np.ones(len(place)), (np.arange(len(place)), place))).tocsr()
+    # The pairs (corner, face) that share a position are the entries of a product of incidence matrices.
+    at = coo_matrix((np.ones(len(position)), (np.arange(len(position)), position))).tocsr()
     meets = (at @ at.T).tocoo()
     corner, other = meets.row, face[meets.col]
     near = (own[face[corner]] * own[other]).sum(axis=1) > np.cos(CREASE_RAD)
-    total = np.zeros((len(place), 3))
+    total = np.zeros((len(position), 3))
     np.add.at(total, corner[near], cross[other[near]])
     length = np.linalg.norm(total, axis=1, keepdims=True)
     return np.where(length > 0.0, total / np.where(length > 0.0, length, 1.0), own[face])
 
 
 def untextured(material: Material) -> Material:
-    """A material of the textures' mean values, for a part without texture coordinates."""
+    """The material with its textures replaced by their mean values, for a part without texture
+    coordinates."""
     textures = (
         material.base_color_texture,
         material.metallic_roughness_texture,
@@ -154,7 +158,12 @@ def untextured(material: Material) -> Material:
 
 
 def painted(part: RawPart, colors: AnyArray) -> tuple[RawPart, Material]:
-    """A part with a colour for each face, (T, 3) 0 … 255 sRGB-coded: they become a palette texture."""
+    """Colour the faces of a part, with a texture as palette.
+
+    Args:
+        part: the part.
+        colors: (T, 3) sRGB-coded colours of the faces, 0 … 255.
+    """
     each: AnyArray = np.rint(colors).astype(np.uint8)
     if len(np.unique(each, axis=0)) > 4096:
         each = (each & 0xF0) | 8
@@ -177,14 +186,14 @@ def painted(part: RawPart, colors: AnyArray) -> tuple[RawPart, Material]:
 
 
 def decoded(data: bytes, path: Path, what: str) -> AnyArray:
-    """An image file's bytes (PNG, JPEG, WebP, ...) → (H, W, 3) uint8 red, green, blue.
+    """Decode an image file (PNG, JPEG, WebP, ...) → (H, W, 3) uint8 red, green, blue.
 
     Raises:
         InputError: the image cannot be decoded.
     """
     try:
         image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_COLOR)
-    except cv2.error:  # no bytes, or a size beyond reason
+    except cv2.error:  # no bytes, or an implausible size
         image = None
     if image is None:
         raise InputError(f"{path}: {what} cannot be decoded; re-export it as PNG or JPEG")
@@ -192,7 +201,8 @@ def decoded(data: bytes, path: Path, what: str) -> AnyArray:
 
 
 def unique_names(names: Sequence[str]) -> list[str]:
-    """Names made of letters, digits, ``_ . -``; ``part_N`` where nothing is left; no two the same."""
+    """Make names of letters, digits and ``_ . -`` that are all different. Other characters become ``_``,
+    and a name of which nothing is left becomes ``part_N``."""
     taken: set[str] = set()
     result = []
     for number, name in enumerate(names):

@@ -1,4 +1,4 @@
-"""Reading a mesh file of any of the formats that we take, or refusing it in one line."""
+"""Reads mesh files of all supported formats, or refuses them with a one-line message."""
 
 from __future__ import annotations
 
@@ -26,44 +26,45 @@ from posse_core._spacecraft.raw import (
 
 FORMATS = (".glb", ".gltf", ".obj", ".ply", ".stl")
 PLAIN = Material("plain", base_color=(0.7, 0.7, 0.7), roughness=0.8)
-"""What a part without a material looks like."""
+"""The material of a part without one."""
 
 
 def read_mesh(path: Path) -> RawMesh:
-    """All parts of a mesh file, in its own units and axes.
+    """Read all parts of a mesh file, in its own units and axes.
 
     Raises:
-        InputError: no such file, an unknown format, nothing in it, or numbers that are not finite.
+        InputError: the file does not exist, has an unknown format, no triangles or numbers that are not
+            finite, or is damaged.
     """
     if not path.exists():
         raise InputError(f"{path}: no such mesh file")
     suffix = path.suffix.lower()
     if suffix not in FORMATS:
         known = ", ".join(FORMATS)
-        raise InputError(f"{path}: {suffix or 'no extension'} is not a mesh format; known are {known}")
+        raise InputError(f"{path}: {suffix or 'no extension'} is not a mesh format; use one of {known}")
     if not path.is_file():
-        raise InputError(f"{path}: a folder, not a mesh file; a package is given by 'package'")
+        raise InputError(f"{path}: a folder, not a mesh file; for a package use the key 'package'")
     if path.stat().st_size == 0:
         raise InputError(f"{path}: the file is empty; export it again")
     try:
         raw = read_gltf(path) if suffix in (".glb", ".gltf") else _read_other(path, suffix[1:])
     except ValueError as error:
         reason = " ".join(str(error).split())
-        raise InputError(f"{path}: {reason}; mend the mesh and export it again") from None
+        raise InputError(f"{path}: {reason}; repair the mesh and export it again") from None
     except (KeyError, IndexError, TypeError, AttributeError) as error:
         raise InputError(
             f"{path}: not a valid {suffix} file ({type(error).__name__}: {error}); export it again"
         ) from None
-    parts = tuple(_without_waste(part) for part in raw.parts)
+    parts = tuple(_without_degenerate(part) for part in raw.parts)
     parts = tuple(part for part in parts if len(part.faces))
     if not parts:
-        raise InputError(f"{path}: no triangles in it; export it with its faces")
+        raise InputError(f"{path}: there are no triangles in the file; export it with its faces")
     used = {part.material for part in parts}
     return RawMesh(parts, {name: m for name, m in raw.materials.items() if name in used})
 
 
-def _without_waste(part: RawPart) -> RawPart:
-    """The part without triangles that have no area."""
+def _without_degenerate(part: RawPart) -> RawPart:
+    """The part without its triangles of zero area."""
     a, b, c = np.moveaxis(part.vertices[part.faces], 1, 0)
     solid = np.linalg.norm(np.cross(b - a, c - a), axis=1) > 0.0
     if solid.all():
@@ -72,17 +73,17 @@ def _without_waste(part: RawPart) -> RawPart:
 
 
 def _read_other(path: Path, kind: str) -> RawMesh:
-    """OBJ, PLY and STL."""
+    """Read OBJ, PLY or STL."""
     data = path.read_bytes()
     library = _material_libraries(path, data) if kind == "obj" else {}
-    # trimesh gets materials by name alone, since it needs another library for pictures.
+    # trimesh only gets the names of materials, because it would need another library for pictures.
     names = "".join(f"newmtl {name}\n" for materials in library.values() for name in materials)
     options: dict[str, Any] = {"resolver": {name: names.encode() for name in library}}
     if kind == "obj":
         options |= {"split_objects": True, "split_groups": True}
     try:
         scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, process=False, **options)
-    except Exception as error:  # whatever a broken file leads trimesh to
+    except Exception as error:  # trimesh raises many kinds of exceptions for broken files
         raise InputError(
             f"{path}: cannot be read as {kind.upper()} ({type(error).__name__}); export it again"
         ) from None
@@ -107,7 +108,7 @@ def _read_other(path: Path, kind: str) -> RawMesh:
 
 
 def _material_libraries(path: Path, data: bytes) -> dict[str, dict[str, Material]]:
-    """Materials by name, by the name of the library that an OBJ file names."""
+    """The materials of an OBJ file: name of the material library → name of the material → material."""
     libraries: dict[str, dict[str, Material]] = {}
     for line in data.decode(errors="replace").splitlines():
         if line.startswith("mtllib "):
@@ -117,7 +118,7 @@ def _material_libraries(path: Path, data: bytes) -> dict[str, dict[str, Material
 
 
 def obj_side_files(path: Path) -> list[Path]:
-    """The material libraries beside an OBJ file, and their pictures."""
+    """The material libraries of an OBJ file, and their pictures."""
     libraries = [beside(path, name) for name in _material_libraries(path, path.read_bytes())]
     pictures = [
         beside(library, line.split(maxsplit=1)[1].strip())
@@ -129,9 +130,10 @@ def obj_side_files(path: Path) -> list[Path]:
 
 
 def _materials(path: Path) -> dict[str, Material]:
-    """A Wavefront material library: Kd, Ns, map_Kd, and Pm, Pr of its physically based extension.
+    """Read a Wavefront material library: Kd, Ns, map_Kd, and Pm and Pr of its physically based
+    extension.
 
-    A Phong exponent becomes the roughness that gives the same width of the highlight,
+    A Phong exponent is converted to the roughness that gives a highlight of the same width,
     alpha² = 2 / (Ns + 2) (Walter et al. 2007).
     """
     materials: dict[str, Material] = {}

@@ -1,8 +1,8 @@
 """Triangle meshes of simple solids, with exact normals and texture coordinates.
 
-Every solid is closed and wound counter-clockwise seen from outside. Edges between its faces are
-hard: the faces share positions there, not vertices. Texture coordinates are metres along the
-surface, so that a repeating texture has the same grain on every part.
+Every solid is closed, and its triangles are counter-clockwise seen from outside. Edges between its faces
+are hard: the faces share positions there, but no vertices. Texture coordinates are metres along the
+surface, so that a repeating texture has the same scale on every part.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ class Mesh:
     Attributes:
         vertices_m: (V, 3) float64.
         faces: (T, 3) int32, counter-clockwise seen from outside.
-        normals: (V, 3) float32, unit.
-        uv: (V, 2) float32, v upward.
+        normals: (V, 3) float32 unit vectors.
+        uv: (V, 2) float32 texture coordinates, v pointing up.
     """
 
     vertices_m: FloatArray
@@ -35,7 +35,7 @@ class Mesh:
     uv: Float32Array
 
     def at(self, position_m: ArrayLike, R: FloatArray | None = None) -> Mesh:
-        """The mesh turned by R (3, 3), then moved by (3,) metres."""
+        """The mesh rotated by R (3, 3) and then moved by ``position_m`` (3,)."""
         rotation = np.eye(3) if R is None else R
         return replace(
             self,
@@ -44,12 +44,12 @@ class Mesh:
         )
 
     def textured(self, scale: ArrayLike, offset: ArrayLike = (0.0, 0.0)) -> Mesh:
-        """The mesh with uv · scale + offset; both (2,)."""
+        """The mesh with the texture coordinates uv · scale + offset; both are (2,)."""
         return replace(self, uv=(self.uv * np.asarray(scale) + np.asarray(offset)).astype(np.float32))
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
-    """One mesh of several."""
+    """Several meshes as one."""
     starts = np.cumsum([0, *(len(mesh.vertices_m) for mesh in meshes[:-1])])
     return Mesh(
         np.concatenate([mesh.vertices_m for mesh in meshes]),
@@ -71,9 +71,9 @@ def _mesh(vertices: ArrayLike, faces: ArrayLike, normals: ArrayLike, uv: ArrayLi
 
 
 def quad(corners_m: ArrayLike) -> Mesh:
-    """A flat quadrilateral from its corners (4, 3), counter-clockwise.
+    """A flat quadrilateral with the corners (4, 3), counter-clockwise.
 
-    The uv runs from the first corner; it is in metres where the corners make a rectangle.
+    The texture coordinates start at the first corner; for a rectangle they are in metres.
     """
     corners = np.asarray(corners_m, dtype=np.float64)
     across, up = corners[1] - corners[0], corners[3] - corners[0]
@@ -84,7 +84,8 @@ def quad(corners_m: ArrayLike) -> Mesh:
 
 
 def prism(outline_m: ArrayLike, height_m: float) -> Mesh:
-    """A convex outline (N, 2) in x and y, counter-clockwise, from z = −height/2 to height/2."""
+    """A prism with the convex outline (N, 2) in x and y, counter-clockwise, from z = −height/2 to
+    height/2."""
     outline = np.asarray(outline_m, dtype=np.float64)
     count, half = len(outline), height_m / 2.0
     fan = np.array([(0, i, i + 1) for i in range(1, count - 1)])
@@ -100,17 +101,17 @@ def prism(outline_m: ArrayLike, height_m: float) -> Mesh:
 
 
 def box(size_m: ArrayLike) -> Mesh:
-    """A cuboid (3,) about the origin."""
+    """A cuboid of the size (3,), centred on the origin."""
     x, y, z = np.asarray(size_m, dtype=np.float64)
     outline = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * (x / 2.0, y / 2.0)
     return prism(outline, z)
 
 
 def panel(width_m: float, height_m: float, thickness_m: float) -> Mesh:
-    """A flat panel about the origin, its front at +z, with the uv of an atlas.
+    """A flat panel centred on the origin, with its front at +z.
 
-    The front covers the lower half of the texture once, the back the upper half, as
-    :func:`posse_core._spacecraft.textures.solar_panel` paints them; the edges show the front's rim.
+    Its front shows the lower half of a texture once and its back the upper half, for
+    :func:`posse_core._spacecraft.textures.solar_panel`. Its edges show the rim of the front.
     """
     x, y, z = width_m / 2.0, height_m / 2.0, thickness_m / 2.0
     front = quad([(-x, -y, z), (x, -y, z), (x, y, z), (-x, y, z)])
@@ -125,7 +126,7 @@ def panel(width_m: float, height_m: float, thickness_m: float) -> Mesh:
 
 
 def hood(size_m: ArrayLike, wall_m: float) -> Mesh:
-    """An open box (3,) about the origin: its face at +z is missing, its walls have a thickness."""
+    """An open box of the size (3,), centred on the origin, with thick walls and without a face at +z."""
     x, y, z = np.asarray(size_m, dtype=np.float64) / 2.0
     corners = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
     outer, inner = corners * (x, y), corners * (x - wall_m, y - wall_m)
@@ -144,18 +145,18 @@ def hood(size_m: ArrayLike, wall_m: float) -> Mesh:
 
 
 def revolved(profile_m: ArrayLike, segments: int, arc_rad: float = 2.0 * np.pi) -> Mesh:
-    """A profile (K, 2) of (radius, z) turned about z, starting at x.
+    """A surface of revolution: the profile (K, 2) of (radius, z) rotated about z, starting at x.
 
-    The outside lies to the right of the profile's direction: up at the radius R makes a wall
-    facing outward. Each leg of the profile is a smooth face of its own (a cylinder, a cone, a
-    disc), with hard edges between legs. A full turn of a profile that begins and ends on the axis,
-    or is a closed loop, is a closed solid.
+    The outside is to the right of the profile's direction, so a profile that goes up gives a wall that
+    faces outward. Each segment of the profile gives a smooth face (a cylinder, a cone or a disc), and
+    edges between segments are hard. The solid is closed if the arc is a full turn and the profile is a
+    closed loop or begins and ends on the axis.
     """
     profile = np.asarray(profile_m, dtype=np.float64)
     angle = np.linspace(0.0, arc_rad, segments + 1)
     ray = np.column_stack([np.cos(angle), np.sin(angle)])
     if arc_rad == 2.0 * np.pi:
-        ray[-1] = ray[0]  # the seam closes to the bit
+        ray[-1] = ray[0]  # so that the seam is closed to the bit
     return joined(
         [
             _leg(start, end, angle, ray)
@@ -166,13 +167,13 @@ def revolved(profile_m: ArrayLike, segments: int, arc_rad: float = 2.0 * np.pi) 
 
 
 def _leg(start: FloatArray, end: FloatArray, angle: FloatArray, ray: FloatArray) -> Mesh:
-    """A cone between two (radius, z), its normal to the right of start → end."""
+    """A truncated cone between two points (radius, z), with its normal to the right of start → end."""
     count = len(angle)
     along = end - start
     normal_r, normal_z = unit(np.array([along[1], -along[0]]))
     rings = [np.column_stack([radius * ray, np.full(count, z)]) for radius, z in (start, end)]
     normals = np.column_stack([normal_r * ray, np.full(count, normal_z)])
-    if abs(normal_z) == 1.0:  # a disc: its texture lies flat
+    if abs(normal_z) == 1.0:  # a disc has a planar texture
         uv = np.concatenate([ring[:, :2] * (normal_z, 1.0) for ring in rings])
     else:
         around = angle * max(start[0], end[0])
@@ -188,7 +189,7 @@ def _leg(start: FloatArray, end: FloatArray, angle: FloatArray, ray: FloatArray)
 
 
 def cylinder(radius_m: float, height_m: float, segments: int = 32) -> Mesh:
-    """About z, from z = 0 to the height."""
+    """A cylinder about z, from z = 0 to the height."""
     return frustum(radius_m, radius_m, height_m, segments)
 
 
@@ -204,16 +205,17 @@ def ring(inner_m: float, outer_m: float, height_m: float, segments: int = 32) ->
 
 
 def nozzle(throat_m: float, exit_m: float, length_m: float, wall_m: float, segments: int = 32) -> Mesh:
-    """A bell opening towards +z, from its closed throat at z = 0."""
+    """A bell nozzle that opens towards +z, with its closed throat at z = 0."""
     bore = np.array([(exit_m - wall_m, length_m), (throat_m - wall_m, wall_m), (0.0, wall_m)])
     skin = [(0.0, 0.0), (throat_m, 0.0), (exit_m, length_m)]
     return revolved([*skin, *bore], segments)
 
 
 def tube(path_m: ArrayLike, radius_m: float, segments: int = 10) -> Mesh:
-    """A round rod along a path (K, 3), mitred at its corners, with flat ends.
+    """A round rod along a path (K, 3), with mitred corners and flat ends.
 
-    The rings are carried from leg to leg by the least rotation, so the rod does not twist.
+    From leg to leg the cross-section is rotated by the smallest rotation, so that the rod does not
+    twist.
     """
     path = np.asarray(path_m, dtype=np.float64)
     legs = unit(np.diff(path, axis=0))
@@ -231,7 +233,7 @@ def tube(path_m: ArrayLike, radius_m: float, segments: int = 10) -> Mesh:
         spokes[-1] = spokes[0]
         ends = []
         for point, cut in ((path[k], start_cut), (path[k + 1], end_cut)):
-            slide = -(spokes @ cut) / (leg @ cut)  # along the leg, on to the cutting plane
+            slide = -(spokes @ cut) / (leg @ cut)  # along the leg, onto the cutting plane
             ends.append(point + radius_m * (spokes + np.outer(slide, leg)))
         length = float(np.linalg.norm(path[k + 1] - path[k]))
         i, n = np.arange(segments), segments + 1
@@ -264,10 +266,11 @@ def dish(
     rings: int = 8,
     segments: int = 48,
 ) -> Mesh:
-    """A paraboloid reflector about z whose hollow faces +z, its aperture a circle seen along z.
+    """A paraboloid reflector whose concave side faces +z and whose aperture is a circle seen along z.
 
-    The parent paraboloid z = ((x + offset)² + y²) / (4 focal) has its axis at x = −offset; the
-    aperture's centre lies at x = y = z = 0. The back is the same sheet, ``thickness_m`` lower.
+    The parent paraboloid z = ((x + offset)² + y²) / (4 focal) − offset² / (4 focal) has its axis at
+    x = −offset, so the centre of the aperture is at x = y = z = 0. The back is the same surface,
+    ``thickness_m`` lower.
     """
     radius = np.linspace(0.0, diameter_m / 2.0, rings + 1)[1:]
     angle = np.linspace(0.0, 2.0 * np.pi, segments, endpoint=False)
@@ -305,9 +308,10 @@ def dish(
 def curved_panel(
     radius_m: float, height_m: float, arc_rad: float, thickness_m: float, segments: int
 ) -> Mesh:
-    """A panel bent about z, its outside at the radius, from x through ``arc_rad``, z ± height/2.
+    """A panel curved about z, with its outside at the radius, from x through ``arc_rad`` and z = ±
+    height/2.
 
-    Its outer face has uv in metres from its lower corner, u along the turn.
+    The texture coordinates of its outer face are metres from its lower corner, with u along the arc.
     """
     inner, half = radius_m - thickness_m, height_m / 2.0
     loop = [(radius_m, -half), (radius_m, half), (inner, half), (inner, -half), (radius_m, -half)]

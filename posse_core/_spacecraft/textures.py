@@ -1,8 +1,8 @@
 """Surface finishes made by code: foil, solar cells, paints, radiator tiles.
 
-Every texture repeats without a seam, is drawn from its seed alone, and covers :data:`TILE_M` metres
-a side unless its docstring says otherwise. Reflectances are round figures for the finish, not for a
-particular flight material.
+Every texture repeats without a seam, depends on its seed alone, and covers a square with a side of
+:data:`TILE_M` unless its docstring says otherwise. Reflectances are typical values of a finish, not
+those of a particular flight material.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from posse_core._model.srgb import srgb_from_linear
 from posse_core._randomness import random_generator
 
 TILE_M = 1.0
-"""Side of the square that a repeating texture covers, so its uv is metres."""
+"""Side of the square that a repeating texture covers, m; texture coordinates are therefore metres."""
 
 
 def srgb(linear: FloatArray) -> AnyArray:
@@ -45,16 +45,16 @@ def normal_map(slope: FloatArray) -> AnyArray:
 def facets(
     rng: np.random.Generator, size: int, count: int, soft_px: float
 ) -> tuple[FloatArray, FloatArray]:
-    """A periodic patchwork as of crumpled foil.
+    """A periodic pattern of facets, as on crumpled foil.
 
     Returns:
-        (size, size, 2) slope of each patch, unit variance before softening, and (size, size) a
-        value 0 … 1 of each patch.
+        (size, size, 2) slope of the facets, of unit variance before the edges are softened, and
+        (size, size) a random value 0 … 1 for each facet.
     """
     seeds = rng.uniform(0.0, size, (count, 2))
     tilt = rng.standard_normal((count, 2))
     shade = rng.uniform(0.0, 1.0, count)
-    # Every other texel is enough: the edges are softened below.
+    # Every other texel suffices, because the edges are softened below.
     axis = np.arange(1.0, size, 2.0)
     grid = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
     _, nearest = cKDTree(seeds, boxsize=size).query(grid)
@@ -70,11 +70,14 @@ def foil(
     wrinkle: float = 0.16,
     roughness: float = 0.28,
 ) -> Material:
-    """Multi-layer insulation: metallised film, crumpled in facets of two sizes, with taped seams.
+    """Multi-layer insulation: metallised film, crumpled into facets of two sizes, with taped seams.
 
     Args:
+        name: name of the material.
         color: (3,) linear reflectance of the metal as seen through the film.
+        seed: determines the texture.
         wrinkle: root-mean-square slope of the facets.
+        roughness: mean roughness.
     """
     size = 512
     rng = random_generator(seed, -1, f"foil {name}")
@@ -100,21 +103,24 @@ def foil(
 def solar_panel(
     name: str, cells: tuple[int, int], size_px: tuple[int, int], seed: int, back: float = 0.045
 ) -> Material:
-    """Both faces of a flat solar panel: the lower half of the texture is cells, the upper the back.
+    """Both faces of a flat solar panel: the lower half of the texture is the front, the upper half the
+    back.
 
-    A cell is dark blue silicon under cover glass, with clipped corners, fine grid fingers, two
-    busbars and the gaps to its neighbours. Strings of cells differ a little in hue. The back is a
-    sheet with the cell strings' wiring runs and a harness.
+    A cell is dark blue silicon under cover glass, with clipped corners, fine grid fingers, two busbars
+    and gaps to its neighbours. Strings of cells differ slightly in hue. The back is a sheet with the
+    wiring of the strings and a harness.
 
     Args:
-        cells: cells along u and v on the front.
+        name: name of the material.
+        cells: number of cells along u and v on the front.
         size_px: (width, height) of one face, texels.
-        back: reflectance of the back: 0.045 is bare carbon fibre, 0.5 is painted white.
+        seed: determines the texture.
+        back: reflectance of the back, for example 0.045 for bare carbon fibre or 0.5 for white paint.
     """
     rng = random_generator(seed, -1, f"solar panel {name}")
     front, rough_front = _cells(cells, size_px, rng)
     rear, rough_rear = _panel_back(size_px, back, rng)
-    # Row 0 of a texture is its top, v = 1.
+    # Row 0 of a texture is its top, at v = 1.
     color = np.concatenate([rear, front], axis=0)
     rough = np.concatenate([rough_rear, rough_front], axis=0)
     return Material(
@@ -126,7 +132,7 @@ def solar_panel(
 
 
 def solar_cells(name: str, cells: tuple[int, int], size_px: tuple[int, int], seed: int) -> Material:
-    """Cells alone, covering uv 0 … 1 once: for body-mounted arrays."""
+    """Solar cells without a back, covering uv 0 … 1 once, for body-mounted arrays."""
     front, rough = _cells(cells, size_px, random_generator(seed, -1, f"solar cells {name}"))
     return Material(
         name,
@@ -139,7 +145,7 @@ def solar_cells(name: str, cells: tuple[int, int], size_px: tuple[int, int], see
 def _cells(
     cells: tuple[int, int], size_px: tuple[int, int], rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
-    """Linear colour (H, W, 3) and roughness (H, W) of a sheet of cells, with a bare rim."""
+    """Linear colour (H, W, 3) and roughness (H, W) of an array of cells with a bare rim."""
     (across, up), (width, height) = cells, size_px
     one, one_rough = _cell((width - 12) // across, (height - 12) // up)
     hue = rng.normal(0.0, 1.0, (up, across)) + 1.5 * rng.normal(0.0, 1.0, (up, 1))
@@ -155,11 +161,12 @@ def _cells(
 
 
 _SUBSTRATE = (0.33, 0.31, 0.27)
-"""What shows between the cells."""
+"""Linear colour of the gaps between the cells."""
 
 
 def _cell(width: int, height: int) -> tuple[FloatArray, FloatArray]:
-    """One cell (height, width, 3), (height, width), drawn four times finer and averaged."""
+    """Linear colour (height, width, 3) and roughness (height, width) of one cell, drawn at four times
+    the resolution and averaged."""
     fine = 4
     x = (np.arange(width * fine) + 0.5) / (width * fine)
     y = ((np.arange(height * fine) + 0.5) / (height * fine))[:, None]
@@ -183,7 +190,7 @@ def _panel_back(
     color = np.repeat((reflectance * weave)[..., None], 3, axis=2)
     x = (np.arange(width) + 0.5) / width
     y = (np.arange(height) + 0.5) / height
-    runs = np.abs((x * 12.0) % 1.0 - 0.5) < 0.02  # wires of each string
+    runs = np.abs((x * 12.0) % 1.0 - 0.5) < 0.02  # the wires of each string
     harness = np.abs(y - 0.5) < 0.03
     rim = (np.minimum(y, 1.0 - y)[:, None] < 0.03) | (np.minimum(x, 1.0 - x)[None, :] < 0.006)
     color[:, runs] = (0.22, 0.13, 0.04)
@@ -193,7 +200,8 @@ def _panel_back(
 
 
 def paint(name: str, reflectance: float, seed: int) -> Material:
-    """A matt paint with a faint unevenness: 0.8 is a white radiator, 0.04 a black baffle."""
+    """Matt paint that is slightly uneven. A white radiator has the reflectance 0.8, a black baffle
+    0.04."""
     size = 256
     noise = random_generator(seed, -1, f"paint {name}").standard_normal((size, size))
     cloud = gaussian_filter(noise, 12.0, mode="wrap")
@@ -212,12 +220,12 @@ def metal(name: str, color: tuple[float, float, float], roughness: float) -> Mat
 
 
 def mirror_tiles(name: str, seed: int) -> Material:
-    """Optical solar reflector: second-surface mirrors, 25 a metre, each a little out of plane."""
+    """An optical solar reflector: second-surface mirrors, 25 per metre, each slightly tilted."""
     size, count = 512, 25
     rng = random_generator(seed, -1, f"mirrors {name}")
-    place = (np.arange(size) + 0.5) / size * count
-    cell = np.floor(place).astype(int)
-    x, y = np.meshgrid(place - cell, place - cell)
+    position = (np.arange(size) + 0.5) / size * count
+    cell = np.floor(position).astype(int)
+    x, y = np.meshgrid(position - cell, position - cell)
     gap = (np.abs(x - 0.5) > 0.46) | (np.abs(y - 0.5) > 0.46)
     tilt = 0.012 * rng.standard_normal((count, count, 2))
     slope = np.where(gap[..., None], 0.0, tilt[np.ix_(cell, cell)])

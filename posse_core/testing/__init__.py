@@ -9,11 +9,11 @@
         def renderer(self):
             return WireRenderer(WireOptions())
 
-A test cannot be left out in silence: overriding one fails, unless the override is marked
-``pytest.mark.xfail(strict=True, reason=...)``. Needs ``pytest`` (``posse-core[test]``).
+A test cannot be left out silently: the kit fails if a test is overridden, unless the override is marked
+``pytest.mark.xfail(strict=True, reason=...)``. The kit needs ``pytest`` (``posse-core[test]``).
 
-:mod:`~posse_core.testing.scenes` and :mod:`~posse_core.testing.closed_forms` are what the kit's own
-tests are made of, for further tests of a renderer.
+:mod:`~posse_core.testing.scenes` and :mod:`~posse_core.testing.closed_forms` are the building blocks of
+the kit's own tests, and can be used for further tests of a renderer.
 """
 
 from posse_core.testing import closed_forms, scenes

@@ -1,4 +1,4 @@
-"""What rendered images are compared with: formulas that know no renderer."""
+"""Closed forms that rendered images are compared with."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["directions", "disc_share", "lambertian_sphere", "polygon_area_and_ce
 
 
 def directions(height: int) -> FloatArray:
-    """(height, 2·height, 3) directions in camera axes of an environment map's pixels."""
+    """(height, 2·height, 3) directions of an environment map's pixels, camera axes."""
     theta = np.pi * (np.arange(height) + 0.5) / height
     phi = np.pi * (np.arange(2 * height) + 0.5) / height - np.pi
     theta, phi = np.meshgrid(theta, phi, indexing="ij")
@@ -20,14 +20,14 @@ def directions(height: int) -> FloatArray:
 
 
 def disc_share(x: FloatArray) -> FloatArray:
-    """Share of the unit disc's area left of the line at ``x`` (any shape): −1 → 0, 1 → 1."""
+    """Share of the unit disc's area to the left of the line at ``x`` (any shape): −1 → 0, 1 → 1."""
     x = np.clip(x, -1.0, 1.0)
     return np.asarray(0.5 + (np.arcsin(x) + x * np.sqrt(1 - x**2)) / np.pi)
 
 
 def lambertian_sphere(camera: Camera, frame: FrameState, radius_m: float, fine: int = 6) -> FloatArray:
-    """(H, W, 3) radiance of a white Lambertian sphere at the body's origin, E/π cos θ, from
-    ``fine``² rays a pixel."""
+    """(H, W, 3) radiance of a white Lambertian sphere at the origin of the body axes, E/π cos θ,
+    averaged over ``fine``² rays per pixel."""
     u = (np.arange(fine * camera.width_px) + 0.5) / fine - 0.5
     v = (np.arange(fine * camera.height_px) + 0.5) / fine - 0.5
     rays = camera.rays(np.stack(np.meshgrid(u, v), axis=-1))

@@ -1,4 +1,4 @@
-"""What the conformance classes share: no test of theirs is left out without a word."""
+"""The base of the conformance classes, which makes sure that no test is left out silently."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from posse_core._plugins.kinds import KINDS, Kind, import_target
 
 
 def left_out(test_class: type) -> list[str]:
-    """Tests of this package that ``test_class`` replaces without owning up to a failure.
+    """Tests of this package that ``test_class`` overrides without declaring them as expected failures.
 
-    A replacement is owned up to by ``pytest.mark.xfail(strict=True, reason="...")``: the failure is
-    then in the report, and so is the day when the test comes to pass.
+    They are declared by ``pytest.mark.xfail(strict=True, reason="...")``. The failure is then reported,
+    and so is the first time that the test passes.
     """
     found = []
     for base in test_class.__mro__:
@@ -19,12 +19,12 @@ def left_out(test_class: type) -> list[str]:
             for name in (name for name in vars(base) if name.startswith("test_")):
                 mine = getattr(test_class, name)
                 marks = getattr(mine, "pytestmark", [])
-                if mine is not vars(base)[name] and not any(map(_is_owned_up, marks)):
+                if mine is not vars(base)[name] and not any(map(_is_expected_failure, marks)):
                     found.append(name)
     return sorted(found)
 
 
-def _is_owned_up(mark: Any) -> bool:
+def _is_expected_failure(mark: Any) -> bool:
     return bool(mark.name == "xfail" and mark.kwargs.get("strict") and mark.kwargs.get("reason"))
 
 
@@ -40,13 +40,13 @@ class Conformance:
     """Base of the conformance classes.
 
     Attributes:
-        capabilities: those of the component's record; some call for more tests.
+        capabilities: the capabilities of the component; some of them enable further tests.
     """
 
     capabilities: frozenset[str] = frozenset()
 
     def test_the_capabilities_are_known(self) -> None:
-        """A misspelt one would leave out the tests that it calls for."""
+        """A misspelt capability would leave out the tests that it enables."""
         fault = _kind_of(type(self)).unknown_capability(self.capabilities)
         assert fault is None, fault
 

@@ -1,4 +1,4 @@
-"""Conformance of renderers: where the craft is seen."""
+"""Conformance of renderers: the spacecraft's geometry in the image."""
 
 from __future__ import annotations
 
@@ -45,7 +45,8 @@ class GeometryConformance(RendererStage):
                 assert iou(stage.shot(frame).coverage > 0.5, exact) >= self.iou_min
 
     def test_edges_are_where_the_pinhole_puts_them(self) -> None:
-        """Area and centroid of a small plate's coverage, in any attitude, off the image's middle."""
+        """Area and centroid of the coverage of a small plate, in several attitudes, off the image's
+        centre."""
         plate = scenes.rectangle("plate", "clay", u_m=(0.6, 0, 0), v_m=(0, 0.4, 0))
         camera = replace(scenes.camera(), cx_px=40.3, cy_px=38.9)
         scene = one_part(plate, material=CLAY, camera=camera)
@@ -62,7 +63,7 @@ class GeometryConformance(RendererStage):
                 np.testing.assert_allclose(centroid(coverage), middle, atol=self.edge_tolerance_px)
 
     def test_axes_of_the_pose(self) -> None:
-        """Plates on the body's +x, +y and +z, each of one primary colour, are where they should be."""
+        """Balls on the body axes +x, +y and +z, each of one primary colour, have the right positions."""
         colours = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
         parts, materials = [], []
         for axis, (name, colour) in enumerate(colours.items()):
@@ -104,7 +105,8 @@ class GeometryConformance(RendererStage):
                 )
 
     def test_coverage_and_radiance_agree(self) -> None:
-        """Radiance is averaged over the pixel, black where the craft is not: it scales with coverage."""
+        """Radiance is averaged over the pixel, whose uncovered part is black, so it scales with
+        coverage."""
         plate = scenes.rectangle("plate", "white", u_m=(0.7, 0.1, 0), v_m=(-0.1, 0.7, 0))
         with self.opened(one_part(plate, material=WHITE)) as stage:
             frame = facing(sun=(0.0, 0.0, 1.0))
@@ -117,7 +119,7 @@ class GeometryConformance(RendererStage):
         assert image.radiance_rgb[image.coverage == 0].max() == 0.0
 
     def test_depth(self) -> None:
-        """Planar depth at the pixel's centre, of a renderer that has any."""
+        """Planar depth at the pixel's centre, if the renderer provides it."""
         plate = scenes.rectangle("plate", "white", u_m=(0.7, 0, 0.3), v_m=(0, 0.7, 0.1))
         with self.opened(one_part(plate, material=WHITE)) as stage:
             frame = facing(sun=(0.0, 0.0, 1.0))

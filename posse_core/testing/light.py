@@ -1,4 +1,4 @@
-"""Conformance of renderers: light from the Sun, and how materials turn it."""
+"""Conformance of renderers: sunlight, and its reflection by materials."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ class LightConformance(RendererStage):
     """Lambert's law, direction, shadow, penumbra, eclipse, textures, normal maps."""
 
     def test_lambertian_plate(self) -> None:
-        """E ρ/π cos θ in each band, whatever the incidence."""
+        """E ρ/π cos θ in each band, for any angle of incidence."""
         with self.opened(wall(CLAY)) as stage:
             for theta in (0.0, 0.5, 1.2):
                 frame = facing(sun=(np.sin(theta), 0.0, np.cos(theta)))
                 self.assert_radiance(stage.shot(frame), lambert(frame, COLOUR, np.cos(theta)))
 
     def test_both_sides_of_a_face_are_seen(self) -> None:
-        """A plate whose front looks away from camera and Sun is as bright as one that faces them."""
+        """A plate whose front faces away from camera and Sun is as bright as one that faces them."""
         plate = scenes.rectangle("plate", "clay", u_m=(9.0, 0, 0), v_m=(0, -9.0, 0))
         with self.opened(one_part(plate, material=CLAY)) as stage:
             frame = facing(sun=(0.5, 0.0, 1.0))
@@ -44,7 +44,7 @@ class LightConformance(RendererStage):
             self.assert_radiance(stage.shot(frame), lambert(frame, COLOUR, cosine))
 
     def test_lambertian_sphere(self) -> None:
-        """Light over the disc of a sphere, at three phase angles."""
+        """Radiance over the disc of a sphere, at three phase angles."""
         scene = one_part(
             scenes.sphere("ball", "white"), material=WHITE, camera=scenes.camera(48, 48, 0.6)
         )
@@ -91,7 +91,7 @@ class LightConformance(RendererStage):
             assert image.radiance_rgb[image.coverage > 0.999].max() < 0.002 * peak
 
     def test_a_shadow_falls_where_the_sun_throws_it(self) -> None:
-        """A plate 0.5 m above a wall, by a slanting Sun: its shadow lies beside it."""
+        """A plate 0.5 m above a wall casts its shadow beside it when the Sun is oblique."""
         wall = scenes.rectangle("wall", "white", u_m=(9.0, 0, 0), v_m=(0, 9.0, 0))
         plate = scenes.rectangle(
             "plate", "white", centre_m=(0.3, 0.2, 0.5), u_m=(0.15, 0, 0), v_m=(0, 0.1, 0)
@@ -101,9 +101,9 @@ class LightConformance(RendererStage):
             with self.opened(scene) as stage:
                 frame = facing(sun=sun)
                 image = stage.shot(frame).radiance_rgb.mean(axis=-1)
-            thrown = np.array([0.3, 0.2, 0.0]) - 0.5 * np.array([sun[0], sun[1], 0.0]) / sun[2]
+            shadow = np.array([0.3, 0.2, 0.0]) - 0.5 * np.array([sun[0], sun[1], 0.0]) / sun[2]
             square = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
-            corners = thrown + [0.15, 0.1, 0] * square
+            corners = shadow + [0.15, 0.1, 0] * square
             area, middle = polygon_area_and_centroid(project(scene.camera, frame, corners))
             near = np.hypot(*(np.moveaxis(pixels(image), -1, 0) - middle[:, None, None])) < 9
             darkness = np.where(near, 1 - image / np.median(image), 0)
@@ -111,12 +111,13 @@ class LightConformance(RendererStage):
             np.testing.assert_allclose(darkness.sum(), area, rtol=0.1)
 
     def test_a_penumbra_is_as_wide_as_the_suns_disc(self) -> None:
-        """Capability ``path-traced``: light behind a straight edge is the share of the disc in view."""
+        """Capability ``path-traced``: in the penumbra of a straight edge, radiance is in proportion to
+        the visible share of the Sun's disc."""
         if "path-traced" not in self.capabilities:
             return
         alpha, height_m = 0.1, 2.0
         wall = scenes.rectangle("wall", "white", u_m=(9.0, 0, 0), v_m=(0, 9.0, 0))
-        roof = scenes.rectangle(  # black, and seen by the Sun alone: it hangs behind the camera
+        roof = scenes.rectangle(  # black and behind the camera, so that it only blocks the Sun
             "roof", "black", centre_m=(-5.0, 0, height_m), u_m=(5.0, 0, 0), v_m=(0, 9.0, 0)
         )
         black = Material("black", base_color=(0.0, 0.0, 0.0), specular=0.0)
@@ -133,7 +134,8 @@ class LightConformance(RendererStage):
         assert np.abs(profile / peak - expected).mean() < 0.05
 
     def test_texture_is_the_right_way_up_and_srgb(self) -> None:
-        """Row 0 at v = 1, u to the right; the code's linear value times the factor."""
+        """Row 0 is at v = 1 and u points to the right; the linear value of the code is multiplied by the
+        factor."""
         code = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [188, 188, 188]]], dtype=np.uint8)
         texture = np.kron(code, np.ones((16, 16, 1), dtype=np.uint8))
         material = Material("print", base_color=COLOUR, specular=0.0, base_color_texture=texture)
@@ -144,8 +146,8 @@ class LightConformance(RendererStage):
             image = stage.shot(frame).radiance_rgb
         quarters = np.array([[-0.5, 0.5, 0], [0.5, 0.5, 0], [-0.5, -0.5, 0], [0.5, -0.5, 0]])
         linear = np.where(code == 188, 0.50289, code / 255).reshape(4, 3)
-        places = project(scene.camera, frame, quarters).round().astype(int)
-        for (u, v), share in zip(places, linear, strict=True):
+        centres_px = project(scene.camera, frame, quarters).round().astype(int)
+        for (u, v), share in zip(centres_px, linear, strict=True):
             expected = lambert(frame, COLOUR, 1.0) * share
             np.testing.assert_allclose(
                 image[v - 2 : v + 3, u - 2 : u + 3].mean(axis=(0, 1)),
@@ -155,7 +157,7 @@ class LightConformance(RendererStage):
             )
 
     def test_metallic_roughness_texture_multiplies_the_factors(self) -> None:
-        """A texture of one value is worth a factor; its channels are metallic, then roughness."""
+        """A uniform texture acts as a factor; its channels are metallic, then roughness."""
         texture = np.full((8, 8, 2), (255, 128), dtype=np.uint8)
         printed = Material("m", COLOUR, 1.0, 0.8, metallic_roughness_texture=texture)
         plain = Material("m", COLOUR, 1.0, 0.8 * 128 / 255)
@@ -168,7 +170,7 @@ class LightConformance(RendererStage):
         assert np.abs(images[0] - images[1]).mean() < 0.02 * peak
 
     def test_metal_reflects_and_does_not_scatter(self) -> None:
-        """Under a black sky a smooth metal plate is dark but where it mirrors the Sun."""
+        """Under a black sky a smooth metal plate is dark except where it reflects the Sun."""
         metal = Material("metal", COLOUR, metallic=1.0, roughness=0.15)
         with self.opened(wall(metal)) as stage:
             aside = facing(sun=(3.0, 0.0, 1.0))

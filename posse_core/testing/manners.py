@@ -1,4 +1,4 @@
-"""Conformance of renderers: opening, closing, repeating, other processes."""
+"""Conformance of renderers: opening, closing, independence of frames, determinism."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from posse_core.testing.stage import RendererStage, attitudes, ball, craft, faci
 
 
 class MannersConformance(RendererStage):
-    """Nothing left behind, the same again, closing."""
+    """A renderer can be closed at any time, keeps no state between frames, and is deterministic."""
 
     def test_close_may_be_called_at_any_time(self) -> None:
         renderer = self.renderer()
@@ -26,7 +26,7 @@ class MannersConformance(RendererStage):
         renderer.close()
 
     def test_a_frame_leaves_nothing_behind(self) -> None:
-        """The third of three frames is the first of a new renderer."""
+        """The third of three frames equals the same frame of a new renderer."""
         scene = craft()
         suns: list[tuple[float, float, float]] = [(1, 0, 1), (0, -1, 1), (-1, 1, 1)]
         frames = [
@@ -41,7 +41,7 @@ class MannersConformance(RendererStage):
         np.testing.assert_allclose(after.radiance_rgb.sum(), fresh.radiance_rgb.sum(), rtol=0.02)
 
     def test_the_same_request_gives_the_same_bits(self) -> None:
-        """Capability ``deterministic``, also in another process, started by spawn."""
+        """Capability ``deterministic``: also in another process, started by spawn."""
         if "deterministic" not in self.capabilities:
             return
         scene, frame = ball(), facing(sun=(1.0, 0.0, 1.0))
@@ -57,9 +57,9 @@ class MannersConformance(RendererStage):
 
     def test_it_says_what_it_is(self) -> None:
         with self.opened(ball()) as stage:
-            said = stage.renderer.describe()
-        assert said
-        assert all(isinstance(key, str) and isinstance(value, str) for key, value in said.items())
+            description = stage.renderer.describe()
+        assert description
+        assert all(isinstance(key, str) and isinstance(value, str) for key, value in description.items())
 
 
 def _in_child(kind: type[Renderer], options: BaseModel, scene: Scene, frame: FrameState) -> Radiance:

@@ -18,14 +18,14 @@ from posse_core._model.trajectory import Motion
 from posse_core.testing.conformance import Conformance
 
 PERIOD_S = 5900.0
-"""About one period of the orbit of :meth:`PropagatorConformance.problem`."""
+"""Approximate period of the orbit of :meth:`PropagatorConformance.problem`."""
 
 
 class PropagatorConformance(Conformance):
-    """Subclass it, give :meth:`propagator` and ``capabilities``.
+    """What every propagator must do. A subclass provides :meth:`propagator` and ``capabilities``.
 
-    The problem is a low orbit of e = 1e-4 and a relative ellipse of some ten metres; a propagator
-    with another domain overrides :meth:`problem`.
+    The problem is a low orbit with e = 1e-4 and a relative ellipse of about ten metres. For a propagator
+    with another domain, override :meth:`problem`.
     """
 
     @abstractmethod
@@ -62,7 +62,9 @@ class PropagatorConformance(Conformance):
         assert motion.sequence.shape == (frames,)
         assert np.issubdtype(motion.sequence.dtype, np.integer)
         if "own-frames" in self.capabilities:
-            assert set(motion.t_s.tolist()) <= set(t_s.tolist()), "frames at times not asked for"
+            assert set(motion.t_s.tolist()) <= set(t_s.tolist()), (
+                "frames at times that were not requested"
+            )
         else:
             np.testing.assert_array_equal(motion.t_s, t_s)
 
@@ -70,7 +72,7 @@ class PropagatorConformance(Conformance):
         assert np.isfinite(self._motion(np.zeros(1)).r_chaser_rtn_m).all()
 
     def test_the_orbit_is_the_one_asked_for(self) -> None:
-        """The semi-major axis by the vis-viva equation, within what short-period terms make of it."""
+        """The semi-major axis from the vis-viva equation, within the size of short-period terms."""
         motion = self._motion(np.linspace(0.0, PERIOD_S, 7))
         r = np.linalg.norm(motion.r_target_eci_m, axis=-1)
         v = np.linalg.norm(motion.v_target_eci_m_s, axis=-1)
@@ -78,7 +80,8 @@ class PropagatorConformance(Conformance):
         np.testing.assert_allclose(a_m, 7.1e6, rtol=5e-3)
 
     def test_the_relative_orbit_has_the_size_asked_for(self) -> None:
-        """a·δe = 15.5 m and a·δi = 13.9 m at the start: an ellipse of that size, seen at any time."""
+        """With a·δe = 15.5 m and a·δi = 13.9 m at the start, the relative orbit is an ellipse of that
+        size."""
         motion = self._motion(np.linspace(0.0, PERIOD_S, 25))
         first = motion.r_chaser_rtn_m[motion.sequence == motion.sequence[0]]
         assert 0.5 * 15.5 < np.abs(first[:, 0]).max() < 1.5 * 15.5
@@ -88,14 +91,15 @@ class PropagatorConformance(Conformance):
         t_s, step_s = 1000.0, 0.5
         motion = self._motion(t_s + step_s * np.arange(5.0))
         derivative = _five_point_derivative(motion.r_target_eci_m[:5], step_s)
-        # 1e-5 of the speed: mean-element models leave out the drift of the orbit plane.
+        # The tolerance is 1e-5 of the speed, because mean-element models neglect the drift of the orbit
+        # plane.
         np.testing.assert_allclose(motion.v_target_eci_m_s[2], derivative, atol=0.08)
 
     def test_the_chasers_velocity_is_the_derivative_in_the_rotating_frame(self) -> None:
         t_s, step_s = 1000.0, 10.0
         motion = self._motion(t_s + step_s * np.arange(5.0))
         derivative = _five_point_derivative(motion.r_chaser_rtn_m[:5], step_s)
-        # 1 % of the speed: approximate models may drop terms of the order of the eccentricity.
+        # The tolerance is 1 % of the speed, because models may neglect terms of the order of e.
         speed = float(np.linalg.norm(derivative))
         np.testing.assert_allclose(motion.v_chaser_rtn_m_s[2], derivative, atol=0.01 * speed)
 
@@ -106,7 +110,7 @@ class PropagatorConformance(Conformance):
         np.testing.assert_array_equal(one.r_target_eci_m, two.r_target_eci_m)
 
     def test_a_time_does_not_depend_on_the_others(self) -> None:
-        """More times, in the same order, change no frame beyond what a step size may."""
+        """Additional times change a frame only by the effect of other integration steps."""
         t_s = np.linspace(0.0, PERIOD_S, 61)
         many, few = self._motion(t_s), self._motion(t_s[::2])
         first = many.sequence == many.sequence[0]
@@ -121,7 +125,7 @@ class PropagatorConformance(Conformance):
         np.testing.assert_array_equal(problem.t_s, t_s)
 
     def test_two_body_motion_is_exact(self) -> None:
-        """Capability ``exact-two-body``: both orbits against Newton's law integrated by DOP853."""
+        """Capability ``exact-two-body``: both orbits against Newton's law, integrated by DOP853."""
         if "exact-two-body" not in self.capabilities:
             return
         motion = self._motion(np.linspace(0.0, PERIOD_S, 9))
@@ -144,12 +148,13 @@ class PropagatorConformance(Conformance):
 
 
 def _five_point_derivative(x: FloatArray, step: float) -> FloatArray:
-    """(5, 3) at equal steps → (3,) derivative in the middle, error of order step⁴."""
+    """(5, 3) values at equal steps → (3,) derivative at the middle one, with an error of order step⁴."""
     return np.asarray((x[0] - 8 * x[1] + 8 * x[3] - x[4]) / (12 * step))
 
 
 def _newton(r_m: FloatArray, v_m_s: FloatArray, t_s: FloatArray, mu_m3_s2: float) -> FloatArray:
-    """(F, 6) states from t_s[0] on, by an integrator that knows no orbital element."""
+    """(F, 6) positions and velocities from t_s[0] on, by numerical integration in Cartesian
+    coordinates."""
 
     def rate(_t: float, state: FloatArray) -> FloatArray:
         return np.concatenate([state[3:], -mu_m3_s2 * state[:3] / np.linalg.norm(state[:3]) ** 3])

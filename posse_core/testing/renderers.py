@@ -1,4 +1,4 @@
-"""The conformance class for renderers: light, geometry, sky and manners, against closed forms."""
+"""The conformance class for renderers: light, geometry and sky against closed forms, and behaviour."""
 
 from __future__ import annotations
 

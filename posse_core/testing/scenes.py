@@ -1,4 +1,4 @@
-"""Small closed-form spacecraft, cameras and frames for tests of renderers."""
+"""Simple spacecraft, cameras and frames with closed-form images, for tests of renderers."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ SUN_ANGULAR_RADIUS_RAD = 4.6525e-3
 SOLAR_FLUX_W_M2 = 1361.0
 
 FACING: FloatArray = R_GL_FROM_CAM
-"""R_cam_from_body of a camera on the body's +z axis that sees +x to the right and +y up."""
+"""R_cam_from_body of a camera on the body axis +z that sees +x to the right and +y up."""
 
 
 def camera(width_px: int = 96, height_px: int = 72, hfov_rad: float = np.pi / 4) -> Camera:
-    """A pinhole with square pixels and the principal point in the image's middle."""
+    """A pinhole camera with square pixels and the principal point at the centre of the image."""
     f = width_px / 2 / np.tan(hfov_rad / 2)
     return Camera(width_px, height_px, f, f, (width_px - 1) / 2, (height_px - 1) / 2, 0.036)
 
@@ -45,7 +45,7 @@ def frame(
     sun_fraction: float = 1.0,
     sun_angular_radius_rad: float = SUN_ANGULAR_RADIUS_RAD,
 ) -> FrameState:
-    """A frame state; the body axes lie along the ECI axes, the target is in a low orbit."""
+    """A frame state with the target in a low orbit and body axes parallel to the ECI axes."""
     r_target_eci_m = np.array([7.0e6, 0.0, 0.0])
     sun = np.asarray(sun_direction_body, dtype=np.float64)
     t = np.asarray(t_body_cam_m, dtype=np.float64)
@@ -69,12 +69,12 @@ def frame(
 
 
 def irradiance_rgb_w_m2(flux_w_m2: float = SOLAR_FLUX_W_M2) -> FloatArray:
-    """(3,) the Sun's irradiance on a plate that faces it, per band."""
+    """(3,) irradiance by the Sun on a plate that faces it, per band, W m⁻²."""
     return flux_w_m2 * SOLAR_BAND_FRACTIONS
 
 
 def scene(*parts: Part, materials: tuple[Material, ...], camera: Camera) -> Scene:
-    """A scene of these parts."""
+    """A scene with these parts."""
     craft = Spacecraft("test", parts, {material.name: material for material in materials})
     return Scene(craft, camera)
 
@@ -87,7 +87,8 @@ def rectangle(
     u_m: tuple[float, float, float] = (1.0, 0.0, 0.0),
     v_m: tuple[float, float, float] = (0.0, 1.0, 0.0),
 ) -> Part:
-    """A flat rectangle with corners centre ± u ± v, normal u × v; texture u along u, v along v."""
+    """A flat rectangle with the corners centre ± u ± v and the normal u × v; the texture coordinates u
+    and v run along u and v."""
     c, u, v = (np.asarray(x, dtype=np.float64) for x in (centre_m, u_m, v_m))
     normal = np.cross(u, v)
     return Part(
@@ -108,7 +109,7 @@ def sphere(
     radius_m: float = 1.0,
     rings: int = 96,
 ) -> Part:
-    """A sphere of 4·rings² triangles, with the true sphere's normals."""
+    """A sphere of 4·rings² triangles with the normals of the exact sphere."""
     theta = np.linspace(0, np.pi, rings + 1)
     phi = np.linspace(0, 2 * np.pi, 2 * rings + 1)
     grid_theta, grid_phi = np.meshgrid(theta, phi, indexing="ij")

@@ -11,10 +11,11 @@ from posse_core.testing.stage import SIDES, RendererStage, attitudes, ball, cent
 
 
 class SkyConformance(RendererStage):
-    """Capability ``environment``: level, direction, and that it leaves no trace."""
+    """Capability ``environment``: radiance, direction, and independence of frames."""
 
     def test_an_even_sky_lights_a_white_ball_evenly(self) -> None:
-        """Capability ``environment``: the furnace, in which a white ball looks like the sky."""
+        """Capability ``environment``: the furnace test, in which a white ball has the radiance of the
+        sky."""
         if "environment" not in self.capabilities:
             return
         level = np.array([2.0, 1.0, 0.5])
@@ -29,7 +30,7 @@ class SkyConformance(RendererStage):
         assert image.coverage.min() == 0.0
 
     def test_the_skys_bright_side_lights_that_side(self) -> None:
-        """Capability ``environment``: the map is given in camera axes, whatever the craft's attitude."""
+        """Capability ``environment``: the map is in camera axes, whatever the spacecraft's attitude."""
         if "environment" not in self.capabilities:
             return
         around = directions(16)
@@ -55,7 +56,7 @@ class SkyConformance(RendererStage):
                     assert abs(offset @ [axis[1], axis[0]]) < 0.5
 
     def test_a_sky_comes_and_goes(self) -> None:
-        """A frame with a sky leaves nothing behind in one without, or in one whose sky is dark."""
+        """A frame's sky does not affect later frames without a sky or with a dark one."""
         if "environment" not in self.capabilities:
             return
         dark = facing(sun=(0.0, 0.0, 1.0), sun_fraction=0.0)

@@ -1,4 +1,4 @@
-"""What the conformance tests of renderers share: small scenes, a camera in front of them, an image."""
+"""What the conformance tests of renderers share: small scenes, frames and the rendering of images."""
 
 from __future__ import annotations
 
@@ -45,11 +45,12 @@ class Stage:
         environment: EnvironmentMap | None = None,
         seed: int = 1,
     ) -> Radiance:
-        """Render the box (the whole image, if None), and check what holds of every image."""
-        asked = box or PixelBox(0, 0, self.camera.width_px, self.camera.height_px)
-        image = self.renderer.render(RenderRequest(frame.craft, asked, environment, seed))
-        shape = (asked.height, asked.width)
-        assert image.box == asked
+        """Render a box (the whole image if None), and check the properties that every image must
+        have."""
+        requested = box or PixelBox(0, 0, self.camera.width_px, self.camera.height_px)
+        image = self.renderer.render(RenderRequest(frame.craft, requested, environment, seed))
+        shape = (requested.height, requested.width)
+        assert image.box == requested
         assert image.radiance_rgb.shape == (*shape, 3)
         assert image.coverage.shape == shape
         assert image.radiance_rgb.dtype == image.coverage.dtype == np.float32
@@ -63,14 +64,16 @@ class Stage:
 
 
 class RendererStage(Conformance):
-    """Subclass it, give :meth:`renderer`, ``capabilities`` and, if need be, tolerances.
+    """Base of the conformance tests of renderers.
 
-    Give the renderer 64 samples a pixel or more, if it samples: tolerances reckon with it.
+    A subclass provides :meth:`renderer`, ``capabilities`` and, if needed, tolerances. A renderer that
+    samples should take at least 64 samples per pixel, which the tolerances assume.
 
     Attributes:
-        radiance_tolerance: relative, of Lambertian radiance against E ρ/π cos θ.
-        edge_tolerance_px: of where a silhouette's edges lie.
-        iou_min: of the pixels with coverage above one half against the exact ray-cast.
+        radiance_tolerance: relative tolerance of Lambertian radiance against E ρ/π cos θ.
+        edge_tolerance_px: tolerance of the position of a silhouette's edges.
+        iou_min: least intersection over union of the pixels with coverage above one half with those of
+            the exact ray cast.
     """
 
     radiance_tolerance: float = 0.01
@@ -92,7 +95,8 @@ class RendererStage(Conformance):
             renderer.close()
 
     def assert_radiance(self, image: Radiance, expected_rgb: FloatArray) -> None:
-        """The image is all craft and its mean radiance is ``expected_rgb`` (3,)."""
+        """Check that the spacecraft covers the whole image with the mean radiance ``expected_rgb``
+        (3,)."""
         assert (image.coverage > 0.999).all()
         mean = image.radiance_rgb.mean(axis=(0, 1))
         np.testing.assert_allclose(mean, expected_rgb, rtol=self.radiance_tolerance)
@@ -104,19 +108,19 @@ def one_part(part: Part, *, material: Material, camera: Camera | None = None) ->
 
 
 def wall(material: Material) -> Scene:
-    """A plate in the body's xy plane that fills the image of :func:`facing`."""
+    """A plate in the xy plane of the body axes that fills the image of :func:`facing`."""
     plate = scenes.rectangle("wall", material.name, u_m=(9.0, 0, 0), v_m=(0, 9.0, 0))
     return one_part(plate, material=material, camera=scenes.camera(32, 24))
 
 
 def ball(material: Material = WHITE) -> Scene:
-    """A sphere of 1 m about the body's origin."""
+    """A sphere with a radius of 1 m about the origin of the body axes."""
     part = scenes.sphere("ball", material.name, rings=48)
     return one_part(part, material=material, camera=scenes.camera(64, 48))
 
 
 def craft() -> Scene:
-    """A small craft without any symmetry: drum, wing and boom."""
+    """A small spacecraft without any symmetry: drum, wing and boom."""
     return scenes.scene(
         scenes.sphere("drum", "white", radius_m=0.6, rings=32),
         scenes.rectangle("wing", "clay", centre_m=(1.3, 0.2, 0), u_m=(0.7, 0.1, 0), v_m=(0, 0.3, 0.2)),
@@ -132,7 +136,8 @@ def facing(
     solar_flux_w_m2: float = scenes.SOLAR_FLUX_W_M2,
     sun_fraction: float = 1.0,
 ) -> FrameState:
-    """A camera 4 m along the body's +z that sees +x to the right and +y up; the Sun in body axes."""
+    """A camera 4 m away on the body axis +z that sees +x to the right and +y up; ``sun`` is in body
+    axes."""
     return scenes.frame(
         t_body_cam_m=(0.0, 0.0, 4.0),
         sun_direction_body=sun,
@@ -142,34 +147,34 @@ def facing(
 
 
 def body(direction_cam: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Camera axes → body axes of :func:`facing`."""
+    """A direction in camera axes → in body axes, for :func:`facing`."""
     x, y, z = scenes.FACING.T @ np.asarray(direction_cam)
     return float(x), float(y), float(z)
 
 
 def attitudes() -> list[FloatArray]:
-    """Three R_cam_from_body (3, 3) without symmetry."""
+    """Three general rotations R_cam_from_body (3, 3)."""
     vectors = ([0.2, -0.3, 0.4], [0.6, 0.5, -2.0], [-0.9, 0.4, 1.3])
     return [Rotation.from_rotvec(vector).as_matrix() @ scenes.FACING for vector in vectors]
 
 
 def lambert(frame: FrameState, reflectance: tuple[float, float, float], cosine: float) -> FloatArray:
-    """(3,) E ρ/π cos θ."""
+    """(3,) radiance of a Lambertian surface, E ρ/π cos θ."""
     return np.asarray(frame.craft.sun_irradiance_rgb_w_m2 * reflectance / np.pi * cosine)
 
 
 def project(camera: Camera, frame: FrameState, points_body_m: FloatArray) -> FloatArray:
-    """(n, 3) body axes → (n, 2) pixels."""
+    """(n, 3) positions in body axes → (n, 2) image positions, px."""
     return camera.project(points_body_m @ frame.craft.R_cam_from_body.T + frame.craft.t_body_cam_m)
 
 
 def pixels(image: AnyArray) -> FloatArray:
-    """(h, w, 2) pixel coordinates (u, v) of an image (h, w)."""
+    """(h, w, 2) positions (u, v) of the pixels of an image (h, w)."""
     return PixelBox(0, 0, image.shape[1], image.shape[0]).pixel_centres_px()
 
 
 def centroid(weight: AnyArray) -> FloatArray:
-    """(2,) centre (u, v) of an image (h, w) of weights, px."""
+    """(2,) centroid (u, v) of an image (h, w) of weights, px."""
     w = np.asarray(weight, dtype=np.float64)
     return np.asarray((pixels(w) * w[..., None]).sum(axis=(0, 1)) / w.sum())
 

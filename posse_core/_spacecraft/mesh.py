@@ -25,11 +25,13 @@ class MeshFile(SceneSource[MeshOptions]):
     def build(self) -> Spacecraft:
         options = self.options
         raw = read_mesh(options.mesh)
-        points = Keypoints() if options.keypoints is None else read_keypoints(options.keypoints)
-        return spacecraft_from_raw(raw, options, options.mesh.stem, points)
+        keypoints = Keypoints() if options.keypoints is None else read_keypoints(options.keypoints)
+        return spacecraft_from_raw(raw, options, options.mesh.stem, keypoints)
 
 
-def spacecraft_from_raw(raw: RawMesh, options: MeshOptions, name: str, points: Keypoints) -> Spacecraft:
+def spacecraft_from_raw(
+    raw: RawMesh, options: MeshOptions, name: str, keypoints: Keypoints
+) -> Spacecraft:
     """Make a spacecraft from a file's mesh: in metres, body axes, with the origin at the centre of mass.
 
     Raises:
@@ -58,9 +60,9 @@ def spacecraft_from_raw(raw: RawMesh, options: MeshOptions, name: str, points: K
         name=name,
         parts=parts,
         materials=raw.materials,
-        keypoints_body_m=located(points.points, parts, options.keypoints or options.mesh),
-        skeleton=points.skeleton,
-        symmetries=points.symmetries,
+        keypoints_body_m=located(keypoints.points, parts, options.keypoints or options.mesh),
+        skeleton=keypoints.skeleton,
+        symmetries=keypoints.symmetries,
     )
     _check_keypoints(craft, options.keypoints or options.mesh)
     return craft

@@ -1,4 +1,4 @@
-"""Measures of triangle meshes that the tests compare with."""
+"""Functions that the tests use to measure triangle meshes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import trimesh
 
 @pytest.fixture(scope="session")
 def solid():
-    """A trimesh of the triangles, its vertices merged by position: for its own checks of closure."""
+    """Returns a function that makes a trimesh with vertices merged by position, to check that it is
+    closed."""
 
     def make(vertices, faces):
         mesh = trimesh.Trimesh(vertices, faces, process=False)
@@ -21,7 +22,7 @@ def solid():
 
 @pytest.fixture(scope="session")
 def face_normals():
-    """(T, 3) unit normals of the triangles by the right-hand rule."""
+    """Returns a function that computes the (T, 3) unit normals of triangles by the right-hand rule."""
 
     def measure(vertices, faces):
         a, b, c = np.moveaxis(vertices[faces], 1, 0)
@@ -33,7 +34,8 @@ def face_normals():
 
 @pytest.fixture(scope="session")
 def distance_to_surface(face_normals):
-    """Of one point, from the nearest point of every triangle: on its inside or on its edges."""
+    """Returns a function that computes the distance of a point from the nearest point of all triangles,
+    inside them or on their edges."""
 
     def measure(vertices, faces, point):
         corners = np.moveaxis(vertices[faces], 1, 0)

@@ -1,4 +1,4 @@
-"""The built-in spacecraft against their published dimensions and the promises of the contract."""
+"""The built-in spacecraft against their published dimensions and the requirements on spacecraft."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ def all_triangles(craft):
 
 
 def test_aqua_has_its_published_size(crafts):
-    """NASA's 8.04 × 16.70 × 4.81 m; the thesis' Table 3.2 rounds them to 8, 16.7, 4.8."""
+    """NASA gives 8.04 × 16.70 × 4.81 m, which the thesis' Table 3.2 rounds to 8, 16.7 and 4.8 m."""
     size = np.diff(crafts["aqua"].bounds_body_m, axis=0)[0]
     np.testing.assert_allclose(size, (8.04, 16.70, 4.81), atol=1e-6)
 
 
-def test_clusters_drum_and_box_are_the_thesis(crafts):
-    """Table 3.2: body 2.9 × 1.3 × 2.9 m; overall box 0.616 : 0.378 : 1."""
+def test_clusters_drum_and_bounding_box_agree_with_the_thesis(crafts):
+    """Table 3.2: body 2.9 × 1.3 × 2.9 m; bounding box 0.616 : 0.378 : 1."""
     parts = [part for part in crafts["cluster"].parts if part.name.startswith("solar")]
     points = np.concatenate([part.vertices_body_m for part in parts])
     radius = np.hypot(points[:, 0], points[:, 2])
@@ -55,7 +55,7 @@ def test_clusters_drum_and_box_are_the_thesis(crafts):
     np.testing.assert_allclose(size / size[2], (0.616, 0.378, 1.0), atol=0.015)
 
 
-def test_the_cubesat_keeps_to_its_design_specification(crafts):
+def test_the_cubesat_follows_the_design_specification(crafts):
     """CDS rev. 14.1: 100 × 100 × 340.5 mm over the rails, which are at least 8.5 mm wide."""
     (rails,) = (part for part in crafts["cubesat"].parts if part.name == "rails")
     np.testing.assert_allclose(np.ptp(rails.vertices_body_m, axis=0), (0.1, 0.1, 0.3405), atol=1e-9)
@@ -67,15 +67,16 @@ def test_clusters_booms_are_five_metres_long(crafts):
         assert np.hypot(x, z) - 1.45 == pytest.approx(5.0)
 
 
-def test_the_reflectors_focus_lies_at_the_feeds(crafts):
-    """AMSR-E looks 47.4° off the nadir: rays from there, reflected, meet above the drum."""
+def test_the_focus_of_amsr_es_reflector_is_at_the_feeds(crafts):
+    """Rays from AMSR-E's viewing direction, 47.4° off the nadir, are reflected to a point above the
+    drum."""
     parts = {part.name: part for part in crafts["aqua"].parts}
     dish = parts["amsr_dish"]
     boresight = np.array([np.sin(np.radians(47.4)), 0.0, np.cos(np.radians(47.4))])
     front = dish.normals_body @ boresight > 0.1
     points, normals = dish.vertices_body_m[front], dish.normals_body[front].astype(np.float64)
     reflected = -boresight + 2.0 * (normals @ boresight)[:, None] * normals
-    # The point nearest to all reflected rays.
+    # The point with the least sum of squared distances to the reflected rays.
     across = np.eye(3) - reflected[:, :, None] * reflected[:, None, :]
     focus = np.linalg.solve(across.sum(axis=0), (across @ points[:, :, None]).sum(axis=0))[:, 0]
     assert np.linalg.norm(np.cross(reflected, focus - points), axis=1).max() < 1e-4
@@ -85,7 +86,7 @@ def test_the_reflectors_focus_lies_at_the_feeds(crafts):
     assert np.all(focus < high + 0.15)
 
 
-def test_it_is_well_formed(craft, solid):
+def test_parts_and_materials_are_well_formed(craft, solid):
     names = [part.name for part in craft.parts]
     assert len(set(names)) == len(names)
     assert sum(len(part.faces) for part in craft.parts) > (1000 if craft.name == "cubesat" else 5000)
@@ -102,7 +103,7 @@ def test_it_is_well_formed(craft, solid):
     assert set(craft.materials) == {part.material for part in craft.parts}
 
 
-def test_keypoints_lie_on_the_surface(craft, distance_to_surface):
+def test_keypoints_are_on_the_surface(craft, distance_to_surface):
     vertices, faces = all_triangles(craft)
     assert len(craft.keypoints_body_m) >= 11
     for name, point in craft.keypoints_body_m.items():
@@ -110,7 +111,7 @@ def test_keypoints_lie_on_the_surface(craft, distance_to_surface):
 
 
 def test_keypoints_have_the_thesis_categories(craft):
-    """Table 3.6: top, bottom, antenna, solar panel."""
+    """Table 3.6: top, bottom, antenna and solar panel."""
     categories = {re.fullmatch(r"([TBAS])\d+", name).group(1) for name in craft.keypoints_body_m}
     assert categories == set("TBAS")
     for pair in craft.skeleton:
@@ -150,7 +151,7 @@ def digest(craft):
 
 
 def test_another_process_builds_the_same_to_the_bit(crafts):
-    """Hash seeds and the order of sets differ between processes."""
+    """Hash seeds, and with them the order of sets, differ between processes."""
     code = (
         "import importlib.util, sys;"
         "spec = importlib.util.spec_from_file_location('t', sys.argv[1]);"
@@ -165,7 +166,7 @@ def test_another_process_builds_the_same_to_the_bit(crafts):
 
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("name", NAMES)
-def test_a_variant_keeps_what_the_labels_rest_on(name, seed, crafts, distance_to_surface):
+def test_variants_keep_keypoints_on_the_surface_and_known_names(name, seed, crafts, distance_to_surface):
     variant = build(name, variant_seed=seed, variant_missing_parts=3)
     vertices, faces = all_triangles(variant)
     for keypoint, point in variant.keypoints_body_m.items():
@@ -179,16 +180,16 @@ def test_a_variant_keeps_what_the_labels_rest_on(name, seed, crafts, distance_to
         assert 0.0 < material.roughness <= 1.0
 
 
-def test_variants_differ_by_seed_alone():
+def test_variants_depend_on_the_seed_alone():
     one, again, other = (build("cubesat", variant_seed=seed) for seed in (5, 5, 6))
     assert digest(one) == digest(again)
     assert digest(one) != digest(other)
-    for part, its_like in zip(one.parts, other.parts, strict=False):
-        if part.name == its_like.name == "rails":
-            np.testing.assert_array_equal(part.vertices_body_m, its_like.vertices_body_m)
+    for part, other_part in zip(one.parts, other.parts, strict=False):
+        if part.name == other_part.name == "rails":
+            np.testing.assert_array_equal(part.vertices_body_m, other_part.vertices_body_m)
 
 
-def test_variants_lack_parts_now_and_then_and_no_more_than_allowed():
+def test_some_variants_lack_parts_but_not_more_than_allowed():
     whole = {part.name for part in build("cubesat").parts}
     lost = [
         whole
@@ -201,7 +202,7 @@ def test_variants_lack_parts_now_and_then_and_no_more_than_allowed():
         assert {part.name for part in variant.parts} == whole
 
 
-def test_missing_parts_take_their_keypoints_along():
+def test_keypoints_of_missing_parts_are_missing_too():
     craft = build("cubesat", missing_parts=["wing_left", "tape_1"])
     assert not {"wing_left", "tape_1"} & {part.name for part in craft.parts}
     assert not {"S3", "S4", "A1"} & set(craft.keypoints_body_m)
@@ -210,7 +211,7 @@ def test_missing_parts_take_their_keypoints_along():
         build("cubesat", missing_parts=["wing_lef"])
 
 
-def test_the_panel_angle_turns_the_wing_and_its_keypoints(crafts, distance_to_surface):
+def test_the_panel_angle_rotates_the_wing_and_its_keypoints(crafts, distance_to_surface):
     turned = build("aqua", panel_angle_deg=60.0)
     vertices, faces = all_triangles(turned)
     for name in ("S1", "S2", "S3", "S4"):

@@ -26,7 +26,8 @@ def craft_of(mesh, path):
 
 @pytest.fixture
 def imported(tmp_path, capsys):
-    """Run ``posse import`` with arguments; its exit code, what it printed, what it complained of."""
+    """Returns a function that runs ``posse import`` and returns its exit code, standard output and
+    standard error."""
 
     def call(*arguments):
         with pytest.raises(SystemExit) as ended:
@@ -40,17 +41,17 @@ def imported(tmp_path, capsys):
 # Proposals
 
 
-def test_the_corners_of_a_box_are_its_keypoints(tmp_path):
+def test_the_corners_of_a_box_are_proposed(tmp_path):
     craft = craft_of(trimesh.creation.box((2.0, 3.0, 4.0)).subdivide().subdivide(), tmp_path / "b.stl")
     points = propose_keypoints(craft, 8)
     corners = {(x, y, z) for x in (-1.0, 1.0) for y in (-1.5, 1.5) for z in (-2.0, 2.0)}
     assert {tuple(np.round(point, 6)) for point in points.values()} == corners
-    # Body −Z is up, away from the Earth when nadir-pointing.
+    # Body −Z is up: away from the Earth when nadir-pointing.
     assert all((name[0] == "T") == (point[2] < 0.0) for name, point in points.items())
 
 
 def test_hidden_vertices_are_not_proposed(tmp_path):
-    """A ball within a box can be seen from nowhere."""
+    """A ball inside a box is not visible from anywhere."""
     scene = trimesh.util.concatenate(
         [trimesh.creation.box((2.0, 2.0, 2.0)), trimesh.creation.icosphere(2, 0.9)]
     )
@@ -60,8 +61,8 @@ def test_hidden_vertices_are_not_proposed(tmp_path):
     np.testing.assert_allclose(np.abs(list(points.values())), 1.0, atol=1e-6)
 
 
-def test_proposals_are_spread_over_a_ball(tmp_path):
-    """Twelve points on a sphere can be 63.4° apart at best (the icosahedron)."""
+def test_proposals_are_well_spread_over_a_ball(tmp_path):
+    """Twelve points on a sphere can be at most 63.4° apart (the icosahedron)."""
     craft = craft_of(trimesh.creation.icosphere(4), tmp_path / "b.stl")
     points = np.array(list(propose_keypoints(craft, 12).values()))
     cosine = np.clip(points @ points.T - 2.0 * np.eye(12), -1.0, 1.0)
@@ -79,7 +80,7 @@ def test_proposals_do_not_depend_on_the_order_of_triangles(tmp_path):
         np.testing.assert_array_equal(first[name], second[name])
 
 
-def test_parts_named_after_panels_and_antennas_give_the_categories(tmp_path):
+def test_names_of_parts_give_the_categories_panel_and_antenna(tmp_path):
     scene = trimesh.Scene()
     for name, x in (("bus", 0.0), ("solar_wing", 5.0), ("dish", -5.0)):
         place = np.eye(4)
@@ -110,15 +111,15 @@ def test_parts_named_after_panels_and_antennas_give_the_categories(tmp_path):
         ),
     ],
 )
-def test_turns_that_repeat_the_shape_are_found(tmp_path, mesh, repeats):
+def test_symmetries_of_the_shape_are_found(tmp_path, mesh, repeats):
     assert dict(shape_symmetries(craft_of(mesh, tmp_path / "a.stl"))) == repeats
 
 
-def test_turns_generate_their_group():
+def test_rotations_generate_their_group():
     assert len(rotations([("z", 2)])) == 1
     assert len(rotations([("z", 4)])) == 3
     assert len(rotations([("z", 4), ("x", 2)])) == 7  # the dihedral group of a square prism
-    assert len(rotations([("z", 4), ("x", 4)])) == 23  # the cube's
+    assert len(rotations([("z", 4), ("x", 4)])) == 23  # the group of the cube
     with pytest.raises(ValueError, match="sphere"):
         rotations([("z", 5), ("x", 4)])
 
@@ -126,7 +127,7 @@ def test_turns_generate_their_group():
 # The command
 
 
-def test_a_mesh_becomes_a_package_that_builds(imported, tmp_path):
+def test_the_package_of_a_mesh_can_be_built(imported, tmp_path):
     mesh = trimesh.creation.box((200.0, 100.0, 300.0))
     mesh.apply_translation((50.0, 0.0, 0.0))
     mesh.export(tmp_path / "my craft.ply")
@@ -146,7 +147,7 @@ def test_a_mesh_becomes_a_package_that_builds(imported, tmp_path):
         np.testing.assert_allclose(np.abs(point), (1.0, 1.5, 0.5), atol=1e-5)
 
 
-def test_a_length_stands_for_a_scale(imported, tmp_path):
+def test_a_length_can_replace_the_scale(imported, tmp_path):
     trimesh.creation.box((2.0, 1.0, 5.0)).export(tmp_path / "a.stl")
     code, out, _ = imported(tmp_path / "a.stl", "--out", tmp_path / "p", "--length", 10, "--json")
     assert code == 0
@@ -170,7 +171,7 @@ def test_at_a_terminal_it_asks_for_the_length(imported, tmp_path, monkeypatch):
     assert build("package", package=str(tmp_path / "p")).radius_m == pytest.approx(0.5 * 120.0**0.5)
 
 
-def test_keypoints_are_picked_by_the_corners_of_parts(imported, tmp_path):
+def test_keypoints_can_be_given_as_corners_of_parts(imported, tmp_path):
     trimesh.creation.box((2.0, 4.0, 6.0)).export(tmp_path / "a.stl")
     (tmp_path / "k.yaml").write_text(
         "keypoints:\n  T1: {part: part_0, corner: [1, -1, -1]}\n  B1: [0, 0, 3]\nskeleton: [[T1, B1]]\n"
@@ -184,7 +185,7 @@ def test_keypoints_are_picked_by_the_corners_of_parts(imported, tmp_path):
     assert craft.skeleton == (("T1", "B1"),)
 
 
-def test_files_beside_the_mesh_come_along(imported, tmp_path):
+def test_files_that_the_mesh_refers_to_are_copied(imported, tmp_path):
     (tmp_path / "a.mtl").write_text("newmtl foil\nKd 0.8 0.6 0.2\n")
     (tmp_path / "a.obj").write_text("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl foil\nf 1 2 3\n")
     for name, data in trimesh.exchange.gltf.export_gltf(trimesh.creation.box().scene()).items():
@@ -209,7 +210,7 @@ def test_files_beside_the_mesh_come_along(imported, tmp_path):
         (["--scale", 1, "--keypoints", "none.yaml"], "none.yaml"),
     ],
 )
-def test_what_cannot_be_imported_leaves_nothing(imported, tmp_path, monkeypatch, arguments, word):
+def test_a_failed_import_leaves_no_files(imported, tmp_path, monkeypatch, arguments, word):
     monkeypatch.setattr("sys.stdin", io.StringIO())
     trimesh.creation.box((1.0, 1.0, 1.0)).export(tmp_path / "a.stl")
     code, _, err = imported(tmp_path / "a.stl", "--out", tmp_path / "p", *arguments)
@@ -219,7 +220,7 @@ def test_what_cannot_be_imported_leaves_nothing(imported, tmp_path, monkeypatch,
     assert [path.name for path in tmp_path.iterdir()] == ["a.stl"]
 
 
-def test_a_folder_that_is_there_is_left_alone(imported, tmp_path):
+def test_an_existing_folder_is_not_changed(imported, tmp_path):
     trimesh.creation.box((1.0, 1.0, 1.0)).export(tmp_path / "a.stl")
     (tmp_path / "p").mkdir()
     code, _, err = imported(tmp_path / "a.stl", "--out", tmp_path / "p", "--scale", 1)

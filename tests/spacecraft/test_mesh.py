@@ -1,4 +1,4 @@
-"""Meshes of the user's own: what they become, and how they are refused."""
+"""Users' mesh files: the spacecraft made from them, and the messages with which they are refused."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def build(path, source="mesh", **options):
 
 
 def refusal(path, source="mesh", **options):
-    """The message that the file is refused with: one line."""
+    """The one-line message with which the file is refused."""
     with pytest.raises(InputError) as caught:
         build(path, source, **options)
     message = str(caught.value)
@@ -40,7 +40,8 @@ def refusal(path, source="mesh", **options):
 
 
 def wedge():
-    """A closed solid without any symmetry, 1 × 2 × 3 units, its right-angled corner at the origin."""
+    """A closed solid of 1 × 2 × 3 units without any symmetry, with its right-angled corner at the
+    origin."""
     return trimesh.Trimesh(
         [(0, 0, 0), (1, 0, 0), (0, 2, 0), (0, 0, 3)],
         [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)],
@@ -50,7 +51,7 @@ def wedge():
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
-    """The wedge in every format."""
+    """A folder with the wedge in every format."""
     folder = tmp_path_factory.mktemp("wedge")
     for suffix in ("glb", "obj", "ply", "stl"):
         wedge().export(folder / f"wedge.{suffix}")
@@ -60,7 +61,7 @@ def files(tmp_path_factory):
 
 
 def glb(header, binary=b""):
-    """A GLB file's bytes."""
+    """The bytes of a GLB file."""
     text = json.dumps(header).encode()
     text += b" " * (-len(text) % 4)
     binary += b"\0" * (-len(binary) % 4)
@@ -74,10 +75,10 @@ def triangle_glb(picture=None, material=None, node=None, mesh_name="plate", **ex
     points = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], dtype="<f4")
     uv = np.array([(0.25, 0.25), (0.75, 0.25), (0.25, 0.75)], dtype="<f4")
     blobs = [points.tobytes(), uv.tobytes()] + ([picture] if picture else [])
-    views, place = [], 0
+    views, transform = [], 0
     for blob in blobs:
-        views.append({"buffer": 0, "byteOffset": place, "byteLength": len(blob)})
-        place += len(blob) + -len(blob) % 4
+        views.append({"buffer": 0, "byteOffset": transform, "byteLength": len(blob)})
+        transform += len(blob) + -len(blob) % 4
     binary = b"".join(blob + b"\0" * (-len(blob) % 4) for blob in blobs)
     bounds = {"min": [0, 0, 0], "max": [1, 1, 0]}
     header = {
@@ -107,11 +108,11 @@ def triangle_glb(picture=None, material=None, node=None, mesh_name="plate", **ex
     return glb(header, binary)
 
 
-# What a mesh becomes
+# Valid meshes
 
 
 @given(axes=st.sampled_from(AXES), scale=st.floats(0.005, 300.0), suffix=st.sampled_from(["glb", "ply"]))
-def test_units_and_axes_are_a_similarity_without_mirror(files, axes, scale, suffix):
+def test_units_and_axes_give_a_scaled_rotation(files, axes, scale, suffix):
     words = [(-1.0 if w[0] == "-" else 1.0, "xyz".index(w[-1])) for w in axes.split()]
     R = np.zeros((3, 3))
     for row, (sign, axis) in enumerate(words):
@@ -120,7 +121,7 @@ def test_units_and_axes_are_a_similarity_without_mirror(files, axes, scale, suff
     options = {"scale_m_per_unit": scale, "body_axes": axes, "centre_of_mass_m": (0, 0, 0)}
     if np.linalg.det(R) < 0.0:
         message = refusal(path, **options)
-        # Each way out that the message offers is a rotation.
+        # Each alternative that the message offers is a rotation.
         offers = re.findall(r"'([^']+)'", message.split("take")[1].split("(it is")[0])
         assert len(offers) == 3
         for offer in offers:
@@ -131,7 +132,9 @@ def test_units_and_axes_are_a_similarity_without_mirror(files, axes, scale, suff
     corners = {tuple(np.round(v / scale, 5) + 0.0) for v in part.vertices_body_m}
     assert corners == {tuple(np.round(R @ v, 5) + 0.0) for v in wedge().vertices}
     volume = trimesh.Trimesh(part.vertices_body_m, part.faces, process=False).volume
-    assert volume == pytest.approx(scale**3, rel=1e-5)  # 1·2·3/6 = 1, and wound outward
+    assert volume == pytest.approx(
+        scale**3, rel=1e-5
+    )  # 1·2·3/6 = 1; positive if the faces point outward
 
 
 @pytest.mark.parametrize("suffix", ["glb", "gltf", "obj", "ply", "stl"])
@@ -141,11 +144,11 @@ def test_every_format_gives_the_same_solid(files, suffix):
     mesh = trimesh.Trimesh(part.vertices_body_m, part.faces, process=False)
     assert mesh.volume == pytest.approx(8.0, rel=1e-6)
     np.testing.assert_allclose(np.ptp(part.vertices_body_m, axis=0), (2.0, 4.0, 6.0), rtol=1e-6)
-    # Without a stated centre of mass the origin is the centroid of the surface.
+    # If no centre of mass is given, the origin is the centroid of the surface.
     np.testing.assert_allclose(mesh.triangles_center.T @ mesh.area_faces, 0.0, atol=1e-5)
 
 
-def test_a_mesh_without_normals_keeps_hard_edges_and_smooths_round_ones(tmp_path):
+def test_a_mesh_without_normals_has_hard_edges_and_smooth_round_surfaces(tmp_path):
     trimesh.creation.box((1, 1, 1)).export(tmp_path / "box.stl")
     trimesh.creation.icosphere(subdivisions=4).export(tmp_path / "ball.stl")
     (box,) = build(tmp_path / "box.stl", scale_m_per_unit=1.0).parts
@@ -155,13 +158,13 @@ def test_a_mesh_without_normals_keeps_hard_edges_and_smooths_round_ones(tmp_path
     assert (radial * ball.normals_body).sum(axis=1).min() > 0.9999
 
 
-def test_parts_are_the_nodes_of_the_scene_with_their_places(tmp_path):
+def test_parts_are_the_nodes_of_the_scene_with_their_transforms(tmp_path):
     scene = trimesh.Scene()
     for name, x in (("bus", 0.0), ("left wing", 3.0), ("left_wing", -3.0)):
-        place = np.diag([2.0, 1.0, -1.0, 1.0])  # stretched and mirrored
-        place[0, 3] = x
+        transform = np.diag([2.0, 1.0, -1.0, 1.0])  # stretched and mirrored
+        transform[0, 3] = x
         scene.add_geometry(
-            trimesh.creation.box((1, 1, 1)), node_name=name, geom_name=name, transform=place
+            trimesh.creation.box((1, 1, 1)), node_name=name, geom_name=name, transform=transform
         )
     scene.export(tmp_path / "a.glb")
     craft = build(tmp_path / "a.glb", scale_m_per_unit=1.0, centre_of_mass_m=(0.0, 0.0, 0.0))
@@ -200,12 +203,13 @@ def test_gltf_factors_stay_floats_and_webp_is_decoded(tmp_path):
     assert made.base_color == (0.0123, 0.5, 1.0)
     assert (made.metallic, made.roughness) == (0.25, 0.333)
     np.testing.assert_allclose(made.base_color_texture, picture, atol=2)
-    # glTF's v runs down from the picture's top, ours up from its bottom.
+    # glTF's v points down from the top of the picture; POSSE's v points up from its bottom.
     np.testing.assert_allclose(part.uv, [(0.25, 0.75), (0.75, 0.75), (0.25, 0.25)], atol=1e-6)
 
 
-def test_a_texture_transform_moves_the_coordinates(tmp_path):
-    """KHR_texture_transform's own example: offset, quarter turn and scale of the downward uv."""
+def test_a_texture_transform_changes_the_coordinates(tmp_path):
+    """The example of KHR_texture_transform: offset, quarter turn and scale of uv with v pointing
+    down."""
     done, data = cv2.imencode(".webp", np.zeros((4, 4, 3), np.uint8))
     assert done
     transform = {"offset": [0.1, 0.2], "rotation": np.pi / 2.0, "scale": [2.0, 3.0]}
@@ -252,10 +256,10 @@ def test_obj_materials_and_groups(tmp_path):
     assert tuple(looks["wing"].base_color_texture[0, 0]) == (30, 20, 10)
 
 
-# How it is refused
+# Meshes that are refused
 
 
-def test_a_missing_scale_names_the_size_and_the_key(files):
+def test_the_message_about_a_missing_scale_names_the_size_and_the_key(files):
     message = refusal(files / "wedge.stl")
     assert "scale_m_per_unit" in message
     assert "1 × 2 × 3" in message
@@ -299,12 +303,12 @@ def test_missing_files_and_folders_are_refused(tmp_path):
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e6])
-def test_an_absurd_scale_is_refused_with_the_size(files, scale):
+def test_an_implausible_scale_is_refused_with_the_size(files, scale):
     assert f"{3.0 * scale:.4g} m" in refusal(files / "wedge.ply", scale_m_per_unit=scale)
 
 
 @pytest.mark.parametrize("axes", ["x y", "x y y", "x y w", "x y zz", "x --y z", ""])
-def test_axes_that_are_none_are_refused(files, axes):
+def test_invalid_axes_are_refused(files, axes):
     assert "body_axes" in refusal(files / "wedge.ply", scale_m_per_unit=1.0, body_axes=axes)
 
 
@@ -337,7 +341,7 @@ def test_a_loop_of_nodes_is_refused(tmp_path):
     assert "loop" in refusal(tmp_path / "a.glb", scale_m_per_unit=1.0)
 
 
-def test_a_picture_that_is_none_is_refused(tmp_path):
+def test_a_picture_that_cannot_be_decoded_is_refused(tmp_path):
     material = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
     (tmp_path / "a.glb").write_bytes(triangle_glb(b"no picture", material))
     assert "cannot be decoded" in refusal(tmp_path / "a.glb", scale_m_per_unit=1.0)
@@ -368,7 +372,7 @@ def test_keypoints_come_from_a_file(files, tmp_path):
         ("{}", "keypoints"),
     ],
 )
-def test_keypoints_that_cannot_be_meant_are_refused(files, tmp_path, text, word):
+def test_invalid_keypoints_are_refused(files, tmp_path, text, word):
     (tmp_path / "k.yaml").write_text(text)
     message = refusal(files / "wedge.ply", scale_m_per_unit=1.0, keypoints=str(tmp_path / "k.yaml"))
     assert word in message
@@ -394,7 +398,7 @@ def package(folder, files, **changes):
     return folder
 
 
-def test_a_package_is_a_spacecraft(files, tmp_path):
+def test_a_package_gives_a_spacecraft(files, tmp_path):
     craft = build(package(tmp_path / "p", files), source="package")
     assert craft.name == "wedge"
     np.testing.assert_allclose(craft.bounds_body_m[0], (-0.1, -0.2, -0.3), atol=1e-6)
@@ -415,7 +419,7 @@ def test_a_package_cannot_link_outside(files, tmp_path):
     assert "leads out of the package" in refusal(folder, source="package")
 
 
-def test_a_package_says_what_is_wrong_with_it(files, tmp_path):
+def test_faults_of_a_package_are_reported(files, tmp_path):
     assert "no such package" in refusal(tmp_path / "none", source="package")
     (tmp_path / "bare").mkdir()
     assert "spacecraft.yaml" in refusal(tmp_path / "bare", source="package")

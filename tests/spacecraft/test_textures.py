@@ -1,4 +1,4 @@
-"""Finishes: what a renderer reads from them."""
+"""The textures of surface finishes, as a renderer decodes them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from posse_core._spacecraft import textures
 
 
 def jump(image, axis):
-    """Root-mean-square step between the first and last lines along an axis, and between others."""
+    """Root-mean-square difference between the first and the last line along an axis, and that between
+    neighbouring lines."""
     image = np.asarray(image, dtype=np.float64)
     steps = np.diff(image, axis=axis)
     around = np.take(image, 0, axis=axis) - np.take(image, -1, axis=axis)
@@ -31,7 +32,7 @@ def test_foil_repeats_without_a_seam(axis):
         assert seam < 2.5 * inside
 
 
-def test_foil_has_the_wrinkles_that_were_asked_for():
+def test_foil_has_the_slope_of_its_wrinkles():
     slopes = []
     for wrinkle in (0.05, 0.10):
         normals = textures.foil("foil", (1, 1, 1), 0, wrinkle).normal_texture / 127.5 - 1.0
@@ -41,8 +42,8 @@ def test_foil_has_the_wrinkles_that_were_asked_for():
 
 
 @given(st.floats(0.0, 1.0))
-def test_reflectance_survives_its_coding(reflectance):
-    """Within half a step of 8 bits, by the decoder of IEC 61966-2-1."""
+def test_reflectance_is_kept_by_srgb_coding(reflectance):
+    """Within half a step of 8 bits, decoded as in IEC 61966-2-1."""
     coded = textures.srgb(np.array([reflectance]))
     low, high = (linear_from_srgb(np.clip(coded + d, 0, 255) / 255) for d in (-0.51, 0.51))
     assert low[0] <= reflectance <= high[0]
@@ -54,10 +55,10 @@ def test_a_normal_map_tilts_against_the_slope():
     np.testing.assert_allclose(coded[0, 0] / 127.5 - 1.0, (-(0.5**0.5), 0.0, 0.5**0.5), atol=0.01)
 
 
-def test_a_panels_front_is_dark_cells_and_its_back_as_bright_as_asked():
+def test_a_panel_has_dark_cells_on_its_front_and_the_given_reflectance_on_its_back():
     panel = textures.solar_panel("panel", (10, 5), (256, 128), seed=0, back=0.5)
     image = linear_from_srgb(panel.base_color_texture / 255)
-    back, front = image[:128], image[128:]  # row 0 is the texture's top, v = 1
+    back, front = image[:128], image[128:]  # row 0 is the top of the texture, at v = 1
     red, _, blue = np.median(front.reshape(-1, 3), axis=0)
     assert blue > 3.0 * red
     assert np.median(back) == pytest.approx(0.5, abs=0.03)

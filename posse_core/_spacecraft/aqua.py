@@ -155,8 +155,8 @@ def _fittings(craft: Assembly) -> None:
     craft.add("tank", "foil_black", shapes.frustum(0.55, 0.30, 0.10, 40).at(middle, to_aft))
     nozzles = []
     for y, z in ((0.62, 0.45), (-0.62, 0.45), (0.62, -0.45), (-0.62, -0.45)):
-        place = np.add(middle, (0.0, y, z))
-        nozzles.append(shapes.nozzle(0.03, 0.07, 0.16, 0.008, 24).at(place, to_aft))
+        position = np.add(middle, (0.0, y, z))
+        nozzles.append(shapes.nozzle(0.03, 0.07, 0.16, 0.008, 24).at(position, to_aft))
     craft.add("thrusters", "titanium", *nozzles)
     struts = []
     for y in (-1.1, 1.1):
@@ -165,9 +165,9 @@ def _fittings(craft: Assembly) -> None:
     craft.add("deck_struts", "aluminium", *struts)
     for number, (y, lean) in enumerate(((0.45, 0.5), (-0.45, -0.5)), start=1):
         R = R_from_z((-0.5, lean, -1.0))
-        place = (WAIST + 0.25, y, TOP - 0.02)
+        position = (WAIST + 0.25, y, TOP - 0.02)
         bore = [(0, 0), (0.09, 0), (0.13, 0.36), (0.115, 0.36), (0.07, 0.05), (0, 0.05)]
-        craft.add(f"star_tracker_{number}", "black_paint", shapes.revolved(bore, 28).at(place, R))
+        craft.add(f"star_tracker_{number}", "black_paint", shapes.revolved(bore, 28).at(position, R))
     boxes = [
         _cuboid((-1.35, -0.85), (1.2, 1.34), (-0.65, -0.1)),
         _cuboid((-0.7, -0.2), (1.2, 1.30), (-0.7, 0.0)),
@@ -315,7 +315,7 @@ def _wing(craft: Assembly, angle_rad: float) -> None:
     turn = R_about((0.0, 1.0, 0.0), angle_rad)
     x_axis, z_axis = WING_AXIS
 
-    def place(mesh: shapes.Mesh) -> shapes.Mesh:
+    def turned(mesh: shapes.Mesh) -> shapes.Mesh:
         return mesh.at((x_axis, 0.0, z_axis), turn)
 
     def point(p: tuple[float, float, float]) -> FloatArray:
@@ -333,12 +333,12 @@ def _wing(craft: Assembly, angle_rad: float) -> None:
     face = R_from_z((1.0, 0.0, 0.0), (0.0, 0.0, -1.0))  # y stays
     yoke = shapes.prism(np.array(outline)[::-1], t).at((0.0, 0.0, 0.0), face)
     shaft = shapes.tube([(0.0, -HALF_WIDTH - 0.3, 0.0), (0.0, neck, 0.0)], 0.07, 20)
-    craft.add("yoke", "foil_amber", place(yoke), place(shaft))
+    craft.add("yoke", "foil_amber", turned(yoke), turned(shaft))
     pitch = (WING_ROOT - WING_TIP) / PANELS
     sheet = shapes.panel(2.0 * half, pitch - PANEL_GAP, t)
     for number in range(PANELS):
         middle = WING_ROOT - pitch * (number + 0.5) - PANEL_GAP / 2.0
-        craft.add(f"panel_{number + 1}", "solar_panel", place(sheet.at((0.0, middle, 0.0), face)))
+        craft.add(f"panel_{number + 1}", "solar_panel", turned(sheet.at((0.0, middle, 0.0), face)))
     back = -t / 2.0
     ribs = [shapes.tube([(back - 0.03, neck, 0.0), (back - 0.03, WING_TIP + 0.1, 0.0)], 0.03, 8)]
     for number in range(PANELS):
@@ -349,7 +349,7 @@ def _wing(craft: Assembly, angle_rad: float) -> None:
         for number in range(PANELS)
         for z in ((-0.8, 0.8) if number == 0 else (-1.6, 0.0, 1.6))
     ]
-    craft.add("wing_frame", "aluminium", *(place(mesh) for mesh in (*ribs, *hinges)))
+    craft.add("wing_frame", "aluminium", *(turned(mesh) for mesh in (*ribs, *hinges)))
     inner = WING_ROOT - PANEL_GAP
     for number, (y, z, panel) in enumerate(
         ((inner, -half, 1), (inner, half, 1), (WING_TIP, half, PANELS), (WING_TIP, -half, PANELS)),

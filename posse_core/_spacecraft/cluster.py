@@ -191,8 +191,8 @@ def _instruments(craft: Assembly) -> None:
         )
     sensor = [(0, 0), (0.05, 0), (0.05, 0.06), (0.035, 0.08), (0.035, 0.01), (0, 0.01)]
     for k, degrees in enumerate((35.0, 215.0), start=1):
-        place = _ray(np.radians(degrees), 1.28, TOP)
-        craft.add(f"sun_sensor_{k}", "black_paint", shapes.revolved(sensor, 24).at(place, UP))
+        position = _ray(np.radians(degrees), 1.28, TOP)
+        craft.add(f"sun_sensor_{k}", "black_paint", shapes.revolved(sensor, 24).at(position, UP))
     aspoc = _ray(np.radians(300.0), 0.85, TOP - 0.02)
     craft.add(
         "aspoc",

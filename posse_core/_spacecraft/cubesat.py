@@ -154,17 +154,17 @@ def _wings(craft: Assembly, fold_rad: float) -> None:
         turn = R_about((0.0, 0.0, 1.0), sign * fold_rad)
         root = np.array([sign * (HALF + 0.002), -hinge, 0.0])
 
-        def place(mesh: shapes.Mesh, turn: FloatArray = turn, root: FloatArray = root) -> shapes.Mesh:
+        def turned(mesh: shapes.Mesh, turn: FloatArray = turn, root: FloatArray = root) -> shapes.Mesh:
             return mesh.at(root, turn)
 
         flat = shapes.panel(*PANEL_M).at((0.0, 0.0, 0.0), _side(-np.pi / 2.0))
-        wing = place(flat.at((sign * (0.004 + width / 2.0), 0.0, 0.0)))
+        wing = turned(flat.at((sign * (0.004 + width / 2.0), 0.0, 0.0)))
         craft.add(f"wing_{name}", "solar_panel", wing)
         hinges = [
             shapes.tube([(0.0, 0.0, z - 0.012), (0.0, 0.0, z + 0.012)], 0.003, 12) for z in (-0.1, 0.1)
         ]
         leaves = [box((0.010, 0.001, 0.020)).at((sign * 0.004, 0.002, z)) for z in (-0.1, 0.1)]
-        craft.add(f"hinges_{name}", "aluminium", *(place(mesh) for mesh in (*hinges, *leaves)))
+        craft.add(f"hinges_{name}", "aluminium", *(turned(mesh) for mesh in (*hinges, *leaves)))
         for number, z in ((first, -length / 2.0), (first + 1, length / 2.0)):
             corner = turn @ (sign * (0.004 + width), 0.0, z) + root
             craft.mark(f"S{number}", f"wing_{name}", corner)

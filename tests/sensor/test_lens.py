@@ -42,9 +42,9 @@ class PlateRenderer(Renderer):
         self.boxes.append(box)
         steps = (np.arange(FINE) + 0.5) / FINE - 0.5
         offsets = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
-        place, _ = on_plate(self.camera, request.craft, box.pixel_centres_px()[:, :, None] + offsets)
-        hit = (np.abs(place) <= HALF_M).all(axis=-1)
-        light = (hit * (2 + place[..., 0])).mean(axis=2)
+        position, _ = on_plate(self.camera, request.craft, box.pixel_centres_px()[:, :, None] + offsets)
+        hit = (np.abs(position) <= HALF_M).all(axis=-1)
+        light = (hit * (2 + position[..., 0])).mean(axis=2)
         _, depth = on_plate(self.camera, request.craft, box.pixel_centres_px())
         return Radiance(
             box,
@@ -132,8 +132,10 @@ def test_edges_are_where_opencv_projects_them(distortion):
     assert np.abs(image.coverage - expected).sum() / length < 0.15  # within the blur of a pixel
     assert abs((image.coverage - expected).sum()) / length < 0.03
     for axis in (0, 1):  # first moments: the outline is not displaced
-        places = np.arange(image.coverage.shape[axis])
-        middle = [np.average(places, weights=c.sum(axis=1 - axis)) for c in (image.coverage, expected)]
+        positions = np.arange(image.coverage.shape[axis])
+        middle = [
+            np.average(positions, weights=c.sum(axis=1 - axis)) for c in (image.coverage, expected)
+        ]
         assert middle[0] == pytest.approx(middle[1], abs=0.02)
     straight = covered(outline_px(camera(None), at))
     assert np.abs(straight - expected).sum() / length > 0.05  # the distortion matters here
@@ -162,7 +164,7 @@ def test_labels_and_image_agree(distortion):
     st.floats(0, 3),
     st.sampled_from(["none", "cos4"]),
 )
-def test_lens_and_psf_conserve_light(distortion, x_m, y_m, angle, vignetting):
+def test_lens_and_psf_keep_the_light(distortion, x_m, y_m, angle, vignetting):
     """The electrons of a whole plate with and without distortion agree within 0.5 %."""
     at = frame(x_m, y_m, 7.0, angle)
     config = SensorConfig(

@@ -15,7 +15,7 @@ from posse_core._sky.environment import environment_map
 from posse_core._sky.ground import WIND_M_S, blue_marble, glint_radiance
 from posse_core._sky.sky import Sky
 
-PLACES = {
+SITES = {
     # latitude, longitude, share of water, red reflectance from … to (MODIS white-sky albedo)
     "Sahara": (22.0, 10.0, 0.0, (0.3, 0.55)),
     "Amazonia": (-5.0, -65.0, 0.0, (0.01, 0.06)),
@@ -31,13 +31,13 @@ PLACES = {
 
 def _normal(lat_deg, lon_deg) -> np.ndarray:
     lat, lon = np.deg2rad(lat_deg), np.deg2rad(lon_deg)
-    place = [np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat) + 0 * lon]
-    return np.stack(np.broadcast_arrays(*place)).astype(np.float32)
+    position = [np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat) + 0 * lon]
+    return np.stack(np.broadcast_arrays(*position)).astype(np.float32)
 
 
-@pytest.mark.parametrize("name", PLACES)
+@pytest.mark.parametrize("name", SITES)
 def test_land_and_water_have_the_right_positions(name: str) -> None:
-    lat, lon, wet, red = PLACES[name]
+    lat, lon, wet, red = SITES[name]
     land, water = blue_marble().at(
         _normal([lat], [lon]), np.float32(np.deg2rad([lat])), np.float32([5000.0])
     )
@@ -95,7 +95,7 @@ def test_the_planetary_albedo_is_three_tenths(make_state) -> None:
     count, r = 40, 20 * 6.378137e6
     k = np.arange(count) + 0.5
     polar, around = np.arccos(1 - 2 * k / count), np.pi * (1 + 5**0.5) * k
-    places = np.stack(
+    positions = np.stack(
         [np.cos(around) * np.sin(polar), np.sin(around) * np.sin(polar), np.cos(polar)], -1
     )
     half = np.tan(np.arcsin(1.03 / 20))
@@ -103,11 +103,13 @@ def test_the_planetary_albedo_is_three_tenths(make_state) -> None:
     rays = np.stack([*np.meshgrid(u, u), np.ones((40, 40))], axis=-1)
     solid = (half / 20) ** 2 / np.linalg.norm(rays, axis=-1) ** 4
     total = np.zeros(3)
-    for place in places:
-        frame = make_state(r_camera_m=r * place, forward=-place, up=(0.1, 0.2, 1.0), sun=(1.0, 0.0, 0.0))
+    for position in positions:
         frame = make_state(
-            r_camera_m=r * place,
-            forward=-place,
+            r_camera_m=r * position, forward=-position, up=(0.1, 0.2, 1.0), sun=(1.0, 0.0, 0.0)
+        )
+        frame = make_state(
+            r_camera_m=r * position,
+            forward=-position,
             up=(0.1, 0.2, 1.0),
             r_sun_eci_m=np.array([1.5e11, 0, 0]),
         )
@@ -121,11 +123,11 @@ def test_earthshine_agrees_with_the_albedo_model_of_the_dynamics(make_state) -> 
     """For a plate that faces the Earth, around a polar orbit. The albedo model has zonal means only,
     without the weather of a day."""
     earth, angles = Earth(blue_marble(), make_clouds(0)), np.linspace(0, 2 * np.pi, 16, endpoint=False)
-    places = 7.08e6 * np.stack([np.cos(angles), 0.2 * np.cos(angles), np.sin(angles)], axis=-1)
+    positions = 7.08e6 * np.stack([np.cos(angles), 0.2 * np.cos(angles), np.sin(angles)], axis=-1)
     sun_m = np.array([1.4e11, 0.5e11, -0.3e11])
     shine = []
-    for place in places:
-        frame = make_state(r_camera_m=place, forward=-place, up=(0.1, 1.0, 0.1), r_sun_eci_m=sun_m)
+    for position in positions:
+        frame = make_state(r_camera_m=position, forward=-position, up=(0.1, 1.0, 0.1), r_sun_eci_m=sun_m)
         light = environment_map(earth.seen(frame)).radiance_rgb.astype(float).sum(axis=2)
         h, w = light.shape
         edges = np.cos(np.pi * np.arange(h + 1) / h)
@@ -133,8 +135,8 @@ def test_earthshine_agrees_with_the_albedo_model_of_the_dynamics(make_state) -> 
         forward = np.maximum(0, np.sin(theta)[:, None] * np.cos(phi))
         shine.append(np.sum(light * forward * (edges[:-1] - edges[1:])[:, None] * 2 * np.pi / w))
     model = earthlight_on_plate(
-        r_eci_m=places,
-        normal_eci=-places,
+        r_eci_m=positions,
+        normal_eci=-positions,
         r_sun_eci_m=np.broadcast_to(sun_m, (16, 3)),
         earth_pole_eci=np.broadcast_to([0.0, 0.0, 1.0], (16, 3)),
         jd_tt=np.full(16, frame.epoch_jd_tt),
@@ -202,9 +204,9 @@ def test_radiance_is_finite_and_never_negative(make_state, zenith, sun, altitude
     """From any position and with any direction of the Sun, also in the zenith (``None``)."""
     zenith = np.array(zenith) / np.linalg.norm(zenith)
     sun = zenith if sun is None else np.array(sun) / np.linalg.norm(sun)
-    place = (6.378137e6 + altitude_m) * zenith
+    position = (6.378137e6 + altitude_m) * zenith
     earth = Earth(blue_marble(), make_clouds(0)).seen(
-        make_state(r_camera_m=place, forward=-zenith, up=(0.11, 0.23, 0.97), sun=sun, t_s=t_s)
+        make_state(r_camera_m=position, forward=-zenith, up=(0.11, 0.23, 0.97), sun=sun, t_s=t_s)
     )
     half = 1.5 * np.arcsin(6.378e6 / (6.378e6 + altitude_m))
     u = np.tan(min(half, 1.4)) * np.linspace(-1, 1, 24)

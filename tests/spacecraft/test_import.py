@@ -83,10 +83,10 @@ def test_proposals_do_not_depend_on_the_order_of_triangles(tmp_path):
 def test_names_of_parts_give_the_categories_panel_and_antenna(tmp_path):
     scene = trimesh.Scene()
     for name, x in (("bus", 0.0), ("solar_wing", 5.0), ("dish", -5.0)):
-        place = np.eye(4)
-        place[0, 3] = x
+        transform = np.eye(4)
+        transform[0, 3] = x
         scene.add_geometry(
-            trimesh.creation.box((1, 1, 1)), node_name=name, geom_name=name, transform=place
+            trimesh.creation.box((1, 1, 1)), node_name=name, geom_name=name, transform=transform
         )
     scene.export(tmp_path / "a.glb")
     craft = build("mesh", mesh=str(tmp_path / "a.glb"), scale_m_per_unit=1.0)

@@ -122,7 +122,7 @@ def test_units_and_axes_give_a_scaled_rotation(files, axes, scale, suffix):
     if np.linalg.det(R) < 0.0:
         message = refusal(path, **options)
         # Each alternative that the message offers is a rotation.
-        offers = re.findall(r"'([^']+)'", message.split("take")[1].split("(it is")[0])
+        offers = re.findall(r"'([^']+)'", message.split("; use ")[1].split("(it is")[0])
         assert len(offers) == 3
         for offer in offers:
             build(path, **{**options, "body_axes": offer})

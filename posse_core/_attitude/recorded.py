@@ -1,7 +1,7 @@
-"""Attitudes that another program, or a flight, has recorded, turned evenly from one to the next.
+"""Attitudes that another program or a flight recorded, interpolated at a constant rate of rotation.
 
-From a CCSDS Attitude Ephemeris Message (504.0-B-2, and its first issue), or from ``.npz`` or ``.csv``
-with the names that ``posse propagate`` writes.
+They are read from a CCSDS Attitude Ephemeris Message (504.0-B-2, and its first issue), or from an
+``.npz`` or ``.csv`` file with the names that ``posse propagate`` writes.
 """
 
 from __future__ import annotations
@@ -24,23 +24,26 @@ from posse_core._frames import (
 
 _INERTIAL = ("GCRF", "ICRF", "EME2000", "J2000")
 _QUATERNION_LENGTH_ERROR = 1e-3
-"""Largest difference of a quaternion's length from 1."""
+"""Largest allowed difference of a quaternion's length from 1."""
 _EXTRAPOLATION_S = 0.01
-"""How far before the first and after the last recorded attitude a time may lie."""
+"""How far a time may lie before the first or after the last recorded attitude."""
 
 
 def recorded_attitude(path: Path, name: str, epoch: Epoch, t_s: FloatArray) -> FloatArray:
-    """R_eci_from_body or R_eci_from_camera at ``t_s``: (F,) → (F, 3, 3).
+    """Return R_eci_from_body or R_eci_from_camera at the times: (F,) → (F, 3, 3).
 
-    Between two recorded attitudes the turn is about one axis, by the shorter way, at an even rate;
-    the first and the last turn go on for 0.01 s beyond the record, where rates of turn look.
+    Between two recorded attitudes the rotation is about one axis, the shorter way, at a constant rate.
+    The first and the last rotation continue for 0.01 s beyond the record, so that angular velocities can
+    be computed there by differences.
 
     Args:
-        name: the array in ``.npz`` and ``.csv``, such as ``q_eci_from_body``.
-        epoch: of t_s = 0.
+        path: the file of attitudes.
+        name: the array in an ``.npz`` or ``.csv`` file, such as ``q_eci_from_body``.
+        epoch: the instant of t_s = 0.
+        t_s: (F,) seconds after the epoch.
 
     Raises:
-        InputError: the file cannot be used, or does not reach over all of ``t_s``.
+        InputError: The file cannot be used, or does not cover all times.
     """
     if path.suffix in (".npz", ".csv"):
         table = read_table(path, ("t_s", name))
@@ -50,12 +53,12 @@ def recorded_attitude(path: Path, name: str, epoch: Epoch, t_s: FloatArray) -> F
     else:
         times, R = _read_aem(path, epoch)
     if np.any(np.diff(times) <= 0):
-        raise InputError(f"{path}: its times do not increase; sort them, and keep one of each")
+        raise InputError(f"{path}: its times do not increase; sort them and remove duplicates")
     outside = (t_s < times[0] - _EXTRAPOLATION_S) | (t_s > times[-1] + _EXTRAPOLATION_S)
     if np.any(outside):
         raise InputError(
-            f"{path}: reaches from {times[0]:.6g} s to {times[-1]:.6g} s after the epoch, and a"
-            f" frame is at {t_s[np.argmax(outside)]:.6g} s; choose times within it"
+            f"{path}: covers {times[0]:.6g} s to {times[-1]:.6g} s after the epoch, but a"
+            f" frame is at {t_s[np.argmax(outside)]:.6g} s; choose times within this interval"
         )
     before = np.clip(np.searchsorted(times, t_s, side="right") - 1, 0, max(len(times) - 2, 0))
     after = np.minimum(before + 1, len(times) - 1)
@@ -65,10 +68,10 @@ def recorded_attitude(path: Path, name: str, epoch: Epoch, t_s: FloatArray) -> F
     return np.asarray(R[before] @ matrix_from_rotation_vector(share[:, None] * turn))
 
 
-def _rotations(q: FloatArray, place: str) -> FloatArray:
-    """Quaternions, scalar first, (F, 4) → (F, 3, 3)."""
+def _rotations(q: FloatArray, source: str) -> FloatArray:
+    """Convert quaternions, scalar first, (F, 4) → (F, 3, 3); ``source`` names them in messages."""
     if np.any(np.abs(np.linalg.norm(q, axis=-1) - 1) > _QUATERNION_LENGTH_ERROR):
-        raise InputError(f"{place}: a quaternion is not of length one")
+        raise InputError(f"{source}: a quaternion is not of length one")
     return matrix_from_quaternion(q)
 
 
@@ -76,24 +79,25 @@ def _read_aem(path: Path, epoch: Epoch) -> tuple[FloatArray, FloatArray]:
     known = {"ATTITUDE_TYPE": ("QUATERNION", "QUATERNION/DERIVATIVE", "QUATERNION/ANGVEL")}
     rows = {line.t_s: _attitude(line) for line in data_lines(path, "AEM", epoch, known)}
     if not rows:
-        raise InputError(f"{path}: has no attitudes")
+        raise InputError(f"{path}: contains no attitudes")
     instants = sorted(rows)
     return np.array(instants), np.stack([rows[instant] for instant in instants])
 
 
 def _attitude(line: DataLine) -> FloatArray:
-    """(3, 3) GCRF axes from the body's, of one line of an AEM.
+    """Return the (3, 3) rotation from body axes to GCRF axes of one line of an AEM.
 
-    A quaternion from frame A to frame B gives x_B = M x_A, M the matrix of a turn of axes (504.0-B-2,
-    annex): so as a turn of vectors it is A's axes from B's. The first issue names the direction and
-    the place of the scalar; the second has A to B, and the scalar last.
+    A quaternion from axes A to axes B gives x_B = M x_A, where M is the matrix of a rotation of axes
+    (504.0-B-2, annex). As a rotation of vectors it therefore takes components in B to components in A.
+    The first issue states the direction and the position of the scalar; in the second the direction is
+    always A to B and the scalar is last.
     """
     if len(line.numbers) < 4:
-        raise InputError(f"{line.place}: an attitude has an epoch and at least 4 numbers")
+        raise InputError(f"{line.source}: an attitude is an epoch and at least 4 numbers")
     q = line.numbers[:4]
     if line.meta.get("QUATERNION_TYPE", "LAST") == "LAST":
         q = np.roll(q, 1)
-    R_a_from_b = _rotations(q, line.place)
+    R_a_from_b = _rotations(q, line.source)
     frames = [line.meta.get(f"REF_FRAME_{letter}", "missing") for letter in "AB"]
     if line.meta.get("ATTITUDE_DIR", "A2B") == "B2A":
         R_a_from_b = R_a_from_b.T
@@ -102,7 +106,7 @@ def _attitude(line: DataLine) -> FloatArray:
     inertial, body = frames
     if inertial not in _INERTIAL or not body.startswith(("SC_BODY", "CAMERA", "INSTRUMENT")):
         raise InputError(
-            f"{line.place}: the attitude is between {frames[0]} and {frames[1]}; known here is one of"
+            f"{line.source}: the attitude is between {frames[0]} and {frames[1]}; supported is one of"
             f" {', '.join(_INERTIAL)} with SC_BODY, CAMERA or INSTRUMENT"
         )
     return R_GCRF_FROM_EME2000 @ R_a_from_b if inertial in ("EME2000", "J2000") else R_a_from_b

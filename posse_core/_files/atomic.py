@@ -1,4 +1,4 @@
-"""Files that are either complete or not there."""
+"""Writing files atomically: a file is either complete or not there."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 PARTIAL = ".partial"
-"""Ends the name of a file being written; one left over is of a process that was killed."""
+"""Suffix of a file that is being written. One that is left over is from a process that was killed."""
 
-_PART_BYTES = 1 << 20
-"""Read at a time; hashlib's own file_digest fills a buffer for each file, which small ones wait for."""
+_CHUNK_BYTES = 1 << 20
+"""Bytes read at a time. ``hashlib.file_digest`` is slower for small files: it fills a large buffer."""
 
 
 @contextlib.contextmanager
 def atomic_file(path: Path) -> Iterator[BinaryIO]:
-    """A binary file to write to, which takes its name only when the block ends without an error.
+    """Open a binary file for writing; it gets its name only when the block ends without an error.
 
-    So a reader finds the whole file, or the one that was there before, or none. What the block wrote is
-    on the disk before the name changes::
+    A reader therefore finds the complete new file, the file that was there before, or none. The content
+    is flushed to disk before the file is renamed::
 
         with atomic_file(folder / "ranges.json") as file:
             file.write(json.dumps(ranges).encode())
 
     Raises:
-        OSError: the folder does not exist, or the disk is full.
+        OSError: The folder does not exist, or the disk is full.
     """
     descriptor, temporary = tempfile.mkstemp(PARTIAL, f".{path.name}.", path.parent)
     try:
@@ -46,24 +46,24 @@ def atomic_file(path: Path) -> Iterator[BinaryIO]:
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write a whole file, atomically."""
+    """Write a complete file atomically."""
     with atomic_file(path) as stream:
         stream.write(data)
 
 
 def write_json(path: Path, value: Any) -> None:
-    """Write JSON, atomically; NaN is refused, since JSON has none."""
+    """Write a JSON file atomically. NaN raises ValueError, since JSON cannot represent it."""
     text = json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False)
     write_bytes(path, (text + "\n").encode())
 
 
 def sha256(path: Path | str) -> str:
-    """Hexadecimal SHA-256 of a file."""
+    """Return the hexadecimal SHA-256 digest of a file."""
     digest = hashlib.sha256()
-    descriptor = os.open(path, os.O_RDONLY)  # Python's own files take half as long again to open
+    descriptor = os.open(path, os.O_RDONLY)  # faster than open() for many small files
     try:
-        while part := os.read(descriptor, _PART_BYTES):
-            digest.update(part)
+        while chunk := os.read(descriptor, _CHUNK_BYTES):
+            digest.update(chunk)
     finally:
         os.close(descriptor)
     return digest.hexdigest()

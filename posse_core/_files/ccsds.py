@@ -1,6 +1,6 @@
-"""CCSDS navigation messages in keyword notation: blocks, data lines and epochs.
+"""CCSDS navigation messages in keyword notation: metadata blocks, data lines and epochs.
 
-What Orbit Ephemeris Messages (502.0-B-3) and Attitude Ephemeris Messages (504.0-B-2) share.
+Orbit Ephemeris Messages (CCSDS 502.0-B-3) and Attitude Ephemeris Messages (504.0-B-2) share this syntax.
 """
 
 from __future__ import annotations
@@ -18,25 +18,25 @@ from posse_core._environment.time import SECONDS_PER_DAY, Epoch
 from posse_core._errors import InputError
 
 TIME_SYSTEMS = ("UTC", "TAI", "TT", "GPS")
-_AFTER_TAI_S = {"TAI": 0.0, "TT": 32.184, "GPS": -19.0}
+_MINUS_TAI_S = {"TAI": 0.0, "TT": 32.184, "GPS": -19.0}
 _DATE = re.compile(
     r"(\d{4})-(?:(\d{3})|(\d\d)-(\d\d))T(\d\d):(\d\d):(\d\d(?:\.\d*)?)Z?"
-)  # both of CCSDS 301.0-B-4's calendar forms
+)  # both calendar forms of CCSDS 301.0-B-4
 _FRAMING = ("DATA_START", "DATA_STOP")
 
 
 @dataclass(frozen=True)
 class DataLine:
-    """One line of data.
+    """One data line of a message.
 
     Attributes:
-        place: file and line, for messages.
-        meta: the block of keywords that it stands under, values in upper case.
-        t_s: SI seconds after the epoch that was asked for.
-        numbers: what follows the line's epoch, finite.
+        source: file and line number, for error messages.
+        meta: keywords and values of the metadata block that the line belongs to, values in upper case.
+        t_s: SI seconds after the epoch that the caller gave.
+        numbers: the finite numbers after the line's epoch.
     """
 
-    place: str
+    source: str
     meta: Mapping[str, str]
     t_s: float
     numbers: FloatArray
@@ -45,16 +45,17 @@ class DataLine:
 def data_lines(
     path: Path, message: str, epoch: Epoch, known: Mapping[str, Sequence[str]]
 ) -> Iterator[DataLine]:
-    """Data lines of a message, in the file's order; comments and covariances are passed over.
+    """Yield the data lines of a message in the file's order, without comments and covariances.
 
     Args:
+        path: the message file.
         message: ``OEM`` or ``AEM``.
-        epoch: of t_s = 0.
-        known: keyword → the values that the caller can use; each must stand in every block.
+        epoch: the instant of t_s = 0.
+        known: keyword → values that the caller accepts. Every metadata block must have each keyword.
 
     Raises:
-        InputError: another kind of file, or a line or keyword that cannot be used; the message has
-            file and line.
+        InputError: The file is of another kind, or has a line or keyword that cannot be used; the
+            message names the file and the line.
     """
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
@@ -67,13 +68,13 @@ def data_lines(
     meta: dict[str, str] = {}
     inside = skipping = False
     for number, line in enumerate(lines, 1):
-        text, place = line.strip(), f"{path}, line {number}"
+        text, source = line.strip(), f"{path}, line {number}"
         if not text or text.startswith("COMMENT") or text in _FRAMING:
             continue
         if text == "META_START":
             meta, inside = {}, True
         elif text == "META_STOP":
-            _check_meta(meta, {"TIME_SYSTEM": TIME_SYSTEMS, **known}, place)
+            _check_meta(meta, {"TIME_SYSTEM": TIME_SYSTEMS, **known}, source)
             inside = False
         elif text in ("COVARIANCE_START", "COVARIANCE_STOP"):
             skipping = text == "COVARIANCE_START"
@@ -82,45 +83,45 @@ def data_lines(
             if inside:
                 meta[key.strip()] = value.strip().upper()
         elif not skipping:
-            yield _data_line(text, meta, epoch, place)
+            yield _data_line(text, meta, epoch, source)
 
 
-def _check_meta(meta: Mapping[str, str], known: Mapping[str, Sequence[str]], place: str) -> None:
+def _check_meta(meta: Mapping[str, str], known: Mapping[str, Sequence[str]], source: str) -> None:
     for key, values in known.items():
         if meta.get(key) not in values:
             given = repr(meta[key]) if key in meta else "missing"
-            raise InputError(f"{place}: {key} is {given}; known here: {', '.join(values)}")
+            raise InputError(f"{source}: {key} is {given}; supported values: {', '.join(values)}")
 
 
-def _data_line(text: str, meta: Mapping[str, str], epoch: Epoch, place: str) -> DataLine:
+def _data_line(text: str, meta: Mapping[str, str], epoch: Epoch, source: str) -> DataLine:
     if not meta:
-        raise InputError(f"{place}: data before any META block")
+        raise InputError(f"{source}: data line before the first META block")
     words = text.split()
     try:
         numbers = np.array([float(word) for word in words[1:]])
     except ValueError:
         numbers = np.array([np.nan])
     if not np.all(np.isfinite(numbers)):
-        raise InputError(f"{place}: a line of data is an epoch and finite numbers")
-    return DataLine(place, meta, _seconds(words[0], meta["TIME_SYSTEM"], epoch, place), numbers)
+        raise InputError(f"{source}: a data line must be an epoch followed by finite numbers")
+    return DataLine(source, meta, _seconds(words[0], meta["TIME_SYSTEM"], epoch, source), numbers)
 
 
-def _seconds(text: str, system: str, epoch: Epoch, place: str) -> float:
+def _seconds(text: str, system: str, epoch: Epoch, source: str) -> float:
     match = _DATE.fullmatch(text)
     if match is None:
-        raise InputError(f"{place}: the epoch {text!r} is not of the form 2022-01-31T02:02:27.58")
+        raise InputError(f"{source}: the epoch {text!r} is not of the form 2022-01-31T02:02:27.58")
     year, day_of_year, month, day, hour, minute = (int(part or 0) for part in match.groups()[:6])
     if day_of_year:
         month, day = 1, 1
     scale = b"UTC" if system == "UTC" else b"TAI"
     jd1, jd2, status = erfa.ufunc.dtf2d(scale, year, month, day, hour, minute, float(match[7]))
     if status < 0:
-        raise InputError(f"{place}: the epoch {text!r} does not exist")
+        raise InputError(f"{source}: the epoch {text!r} does not exist")
     jd1 = jd1 + max(day_of_year - 1, 0)
-    after_s = 0.0
+    minus_tai_s = 0.0
     if system == "UTC":
         jd1, jd2, _ = erfa.ufunc.utctai(jd1, jd2)
     else:
-        after_s = _AFTER_TAI_S[system]
+        minus_tai_s = _MINUS_TAI_S[system]
     tai1, tai2, _ = erfa.ufunc.utctai(epoch.jd1_utc, epoch.jd2_utc)
-    return float(((jd1 - tai1) + (jd2 - tai2)) * SECONDS_PER_DAY - after_s)
+    return float(((jd1 - tai1) + (jd2 - tai2)) * SECONDS_PER_DAY - minus_tai_s)

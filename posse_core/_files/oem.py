@@ -18,11 +18,11 @@ FRAMES = ("GCRF", "ICRF", "EME2000", "J2000", "TEME")
 
 @dataclass(frozen=True)
 class Ephemeris:
-    """An object's path.
+    """The path of an object.
 
     Attributes:
-        t_s: (F,) SI seconds after the epoch that was asked for, increasing.
-        r_eci_m, v_eci_m_s: (F, 3) GCRF axes.
+        t_s: (F,) SI seconds after the epoch that the caller gave, increasing.
+        r_eci_m, v_eci_m_s: (F, 3) position [m] and velocity [m/s] in GCRF axes.
     """
 
     t_s: FloatArray
@@ -31,24 +31,25 @@ class Ephemeris:
 
 
 def read_oem(path: Path, epoch: Epoch) -> Ephemeris:
-    """Read all segments of an OEM; where two meet at one instant, the later one's state stands.
+    """Read all segments of an OEM. Where two segments share an instant, the later one's state is used.
 
     Args:
-        epoch: of t_s = 0.
+        path: the OEM file.
+        epoch: the instant of t_s = 0.
 
     Raises:
-        InputError: not an OEM in keyword notation, or a frame, centre or time system that is not
-            known here; the message has file and line.
+        InputError: The file is not an OEM in keyword notation, or its axes, centre or time system are
+            not supported; the message names the file and the line.
     """
     rows: dict[float, FloatArray] = {}
     known = {"CENTER_NAME": ("EARTH",), "REF_FRAME": FRAMES}
     for line in data_lines(path, "OEM", epoch, known):
         if len(line.numbers) not in (6, 9):
-            raise InputError(f"{line.place}: a state has an epoch and 6 numbers (km, km/s), or 9")
+            raise InputError(f"{line.source}: a state is an epoch and 6 numbers (km, km/s), or 9")
         r_and_v = line.numbers[:6].reshape(2, 3) * 1e3
         rows[line.t_s] = (r_and_v @ _R_gcrf_from(line.meta["REF_FRAME"], epoch, line.t_s).T).ravel()
     if not rows:
-        raise InputError(f"{path}: has no states")
+        raise InputError(f"{path}: contains no states")
     instants = sorted(rows)
     states = np.stack([rows[instant] for instant in instants])
     return Ephemeris(np.array(instants), states[:, :3], states[:, 3:])

@@ -1,7 +1,7 @@
-"""Where a dataset's files lie: a folder of this machine, or of a network store that fsspec knows.
+"""Stores hold the files of a dataset: in a folder on this machine, or in a network store through fsspec.
 
-A file is named by its path in the dataset, as in ``images/000012.png``. It is either whole or not
-there, in both.
+A file is named by its path in the dataset, such as ``images/000012.png``. In both kinds of store a file
+is either complete or not there.
 """
 
 from __future__ import annotations
@@ -19,46 +19,54 @@ from posse_core._files.atomic import sha256, write_bytes
 
 
 class Store(ABC):
-    """Files by name.
+    """Reads and writes the files of one dataset by their names.
 
     Attributes:
-        name: as the user wrote it.
-        readers: threads that read best. A few do not help with files that memory holds, nor do they
-            harm; of a disk, as of a network store, answers are waited for together.
+        location: the folder or URL, as the user wrote it.
+        read_threads: number of threads that reads many files fastest. Several threads overlap the time
+            spent waiting for a disk or a network.
     """
 
-    name: str
-    readers: int
+    location: str
+    read_threads: int
 
     @abstractmethod
     def read(self, name: str) -> bytes:
-        """A file's content.
+        """Return the content of a file.
 
         Raises:
-            FileNotFoundError: there is none.
-            StoreError: a network store refuses.
+            FileNotFoundError: There is no such file.
+            StoreError: The network store refuses.
         """
 
     @abstractmethod
     def write(self, name: str, data: bytes) -> None:
-        """Write a whole file; raises OSError or, of a network store, StoreError."""
+        """Write a complete file.
+
+        Raises:
+            OSError: The disk refuses.
+            StoreError: The network store refuses.
+        """
 
     @abstractmethod
     def sha256(self, name: str) -> str:
-        """Hexadecimal digest of a file; raises as :meth:`read`."""
+        """Return the hexadecimal SHA-256 digest of a file; it raises the same errors as :meth:`read`."""
 
     @abstractmethod
     def local_copy(self, name: str) -> contextlib.AbstractContextManager[Path]:
-        """A path with the file's content, for the length of a block; raises as :meth:`read`."""
+        """Give a local path to the file's content, valid within the block.
+
+        It raises the same errors as :meth:`read`.
+        """
 
 
 class LocalStore(Store):
-    """A folder of this machine."""
+    """Stores a dataset in a folder on this machine."""
 
-    readers = 4
+    read_threads = 4
 
     def __init__(self, folder: Path) -> None:
-        self.name = str(folder)
+        self.location = str(folder)
         self._folder = folder
 
     def read(self, name: str) -> bytes:
@@ -76,47 +84,59 @@ class LocalStore(Store):
 
 
 class RemoteStore(Store):
-    """A folder of a network store, as in ``s3://bucket/folder``; credentials as for its own tools."""
+    """Stores a dataset in a folder of a network store, such as ``s3://bucket/folder``.
 
-    readers = 16
+    Credentials are found in the same way as by the store's own tools.
+    """
+
+    read_threads = 16
 
     def __init__(self, url: str) -> None:
-        self.name = url.rstrip("/")
+        self.location = url.rstrip("/")
         try:
             import fsspec
 
             self._files: Any
-            self._files, self._root = fsspec.url_to_fs(self.name, use_listings_cache=False)
+            self._files, self._root = fsspec.url_to_fs(self.location, use_listings_cache=False)
         except ImportError as error:
             raise InputError(
-                f"{url}: {error}; 'pip install posse-core[s3]' brings what s3:// needs"
+                f"{url}: {error}; 'pip install posse-core[s3]' installs what s3:// needs"
             ) from None
         except ValueError as error:
             raise InputError(f"{url}: {error}") from None
 
     def read(self, name: str) -> bytes:
-        with self._explained("read"):
+        with self._explain_errors("read"):
             data: bytes = self._files.cat_file(f"{self._root}/{name}")
         return data
 
     def write(self, name: str, data: bytes) -> None:
-        with self._explained("written to"):
+        with self._explain_errors("written to"):
             self._files.pipe_file(f"{self._root}/{name}", data)
 
     def create(self, name: str, data: bytes) -> None:
-        """Write a file that is not there yet; raises FileExistsError where it is."""
-        with self._explained("written to"):
+        """Write a new file.
+
+        Raises:
+            FileExistsError: The file exists already.
+            StoreError: The store refuses.
+        """
+        with self._explain_errors("written to"):
             self._files.pipe_file(f"{self._root}/{name}", data, mode="create")
 
     def delete(self, name: str) -> None:
-        """Remove a file; none may be there."""
-        with self._explained("written to"), contextlib.suppress(FileNotFoundError):
+        """Delete a file, if there is one.
+
+        Raises:
+            StoreError: The store refuses.
+        """
+        with self._explain_errors("written to"), contextlib.suppress(FileNotFoundError):
             self._files.rm_file(f"{self._root}/{name}")
 
     def names(self, folder: str = "") -> list[str]:
-        """Names of the files straight in a folder, sorted."""
+        """Return the sorted names of the files directly in a folder, without those of its subfolders."""
         path = f"{self._root}/{folder}".rstrip("/")
-        with self._explained("read"):
+        with self._explain_errors("read"):
             try:
                 found = self._files.ls(path, detail=True)
             except FileNotFoundError:
@@ -135,25 +155,28 @@ class RemoteStore(Store):
             yield path
 
     @contextlib.contextmanager
-    def _explained(self, what: str) -> Iterator[None]:
+    def _explain_errors(self, action: str) -> Iterator[None]:
+        """Turn the errors of the store's library into StoreError; ``action`` completes "cannot be …"."""
         try:
             yield
         except FileExistsError:
             raise
         except FileNotFoundError as error:
-            if what == "read":
+            if action == "read":
                 raise
-            raise StoreError(f"{self.name}: there is no such bucket ({error}); make it first") from None
-        except Exception as error:  # each store's library has errors of its own
+            raise StoreError(
+                f"{self.location}: there is no such bucket ({error}); create it first"
+            ) from None
+        except Exception as error:  # every store's library has its own exception classes
             reason = " ".join(str(error).split()) or type(error).__name__
-            raise StoreError(f"{self.name}: cannot be {what} ({reason})") from None
+            raise StoreError(f"{self.location}: cannot be {action} ({reason})") from None
 
 
-def is_remote(name: str) -> bool:
-    """Whether a dataset's name is that of a network store."""
-    return "://" in name
+def is_remote(location: str) -> bool:
+    """Say whether a dataset's location is the URL of a network store."""
+    return "://" in location
 
 
-def open_store(name: str) -> Store:
-    """The store of this name: a path, or a URL."""
-    return RemoteStore(name) if is_remote(name) else LocalStore(Path(name))
+def open_store(location: str) -> Store:
+    """Open the store at a location: the path of a folder, or a URL."""
+    return RemoteStore(location) if is_remote(location) else LocalStore(Path(location))

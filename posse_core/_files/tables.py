@@ -1,12 +1,12 @@
-"""Arrays over time, by name, in a file: ``.npz`` or ``.csv``.
+"""Tables: named arrays over time in an ``.npz`` or ``.csv`` file.
 
-Names say the shape: ``r_…``, ``v_…`` and ``omega_…`` are vectors (F, 3), ``q_…`` quaternions (F, 4) with
-the scalar first, all others (F,). In a CSV file, with a row an instant, a vector's columns end in
-``_x _y _z`` and a quaternion's in ``_w _x _y _z``. ``epoch_utc`` is the instant of t_s = 0; a CSV has
-it in each row.
+An array's name determines its shape: ``r_…``, ``v_…`` and ``omega_…`` are vectors (F, 3), ``q_…`` are
+quaternions (F, 4) with the scalar first, and all others are (F,). A CSV file has one row per instant;
+the columns of a vector end in ``_x _y _z`` and those of a quaternion in ``_w _x _y _z``. ``epoch_utc``
+is the instant of t_s = 0; a CSV file repeats it in every row.
 
-Extras are arrays (F, ...) of any shape. They stand under ``extra_`` and their name; in a CSV file each
-number of a row has a column of its own, such as ``extra_torque_n_m[0]``.
+Extras are arrays (F, ...) of any shape. A file holds them under ``extra_`` and their name; in a CSV file
+each number of a row has its own column, such as ``extra_torque_n_m[0]``.
 """
 
 from __future__ import annotations
@@ -34,12 +34,13 @@ _EXTRA_COLUMN = re.compile(rf"{_EXTRA}(\w+?)((?:\[\d+\])*)")
 
 @dataclass(frozen=True)
 class Table:
-    """What a file held of the names that were asked for.
+    """The requested arrays of a file.
 
     Attributes:
-        epoch_utc: ISO 8601, or None where the file has none.
-        arrays: by name; all of F ≥ 1 rows, finite.
-        extras: the file's extras by name, where they were asked for; (F, ...), finite.
+        path: the file.
+        epoch_utc: ISO 8601, or None where the file has no epoch.
+        arrays: arrays by name; all are finite and have the same number of rows F ≥ 1.
+        extras: extras by name, (F, ...) and finite; empty where they were not requested.
     """
 
     path: Path
@@ -49,19 +50,21 @@ class Table:
 
     def __getitem__(self, name: str) -> FloatArray:
         if name not in self.arrays:
-            raise InputError(f"{self.path} has no {name!r}; files of 'posse propagate' have")
+            raise InputError(f"{self.path} has no {name!r}; files made by 'posse propagate' have it")
         return self.arrays[name]
 
 
 def read_table(path: Path, names: Collection[str], *, extras: bool = False) -> Table:
-    """Read those of ``names`` that a file has, and leave the rest of it alone.
+    """Read those of the named arrays that a file has, and ignore the others in the file.
 
     Args:
-        extras: read all extras too.
+        path: an ``.npz`` or ``.csv`` file.
+        names: the arrays to read.
+        extras: whether to read all extras too.
 
     Raises:
-        InputError: the file is missing or of another kind, has none of the names, or an array has
-            another shape, another length than the others, or a value that is no finite number.
+        InputError: The file is missing or of another kind, has none of the names, or has an array of
+            another shape, of another length than the others, or with a value that is not finite.
     """
     try:
         match path.suffix:
@@ -96,10 +99,10 @@ def _shape(name: str, frames: int) -> tuple[int, ...]:
 
 def _checked(array: AnyArray, shape: tuple[int, ...], name: str, path: Path) -> FloatArray:
     if array.shape != shape or array.dtype.kind not in "fiu":
-        raise InputError(f"{path}: {name} has shape {array.shape}; {shape} of numbers is needed")
+        raise InputError(f"{path}: {name} has shape {array.shape}, but must be numbers of shape {shape}")
     numbers = array.astype(np.float64)
     if numbers.size == 0 or not np.all(np.isfinite(numbers)):
-        raise InputError(f"{path}: {name} is empty or has a value that is no finite number")
+        raise InputError(f"{path}: {name} is empty or has a value that is not a finite number")
     return numbers
 
 
@@ -109,14 +112,16 @@ def write_table(
     arrays: Mapping[str, AnyArray],
     extras: Mapping[str, FloatArray] | None = None,
 ) -> None:
-    """Write arrays of F rows, atomically; every number is read back to the bit.
+    """Write arrays of F rows atomically. Reading them returns every number equal to the bit.
 
     Args:
-        arrays: their names say their shapes.
-        extras: (F, ...) each.
+        path: an ``.npz`` or ``.csv`` file.
+        epoch_utc: the instant of t_s = 0, ISO 8601.
+        arrays: arrays by name; the names determine the shapes.
+        extras: extras by name, (F, ...) each.
 
     Raises:
-        InputError: the file's name ends in neither ``.npz`` nor ``.csv``.
+        InputError: The file's name ends in neither ``.npz`` nor ``.csv``.
     """
     more = {_EXTRA + name: array for name, array in (extras or {}).items()}
     match path.suffix:
@@ -140,12 +145,12 @@ def write_table(
 
 
 def _columns(name: str) -> list[str]:
-    """Names of the columns that an array takes in a CSV file."""
+    """Return the names of an array's columns in a CSV file."""
     return [name + suffix for suffix in _SUFFIXES.get(name.split("_")[0], ("",))]
 
 
 def _suffixes(shape: tuple[int, ...]) -> list[str]:
-    """What an extra of this shape in each row adds to its name, for each of its columns."""
+    """Return the suffixes of the CSV columns of an extra that has this shape in each row."""
     return ["".join(f"[{k}]" for k in index) for index in np.ndindex(shape)]
 
 
@@ -164,31 +169,33 @@ def _read_npz(path: Path, names: Collection[str], extras: bool) -> _Read:
 def _read_csv(path: Path, names: Collection[str], extras: bool) -> _Read:
     with open(path, newline="", encoding="utf-8") as stream:
         header, *rows = [row for row in csv.reader(stream, skipinitialspace=True) if row] or [[]]
-    places = {column: place for place, column in enumerate(header)}
+    index_of = {column: index for index, column in enumerate(header)}
 
     def column_of(name: str) -> FloatArray:
-        return _numbers(rows, name, places[name], path)
+        return _numbers(rows, name, index_of[name], path)
 
     arrays: dict[str, AnyArray] = {}
     for name in names:
         columns = _columns(name)
-        if all(column in places for column in columns):
+        if all(column in index_of for column in columns):
             parts = [column_of(column) for column in columns]
             arrays[name] = np.stack(parts, axis=-1) if len(parts) > 1 else parts[0]
     more: dict[str, AnyArray] = {}
     for name, shape in (_extra_shapes(header) if extras else {}).items():
         wanted = [_EXTRA + name + suffix for suffix in _suffixes(shape)]
-        missing = next((column for column in wanted if column not in places), None)
+        missing = next((column for column in wanted if column not in index_of), None)
         if missing is not None:
-            raise InputError(f"{path} has no column {missing!r}, and others of {_EXTRA + name}")
+            raise InputError(
+                f"{path} has no column {missing!r}, although it has others of {_EXTRA + name}"
+            )
         parts = [column_of(column) for column in wanted]
         more[name] = np.stack(parts, axis=-1).reshape(len(rows), *shape)
-    epoch_utc = rows[0][places["epoch_utc"]] if rows and "epoch_utc" in places else None
+    epoch_utc = rows[0][index_of["epoch_utc"]] if rows and "epoch_utc" in index_of else None
     return epoch_utc, arrays, more
 
 
 def _extra_shapes(header: list[str]) -> dict[str, tuple[int, ...]]:
-    """By the names of a CSV file's columns: each extra's shape in a row, which its last index tells."""
+    """Return the shape of each extra in a row, derived from the last index among its column names."""
     shapes: dict[str, tuple[int, ...]] = {}
     for column in header:
         if match := _EXTRA_COLUMN.fullmatch(column):
@@ -196,14 +203,14 @@ def _extra_shapes(header: list[str]) -> dict[str, tuple[int, ...]]:
     return shapes
 
 
-def _numbers(rows: list[list[str]], column: str, place: int, path: Path) -> FloatArray:
+def _numbers(rows: list[list[str]], column: str, index: int, path: Path) -> FloatArray:
     try:
-        return np.array([row[place] for row in rows], dtype=np.float64)
+        return np.array([row[index] for row in rows], dtype=np.float64)
     except IndexError:
-        raise InputError(f"{path}: a row is too short for the column {column!r}") from None
+        raise InputError(f"{path}: a row has no value in column {column!r}") from None
     except ValueError as error:
         raise InputError(f"{path}: column {column!r}: {error}") from None
 
 
 def _unknown_suffix(path: Path) -> InputError:
-    return InputError(f"{path}: the name of a trajectory ends in .npz or .csv")
+    return InputError(f"{path}: the name of a trajectory file must end in .npz or .csv")

@@ -1,4 +1,4 @@
-"""Text, CSV and JSON written piece by piece, so that memory does not grow with the frames."""
+"""Writing text, CSV and JSON item by item, so that memory does not grow with the number of frames."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from posse_core._files.atomic import atomic_file
 
 @contextlib.contextmanager
 def text_file(path: Path) -> Iterator[TextIO]:
-    """A UTF-8 text file that takes its name only when the block ends without an error."""
+    """Open a UTF-8 text file for writing; it gets its name only when the block ends without an error."""
     with atomic_file(path) as stream:
         text = io.TextIOWrapper(stream, encoding="utf-8", newline="")
         yield text
@@ -24,7 +24,7 @@ def text_file(path: Path) -> Iterator[TextIO]:
 
 
 def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
-    """Write a table with its header, atomically."""
+    """Write a table with a header row atomically."""
     with text_file(path) as text:
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(columns)
@@ -32,7 +32,7 @@ def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]])
 
 
 def write_items(text: TextIO, items: Iterable[Any]) -> None:
-    """Write a JSON list, one item a line."""
+    """Write a JSON list with one item per line."""
     text.write("[")
     for i, item in enumerate(items):
         text.write(",\n" if i else "\n")
@@ -41,7 +41,7 @@ def write_items(text: TextIO, items: Iterable[Any]) -> None:
 
 
 def write_members(text: TextIO, members: Iterable[tuple[str, Any]]) -> None:
-    """Write a JSON object, one member a line."""
+    """Write a JSON object with one member per line."""
     text.write("{")
     for i, (key, value) in enumerate(members):
         text.write(",\n" if i else "\n")

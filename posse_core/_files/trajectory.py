@@ -1,4 +1,4 @@
-"""Files of trajectories."""
+"""Saving and loading trajectories."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from posse_core._model.trajectory import TRAJECTORY_ARRAYS, Trajectory
 
 
 def save_trajectory(trajectory: Trajectory, path: Path) -> None:
-    """Write ``.npz`` or ``.csv`` with the fields of :class:`Trajectory` by name (see ``tables``).
+    """Write the fields of a :class:`Trajectory` to an ``.npz`` or ``.csv`` file (see ``tables``).
 
     Raises:
-        InputError: the name ends otherwise.
+        InputError: The file's name has another suffix.
     """
     write_table(path, trajectory.epoch_utc, trajectory.arrays(), trajectory.extras)
 
 
 def load_trajectory(path: Path) -> Trajectory:
-    """Read what :func:`save_trajectory` wrote, to the bit.
+    """Read a file that :func:`save_trajectory` wrote; every number is equal to the bit.
 
     Raises:
-        InputError: the file is missing, of another kind, lacks a field, or has a value that is no
+        InputError: The file is missing or of another kind, lacks a field, or has a value that is not a
             finite number; the message names the file and the field.
     """
     table = read_table(path, TRAJECTORY_ARRAYS, extras=True)
     if table.epoch_utc is None:
-        raise InputError(f"{path} has no 'epoch_utc'; files of 'posse propagate' have")
+        raise InputError(f"{path} has no 'epoch_utc'; files made by 'posse propagate' have it")
     arrays: dict[str, AnyArray] = {name: table[name] for name in TRAJECTORY_ARRAYS}
     arrays["sequence"] = arrays["sequence"].astype(np.int64)
     return Trajectory(epoch_utc=table.epoch_utc, **arrays, extras=table.extras)

@@ -64,7 +64,7 @@ class Lease:
     def check(self) -> None:
         """Raises InputError where another run has taken the place."""
         if self._taken:
-            raise InputError(f"{self._store.name}: another run has taken over; this one ends")
+            raise InputError(f"{self._store.location}: another run has taken over; this one ends")
 
     def _outwait(self) -> None:
         """Remove the lock of a run that has died."""
@@ -75,7 +75,7 @@ class Lease:
                 time.sleep(RENEW_S / 3)
                 if self._store.read(LOCK) != before:
                     raise InputError(
-                        f"{self._store.name}: another run is writing there; wait for it to end"
+                        f"{self._store.location}: another run is writing there; wait for it to end"
                     )
             self._store.delete(LOCK)
 

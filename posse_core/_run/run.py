@@ -140,13 +140,13 @@ class _Run:
         frames = len(self._plan.trajectory)
         self._log = LabelLog(self._folder, frames)
         store = self._place.store
-        done = self._log.recover(store.sha256, store.readers)
+        done = self._log.recover(store.sha256, store.read_threads)
         todo = [index for index in range(frames) if index not in done]
         if todo or not self._is_complete():
             (self._folder / MANIFEST).unlink(missing_ok=True)
             self._place.save()
             self._plugins.notify("posse_run_started", dataset=self._folder, frames=frames)
-            results = executor.run(partial(RunWorker, self._place.store.name), todo)
+            results = executor.run(partial(RunWorker, self._place.store.location), todo)
             awaited = set(todo)
             for result in progress(results, frames, len(done)):
                 awaited.discard(result.index)

@@ -130,7 +130,7 @@ def test_the_record_itself_is_returned(tmp_path_factory: pytest.TempPathFactory,
     [
         ("CCSDS_OEM_VERS = 2.0\n", "CCSDS_AEM_VERS"),
         (message([]), "no attitudes"),
-        (message(["2022-01-31T02:02:00 0 0 1"]), "line 13: an attitude has"),
+        (message(["2022-01-31T02:02:00 0 0 1"]), "line 13: an attitude is"),
         (message(["2022-01-31T02:02:00 0 0 0 one"]), "line 13: .*finite numbers"),
         (message(["yesterday 0 0 0 1"]), "line 13: the epoch 'yesterday'"),
         (message(["2022-01-31T02:02:00 0 0 0 2"]), "line 13: a quaternion is not of length one"),

@@ -120,7 +120,7 @@ def test_other_files_are_refused_in_one_line(tmp_path):
     refused("not a safetensors file; nothing is loaded by pickle: python -c", b"PK", name="x.pth")
     refused("not a safetensors file$", b"junk")
     refused("has no 'conv1.weight'", {"stem.weight": torch.zeros(1)})
-    refused("not of three colours", {**tensors, "conv1.weight": torch.zeros(64, 1, 7, 7)})
+    refused("three input colours", {**tensors, "conv1.weight": torch.zeros(64, 1, 7, 7)})
     refused("set the option depth", tensors, depth=50)
 
 

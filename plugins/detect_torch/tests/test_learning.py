@@ -121,7 +121,7 @@ def test_a_training_that_cannot_begin_leaves_nothing_behind(detector, dataset, p
     arguments = ("train", dataset.folder, "--detector", detector, "--out", out, "-o", "input_px=64")
     code, _, error = posse(*arguments, "-o", f"start={strange}")
     assert code == 2
-    assert "none of its tensors is one of this net" in error
+    assert "none of its tensors fits this network" in error
     assert not list(out.glob("*"))
 
 
@@ -324,7 +324,7 @@ def test_a_checkpoint_of_another_net_and_unknown_classes_are_refused(
     image = strange.folder / strange[0].image
     code, _, error = posse("detect", image, "--model", tmp_path / "other.safetensors")
     assert code == 2
-    assert "not those of this net" in error
+    assert "do not fit this network" in error
     code, _, error = posse("eval", strange.folder, "--model", trained, "--part", "all")
     assert code == 2
     assert "does not know disc" in error

@@ -1,6 +1,6 @@
 """Detectors of POSSE by PyTorch, and :class:`PoseDataset`.
 
-Importing this module imports no torch; its names do, when they are first used.
+Importing this module does not import torch; torch is imported when a name is first used.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Augmentation of grey pictures, 0 … 1 in linear light; every draw comes from the generator given.
+"""Augmentation of grey pictures (0 … 1, linear in radiance); all random numbers come from the caller.
 
-A picture is turned and zoomed but never mirrored: a mirrored spacecraft is another one.
+A picture is rotated and zoomed but never mirrored, since the mirror image shows a different spacecraft.
 """
 
 from __future__ import annotations
@@ -18,14 +18,16 @@ Random = np.random.Generator
 def random_view(
     random: Random, size_px: int, zoom: tuple[float, float], shift: float, angle_rad: float
 ) -> FloatArray:
-    """(2, 3) affine map of a square, which turns and zooms it about its middle and then shifts it.
+    """Return a (2, 3) affine map that rotates and zooms a square about its centre and then shifts it.
 
-    It maps the square's own coordinates, in which pixel (0, 0) reaches from 0 to 1.
+    The map acts on pixel coordinates in which pixel (0, 0) extends from 0 to 1.
 
     Args:
-        zoom: least and greatest, drawn evenly in its logarithm.
-        shift: greatest, in sides of the square.
-        angle_rad: of the turn; quarters keep boxes tight.
+        random: the random generator.
+        size_px: side of the square.
+        zoom: smallest and largest zoom; the logarithm of the zoom is drawn uniformly.
+        shift: largest shift, as a share of the square's side.
+        angle_rad: angle of rotation; boxes stay tight at multiples of 90°.
     """
     scale = np.exp(random.uniform(*np.log(zoom)))
     cosine, sine = scale * np.cos(angle_rad), scale * np.sin(angle_rad)
@@ -35,31 +37,34 @@ def random_view(
 
 
 def warp(picture: Float32Array, view: FloatArray) -> Float32Array:
-    """(S, S) picture seen through a view; black where the picture does not reach."""
+    """Apply an affine map to an (S, S) picture; pixels outside the picture become black."""
     A, b = view[:, :2], view[:, 2]
-    centres = np.column_stack([A, b + A @ [0.5, 0.5] - 0.5])  # OpenCV counts from pixel centres
+    centres = np.column_stack([A, b + A @ [0.5, 0.5] - 0.5])  # OpenCV has pixel centres at integers
     return np.asarray(cv2.warpAffine(picture, centres, picture.shape[::-1], flags=cv2.INTER_LINEAR))
 
 
 def move_points(points: FloatArray, view: FloatArray) -> FloatArray:
-    """(..., 2) points in the square's coordinates, through a view."""
+    """Apply an affine map to (..., 2) points; their pixel (0, 0) extends from 0 to 1."""
     return np.asarray(points @ view[:, :2].T + view[:, 2])
 
 
 def move_boxes(boxes: FloatArray, view: FloatArray, size_px: int) -> FloatArray:
-    """(N, 4) left, top, right, bottom through a view that turns by quarters, cut at the border."""
+    """Apply an affine map to boxes (N, 4) left, top, right, bottom, and clip them to the square.
+
+    The boxes stay tight if the map rotates by multiples of 90°.
+    """
     ends = move_points(boxes.reshape(-1, 2, 2), view)
     moved = np.concatenate([ends.min(axis=1), ends.max(axis=1)], axis=1)
     return np.asarray(np.clip(moved, 0, size_px))
 
 
 def exposure(picture: Float32Array, random: Random) -> Float32Array:
-    """Two stops darker to one brighter; what exceeds full scale is cut."""
+    """Change the exposure by −2 to +1 stops; values above full scale are clipped."""
     return np.asarray(np.minimum(picture * np.float32(2 ** random.uniform(-2, 1)), 1))
 
 
 def noise(picture: Float32Array, random: Random) -> Float32Array:
-    """Shot noise of a full well of 500 to 20 000 electrons, and read noise up to 1 %."""
+    """Add shot noise for a full well of 500 to 20 000 electrons and read noise of up to 1 %."""
     full_well = np.exp(random.uniform(np.log(500), np.log(20_000)))
     variance = picture / full_well + random.uniform(0, 0.01) ** 2
     drawn = random.standard_normal(picture.shape, dtype=np.float32)
@@ -67,12 +72,12 @@ def noise(picture: Float32Array, random: Random) -> Float32Array:
 
 
 def blur(picture: Float32Array, random: Random) -> Float32Array:
-    """Gaussian of up to 1.2 pixels."""
+    """Blur with a Gaussian whose standard deviation is at most 1.2 pixels."""
     return np.asarray(cv2.GaussianBlur(picture, (0, 0), random.uniform(0.2, 1.2)))
 
 
 def glare(picture: Float32Array, random: Random) -> Float32Array:
-    """A ramp of light from one side, as from a bright limb outside the image."""
+    """Add a ramp of stray light from one side, as from a bright limb outside the image."""
     size = len(picture)
     angle = random.uniform(0, 2 * np.pi)
     along = np.arange(size, dtype=np.float32) / size - 0.5
@@ -82,17 +87,17 @@ def glare(picture: Float32Array, random: Random) -> Float32Array:
 
 
 def stars(picture: Float32Array, random: Random) -> Float32Array:
-    """Up to sixty bright points anywhere, the craft's own pixels included, as glints are."""
+    """Add up to sixty bright points anywhere; on the spacecraft they resemble glints."""
     out = picture.copy()
     size = len(picture)
     count = random.integers(1, 60)
-    places = random.integers(0, size, (2, count))
-    out[places[0], places[1]] = np.maximum(out[places[0], places[1]], random.uniform(0, 1, count) ** 2)
+    pixels = random.integers(0, size, (2, count))
+    out[pixels[0], pixels[1]] = np.maximum(out[pixels[0], pixels[1]], random.uniform(0, 1, count) ** 2)
     return out
 
 
 def cut_out(picture: Float32Array, random: Random) -> Float32Array:
-    """One to three rectangles of up to a sixth of the side, each of one even light."""
+    """Cover the picture with one to three grey rectangles, with sides of at most a sixth of its own."""
     out = picture.copy()
     size = len(picture)
     for _ in range(random.integers(1, 4)):
@@ -102,7 +107,7 @@ def cut_out(picture: Float32Array, random: Random) -> Float32Array:
     return out
 
 
-_CHANCES: tuple[tuple[Callable[[Float32Array, Random], Float32Array], float], ...] = (
+_PROBABILITIES: tuple[tuple[Callable[[Float32Array, Random], Float32Array], float], ...] = (
     (glare, 0.2),
     (stars, 0.3),
     (cut_out, 0.3),
@@ -112,9 +117,9 @@ _CHANCES: tuple[tuple[Callable[[Float32Array, Random], Float32Array], float], ..
 )
 
 
-def look(picture: Float32Array, random: Random) -> Float32Array:
-    """A picture with each change at its own chance; light comes first and the sensor last."""
-    for change, chance in _CHANCES:
-        if random.uniform() < chance:
+def change_appearance(picture: Float32Array, random: Random) -> Float32Array:
+    """Apply each change with its own probability, from the light to the sensor."""
+    for change, probability in _PROBABILITIES:
+        if random.uniform() < probability:
             picture = change(picture, random)
     return picture

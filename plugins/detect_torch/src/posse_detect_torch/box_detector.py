@@ -28,7 +28,7 @@ from posse_core import (
     to_grey,
     true_boxes,
 )
-from posse_detect_torch.augment import look, move_boxes, random_view, warp
+from posse_detect_torch.augment import change_appearance, move_boxes, random_view, warp
 from posse_detect_torch.checkpoint import read_weights
 from posse_detect_torch.export import Outputs, compare_detections, export
 from posse_detect_torch.int8 import write_int8
@@ -79,7 +79,7 @@ class BoxLesson(Lesson):
         if self.options.augment:
             angle = np.pi / 2 * random.integers(4) if self.options.turn else 0.0
             view = random_view(random, size, _ZOOM, _SHIFT, angle)
-            picture = look(warp(picture, view), random)
+            picture = change_appearance(warp(picture, view), random)
             box = move_boxes(box, view, size)
             if (box[0, 2:] - box[0, :2]).min() < _LEAST_SIDE_PX:
                 label[:] = -1

@@ -1,4 +1,4 @@
-"""Weights and training state in safetensors files."""
+"""Reading and writing weights and training states in safetensors files."""
 
 from __future__ import annotations
 
@@ -17,36 +17,36 @@ _STATE = "posse_training"
 
 
 def write_model(path: Path, tensors: Mapping[str, Tensor], card: ModelCard) -> None:
-    """Write a net's tensors with its card, atomically."""
+    """Write the tensors of a model with its card, atomically."""
     with atomic_file(path) as file:
         file.write(save(_plain(tensors), card.metadata()))
 
 
 def write_state(path: Path, tensors: Mapping[str, Tensor], card: ModelCard, state: Any) -> None:
-    """Write what a training needs to go on; ``state`` is JSON."""
+    """Write everything that a training needs to resume, atomically; ``state`` is any JSON value."""
     with atomic_file(path) as file:
         file.write(save(_plain(tensors), {**card.metadata(), _STATE: json.dumps(state)}))
 
 
 def read_state(path: Path) -> tuple[dict[str, Tensor], ModelCard, Any]:
-    """What :func:`write_state` wrote.
+    """Read what :func:`write_state` wrote: tensors, card and state.
 
     Raises:
-        InputError: not such a file.
+        InputError: The file is of another kind.
     """
     card = ModelCard.read(path)
     with safetensors.safe_open(str(path), framework="pt") as file:
         metadata = file.metadata()
     if _STATE not in metadata:
-        raise InputError(f"{path}: holds no training; name another folder by --out")
+        raise InputError(f"{path}: is not the state of a training; choose another folder with --out")
     return load_file(path), card, json.loads(metadata[_STATE])
 
 
 def read_weights(path: Path, net: nn.Module) -> None:
-    """Put a model file's tensors into ``net``.
+    """Load all tensors of a model file into ``net``.
 
     Raises:
-        InputError: damaged, or of another net.
+        InputError: The file is damaged or belongs to a network of another kind.
     """
     try:
         tensors = load_file(path)
@@ -54,21 +54,23 @@ def read_weights(path: Path, net: nn.Module) -> None:
         raise InputError(f"{path}: cannot be read: {error}") from None
     wanted = {name: value.shape for name, value in net.state_dict().items()}
     if wanted != {name: value.shape for name, value in tensors.items()}:
-        raise InputError(f"{path}: its tensors are not those of this net; train it anew")
+        raise InputError(f"{path}: its tensors do not fit this network; train it again")
     net.load_state_dict(tensors)
 
 
 def read_like(path: Path, net: nn.Module) -> None:
-    """Put those of a model file's tensors into ``net`` whose name and shape it has too.
+    """Load those tensors of a model file into ``net`` whose names and shapes agree.
 
     Raises:
-        InputError: not a model file, or none agrees.
+        InputError: The file is not a model file, or no tensor agrees.
     """
     ModelCard.read(path)
     own = net.state_dict()
     tensors = {k: v for k, v in load_file(path).items() if k in own and own[k].shape == v.shape}
     if not tensors:
-        raise InputError(f"{path}: none of its tensors is one of this net; name another by start")
+        raise InputError(
+            f"{path}: none of its tensors fits this network; choose another file for the option start"
+        )
     net.load_state_dict(tensors, strict=False)
 
 

@@ -1,4 +1,4 @@
-"""The learning curves of a training as a page of its own, drawn as SVG."""
+"""The learning curves of a training as a self-contained HTML page with SVG plots."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ _WIDTH, _HEIGHT, _MARGIN = 640, 220, 44
 
 
 def page(title: str, history: Sequence[Mapping[str, float]]) -> str:
-    """An HTML page with a plot of every quantity by epoch, and what the last epoch had."""
+    """Return an HTML page that plots every quantity by epoch and states its value at the last epoch."""
     names = list(dict.fromkeys(name for row in history for name in row if name != "epoch"))
     plots = "".join(_plot(name, history) for name in names)
     return (
@@ -26,12 +26,12 @@ def _plot(name: str, history: Sequence[Mapping[str, float]]) -> str:
     low, high = min(0.0, *values, 0.0), max(values)
     span, last = (high - low) or 1.0, max(points[-1][0], 2)
 
-    def place(epoch: float, value: float) -> str:
+    def plot_point(epoch: float, value: float) -> str:
         x = _MARGIN + (epoch - 1) / (last - 1) * (_WIDTH - 2 * _MARGIN)
         y = _HEIGHT - _MARGIN / 2 - (value - low) / span * (_HEIGHT - _MARGIN)
         return f"{x:.1f},{y:.1f}"
 
-    line = " ".join(place(epoch, value) for epoch, value in points)
+    line = " ".join(plot_point(epoch, value) for epoch, value in points)
     return (
         f"<h2>{html.escape(name)}: {values[-1]:.4g}</h2>"
         f"<svg viewBox='0 0 {_WIDTH} {_HEIGHT}'>"

@@ -1,4 +1,7 @@
-"""Nets as ONNX: opset 18, standard operations, our card as metadata, held against torch on frames."""
+"""Export of networks to ONNX: opset 18, standard operations only, with the model card as metadata.
+
+Every exported file is compared with torch on real frames before it is written.
+"""
 
 from __future__ import annotations
 
@@ -16,11 +19,11 @@ from torch import nn
 
 from posse_core import AnyArray, ComponentError, Float32Array, ModelCard, atomic_file
 
-_SCORE_ERROR = 1e-4  # by which raw tensors and scores may differ
-OPSET = 18  # above it, some runtimes have no RoiAlign or fall back to the CPU
+_SCORE_ERROR = 1e-4  # largest allowed difference of raw tensors and scores
+OPSET = 18  # with a higher one, some runtimes lack RoiAlign or fall back to the CPU
 Outputs = Mapping[str, AnyArray]
 Compare = Callable[[Outputs, Outputs], Mapping[str, tuple[float, float]]]
-"""Outputs by torch and by ONNX → name → (difference, what is allowed)."""
+"""Takes the outputs of torch and of ONNX and returns name → (difference, allowed difference)."""
 
 
 def export(
@@ -32,18 +35,22 @@ def export(
     compare: Compare,
     translations: Mapping[Any, Callable[..., Any]] | None = None,
 ) -> dict[str, float]:
-    """Write ``net`` and compare it with itself on ``pictures``.
+    """Convert ``net`` to ONNX, compare both on ``pictures``, and write the file.
 
     Args:
-        net: takes (B, 1, S, S) float32 and returns what ``names`` say.
-        pictures: (F, 1, S, S) of real frames.
-        translations: torch operation → its ONNX function, for operations of our own.
+        net: takes (B, 1, S, S) float32 and returns one tensor for each of ``names``.
+        names: names of the outputs.
+        pictures: (F, 1, S, S) made from real frames.
+        card: the model card, which becomes the file's metadata.
+        path: the file to write.
+        compare: computes the differences between the outputs, and how large they may be.
+        translations: custom torch operation → its ONNX function.
 
     Returns:
-        Name → greatest difference.
+        Name → largest difference.
 
     Raises:
-        ComponentError: a difference is larger than ``compare`` allows; nothing is written.
+        ComponentError: A difference is larger than ``compare`` allows; nothing is written.
     """
     net = net.eval().cpu()
     model = _to_onnx(net, names, torch.from_numpy(pictures[:2].repeat(2, axis=0)[:2]), translations)
@@ -61,7 +68,7 @@ def export(
         for name, (difference, allowed) in compare(ours, theirs).items():
             if not difference <= allowed:
                 raise ComponentError(
-                    f"{path}: not written: {name} of ONNX and torch differ by {difference:.2g}, where"
+                    f"{path}: not written: {name} of ONNX and torch differ by {difference:.2g}; at most"
                     f" {allowed:g} is allowed"
                 )
             worst[name] = max(worst.get(name, 0.0), difference)
@@ -76,9 +83,9 @@ def _to_onnx(
     pictures: torch.Tensor,
     translations: Mapping[Any, Callable[..., Any]] | None,
 ) -> onnx.ModelProto:
-    logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it tells that torchvision is not there
+    logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it warns that torchvision is missing
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of torch and onnxscript about themselves
+        warnings.simplefilter("ignore")  # torch and onnxscript warn about their own code
         program = torch.onnx.export(
             net,
             (pictures,),
@@ -104,7 +111,7 @@ def _to_onnx(
 
 
 def _strip(graph: onnx.GraphProto) -> None:
-    """Take out stack traces, which hold paths of this machine."""
+    """Remove stack traces, which contain paths of this machine."""
     graph.doc_string = ""
     del graph.metadata_props[:]
     for node in graph.node:
@@ -122,31 +129,34 @@ def _strip_node(node: onnx.NodeProto) -> None:
 
 
 def difference(a: AnyArray, b: AnyArray) -> float:
-    """Greatest absolute difference; infinite where shapes differ."""
+    """Return the largest absolute difference, or infinity where the shapes differ."""
     if a.shape != b.shape:
         return float("inf")
     return float(np.max(np.abs(a.astype(np.float64) - b), initial=0.0))
 
 
 def raw_difference(a: AnyArray, b: AnyArray) -> float:
-    """Greatest difference; above values of 1, as a share of the greatest value, as float32 keeps it."""
+    """Return the largest difference, divided by the largest absolute value where that is above 1.
+
+    float32 rounds in proportion to the value, so large values need a relative measure.
+    """
     return difference(a, b) / max(1.0, float(np.max(np.abs(a), initial=0.0)))
 
 
 def compare_detections(
     ours: Outputs, theirs: Outputs, tied_scores: Sequence[float] = ()
 ) -> dict[str, tuple[float, float]]:
-    """Raw tensors within 10⁻⁴; each detection has one of the same class within 0.1 px of its box and
-    10⁻⁴ of its score. They are matched by box, since equal scores come in any order.
+    """Compare detections: raw tensors and scores may differ by 10⁻⁴, boxes by 0.1 px.
 
-    Where a tie decides whether there is a detection, a last digit does: those whose scores are among the
-    ``tied_scores`` need have no other.
+    Every detection must have a counterpart of the same class. They are matched by box, since detections
+    of equal score come in any order. Where a tie between scores decides which detections are reported,
+    rounding decides it, so detections whose scores are among ``tied_scores`` need no counterpart.
     """
     result = {"raw": (raw_difference(ours["raw"], theirs["raw"]), _SCORE_ERROR)}
     box_px, score = 0.0, 0.0
     for a, b in ((ours, theirs), (theirs, ours)):
         for box, label, value in zip(a["boxes"][0], a["labels"][0], a["scores"][0], strict=True):
-            if label < 0 or value <= _SCORE_ERROR:  # padding, and what is as good as nothing
+            if label < 0 or value <= _SCORE_ERROR:  # padding or a negligible score
                 continue
             if np.isclose(value, tied_scores, rtol=0, atol=1e-6).any():
                 continue

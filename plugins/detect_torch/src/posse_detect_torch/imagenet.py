@@ -1,4 +1,4 @@
-"""SDN's backbone from an ImageNet ResNet of torchvision's or timm's naming, in a safetensors file."""
+"""Initialises SDN's backbone from an ImageNet ResNet with the tensor names of torchvision or timm."""
 
 from __future__ import annotations
 
@@ -13,8 +13,12 @@ from torch import Tensor, nn
 from posse_core import InputError
 from posse_detect_torch.sdn import Backbone
 
-_DEVIATION = (0.229, 0.224, 0.225)  # of ImageNet's red, green and blue, which its nets divide by
-_EPS = 1e-5  # of their batch norms
+_DEVIATION = (
+    0.229,
+    0.224,
+    0.225,
+)  # ImageNet's standard deviations of R, G, B, which its networks divide by
+_EPS = 1e-5  # epsilon of their batch norms
 _CONVERT = (
     "python -c \"import torch, safetensors.torch as s; s.save_file(torch.load('IN.pth',"
     " weights_only=True), 'OUT.safetensors')\""
@@ -23,15 +27,16 @@ _CONVERT = (
 
 @torch.no_grad()
 def load_imagenet(backbone: Backbone, path: Path) -> None:
-    """Put the weights and statistics of an ImageNet net into ``backbone``; the pyramid stays as it is.
+    """Load the weights and statistics of an ImageNet ResNet into ``backbone``; the pyramid is unchanged.
 
-    Its convolutions have no bias. A grey picture is one whose three colours are alike, so the first
-    convolution is the sum over its colours, each over its deviation, and over the 255 of SDN's light.
-    Scales of batch norms make up for the other epsilon. So ResNet-18 tells what the net told of grey
-    pictures; in ResNet-50 the stride is in another convolution than torchvision's.
+    The file's convolutions have no bias, so biases become 0. In a grey picture all three colours are
+    equal, so the weights of the first convolution are summed over the colours, each divided by its
+    standard deviation and by the 255 by which SDN scales its input. The scales of the batch norms are
+    adapted to SDN's other epsilon. ResNet-18 therefore gives the same features for grey pictures as
+    before; in ResNet-50 the stride is in another convolution than torchvision's.
 
     Raises:
-        InputError: not a safetensors file, or not of a ResNet of this depth.
+        InputError: The file is not a safetensors file, or does not hold a ResNet of this depth.
     """
     tensors = _read(path)
     for name, module in _counterparts(backbone):
@@ -61,12 +66,12 @@ def _read(path: Path) -> dict[str, Tensor]:
 
 
 def _counterparts(backbone: Backbone) -> Iterator[tuple[str, nn.Module]]:
-    """Torchvision's name → our layer, of all convolutions and batch norms of the ResNet."""
+    """Yield torchvision's name and our layer for every convolution and batch norm of the ResNet."""
     yield from (("conv1", backbone.stem[0]), ("bn1", backbone.stem[1]))
     for number, stage in enumerate(backbone.stages, 1):
         assert isinstance(stage, nn.Sequential)
-        for place, block in enumerate(stage):
-            base = f"layer{number}.{place}"
+        for position, block in enumerate(stage):
+            base = f"layer{number}.{position}"
             assert isinstance(block.body, nn.Sequential)
             layers = [m for m in block.body if not isinstance(m, nn.ReLU)]
             for i, layer in enumerate(layers):
@@ -77,7 +82,9 @@ def _counterparts(backbone: Backbone) -> Iterator[tuple[str, nn.Module]]:
 
 def _grey(weight: Tensor, path: Path) -> Tensor:
     if weight.ndim != 4 or weight.shape[1] != 3:
-        raise InputError(f"option backbone_weights: {path}: its 'conv1.weight' is not of three colours")
+        raise InputError(
+            f"option backbone_weights: {path}: its 'conv1.weight' does not have three input colours"
+        )
     deviation = weight.new_tensor(_DEVIATION)[:, None, None]
     return (weight / (255 * deviation)).sum(dim=1, keepdim=True)
 
@@ -85,16 +92,16 @@ def _grey(weight: Tensor, path: Path) -> Tensor:
 def _taken(tensors: dict[str, Tensor], name: str, path: Path) -> Tensor:
     if name not in tensors:
         raise InputError(
-            f"option backbone_weights: {path}: has no {name!r}; give a ResNet of torchvision's or timm's"
-            " naming, of the option's depth"
+            f"option backbone_weights: {path}: has no {name!r}; give a ResNet with the tensor names of"
+            " torchvision or timm and the depth of the option depth"
         )
     return tensors[name]
 
 
-def _put(mine: Tensor, theirs: Tensor, name: str, path: Path) -> None:
-    if mine.shape != theirs.shape:
+def _put(ours: Tensor, theirs: Tensor, name: str, path: Path) -> None:
+    if ours.shape != theirs.shape:
         raise InputError(
-            f"option backbone_weights: {path}: {name!r} is of shape {tuple(theirs.shape)} where depth"
-            f" has {tuple(mine.shape)}; set the option depth to the file's"
+            f"option backbone_weights: {path}: {name!r} has shape {tuple(theirs.shape)}, but the option"
+            f" depth needs {tuple(ours.shape)}; set the option depth to that of the file"
         )
-    mine.copy_(theirs)
+    ours.copy_(theirs)

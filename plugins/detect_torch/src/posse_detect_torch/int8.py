@@ -1,5 +1,8 @@
-"""ONNX files of eight bits, by onnxruntime's static quantisation: standard QuantizeLinear and
-DequantizeLinear around convolutions and matrix products; decoding stays in float32."""
+"""8-bit ONNX files by onnxruntime's static quantisation.
+
+Standard QuantizeLinear and DequantizeLinear operations surround the convolutions and matrix products;
+the decoding stays in float32.
+"""
 
 from __future__ import annotations
 
@@ -28,12 +31,15 @@ class _Pictures(CalibrationDataReader):  # type: ignore[misc]
 
 
 def write_int8(path: Path, out: Path, pictures: Iterable[Float32Array]) -> None:
-    """Write the net of ``path`` in eight bits to ``out``, with its metadata.
+    """Write an 8-bit version of an ONNX model, with its metadata.
 
-    The first convolution stays in float32: it sees faint light, of which eight bits keep too little.
+    The first convolution stays in float32, since eight bits would lose faint parts of its input.
 
     Args:
-        pictures: (1, S, S) each, as the net takes them; they tell how far its activations reach.
+        path: the float32 model.
+        out: the file to write.
+        pictures: inputs of the network, (1, S, S) each, from which the ranges of its activations are
+            measured.
     """
     exact = onnx.load(path)
     first = next(node.name for node in exact.graph.node if node.op_type == "Conv")
@@ -44,7 +50,7 @@ def write_int8(path: Path, out: Path, pictures: Iterable[Float32Array]) -> None:
             done,
             _Pictures(pictures),
             quant_format=QuantFormat.QDQ,
-            op_types_to_quantize=[*_DENSE, "Relu"],  # which becomes a part of what is before it
+            op_types_to_quantize=[*_DENSE, "Relu"],  # onnxruntime merges a Relu into the layer before it
             nodes_to_exclude=[first],
             per_channel=True,
             activation_type=QuantType.QInt8,
@@ -64,7 +70,7 @@ def write_int8(path: Path, out: Path, pictures: Iterable[Float32Array]) -> None:
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Without onnxruntime's advice to users of its quantiser, which goes to the root logger."""
+    """Silence the advice that onnxruntime's quantiser writes to the root logger."""
     logging.disable(logging.WARNING)
     try:
         yield

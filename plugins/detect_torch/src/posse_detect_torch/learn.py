@@ -1,4 +1,4 @@
-"""The training loop of every net: resumable, and the same each time on one number of threads."""
+"""The training loop of all networks: resumable, and reproducible for a given number of threads."""
 
 from __future__ import annotations
 
@@ -23,54 +23,57 @@ from posse_detect_torch.curves import page
 from posse_detect_torch.options import TrainOptions
 
 MODEL, LAST, CURVES = "model.safetensors", "last.safetensors", "curves.html"
-_WARM_UP = 0.03  # share of the steps over which the learning rate rises
+_WARM_UP = 0.03  # share of all steps during which the learning rate rises
 
 Batch = Mapping[str, Tensor]
 NetT = TypeVar("NetT", bound=nn.Module)
 
 
 class Lesson(ABC):
-    """What a net learns, from which samples."""
+    """Defines what a network learns and from which samples."""
 
     net: nn.Module
     options: TrainOptions
-    clip = 10.0  # greatest norm of a gradient
-    average = 0.998  # decay of the averaged weights, which are what is kept; 0 keeps the last
+    clip = 10.0  # largest norm of a gradient
+    average = 0.998  # decay of the averaged weights, which become the model; 0 takes the last weights
 
     @abstractmethod
     def __len__(self) -> int:
         """Number of training samples."""
 
     @abstractmethod
-    def sample(self, place: int, random: np.random.Generator) -> dict[str, np.ndarray]:
-        """One sample as arrays, all samples of like shapes; called from several threads."""
+    def sample(self, position: int, random: np.random.Generator) -> dict[str, np.ndarray]:
+        """Return the sample at a position as arrays; it is called from several threads.
+
+        All samples have arrays of the same shapes.
+        """
 
     @abstractmethod
     def losses(self, batch: Batch) -> dict[str, Tensor]:
-        """Scalar losses by name, whose sum is made small."""
+        """Return scalar losses by name; training minimises their sum."""
 
     @abstractmethod
     def judge(self, net: nn.Module) -> dict[str, float]:
-        """Metrics of ``net`` on the valid part; none where that is empty."""
+        """Return the metrics of ``net`` on the valid part, or none where that part is empty."""
 
     def optimizer(self, net: nn.Module) -> torch.optim.Optimizer:
-        """What makes the losses small."""
+        """Return the optimiser."""
         return torch.optim.AdamW(net.parameters(), weight_decay=self.options.weight_decay)
 
     def rate(self, step: int, steps: int) -> float:
-        """Share of the learning rate at a step: it rises quickly, then falls along a cosine."""
+        """Return the factor on the learning rate: it rises quickly, then falls along a cosine."""
         return min((step + 1) / max(_WARM_UP * steps, 1), 0.5 * (1 + math.cos(math.pi * step / steps)))
 
 
 def first_net(options: TrainOptions, make: Callable[[], NetT]) -> NetT:
-    """What ``make`` returns with torch's draws fixed by the seed, on the device, with ``start`` in it.
+    """Make a network on the device with initial weights given by the seed, and load ``start`` into it.
 
-    Torch's own state stays as it was. A lesson asks for its net before it cuts pictures, so that a
-    training that cannot begin leaves nothing behind.
+    Torch's global random state is unchanged. A lesson makes its network before it cuts pictures, so that
+    a training that cannot start leaves no files behind.
 
     Raises:
-        ComponentError: there is no such device.
-        InputError: ``start`` is no file of such a net.
+        ComponentError: The device does not exist.
+        InputError: The file ``start`` does not fit the network.
     """
     device = device_of(options)
     with torch.random.fork_rng(devices=[]):
@@ -83,34 +86,36 @@ def first_net(options: TrainOptions, make: Callable[[], NetT]) -> NetT:
 
 
 def device_of(options: TrainOptions) -> torch.device:
-    """The device, with the number of threads set.
+    """Set the number of threads and return the device.
 
     Raises:
-        ComponentError: there is no such device.
+        ComponentError: The device does not exist.
     """
     torch.set_num_threads(options.threads)
     if options.device == "cuda" and not torch.cuda.is_available():
-        raise ComponentError("option device: this machine, or its build of torch, has no CUDA; use cpu")
+        raise ComponentError("option device: this machine or its build of torch has no CUDA; use cpu")
     return torch.device(options.device)
 
 
 def learn(make_lesson: Callable[[], Lesson], card: ModelCard, folder: Path) -> Path:
-    """Train to the last epoch, from the last checkpoint in ``folder`` if there is one.
+    """Train up to the last epoch, resuming from the checkpoint in ``folder`` if there is one.
 
     Args:
-        make_lesson: called once it is known that ``folder`` holds no other training.
+        make_lesson: called after checking that ``folder`` holds no other training.
+        card: the model card, without the number of epochs.
+        folder: where the checkpoint, the model and the learning curves are written.
 
     Returns:
-        The file of the averaged weights.
+        The model file, which holds the averaged weights.
 
     Raises:
-        InputError: the folder holds a training with other options or data, or there is no sample.
+        InputError: The folder holds a training with other options or data, or there are no samples.
     """
     last = folder / LAST
     kept = _read_last(last, card) if last.exists() else None
     lesson = make_lesson()
     if len(lesson) == 0:
-        raise InputError("the train part shows no spacecraft to learn from; divide the dataset anew")
+        raise InputError("no frame of the train part shows a spacecraft; partition the dataset again")
     options, net = lesson.options, lesson.net
     device = next(net.parameters()).device
     average = copy.deepcopy(net).eval()
@@ -140,7 +145,7 @@ def learn(make_lesson: Callable[[], Lesson], card: ModelCard, folder: Path) -> P
                 for name, value in losses.items():
                     sums[name] = sums.get(name, 0.0) + float(value.detach()) / steps
             if not all(map(math.isfinite, sums.values())):
-                raise ComponentError("the loss is no number any more; lower the option learning_rate")
+                raise ComponentError("the loss is no longer finite; lower the option learning_rate")
             history.append({"epoch": epoch + 1, **sums, **lesson.judge(average)})
             card = replace(card, epochs=epoch + 1)
             _save(last, net, average, optimizer, card, history)
@@ -153,20 +158,20 @@ def learn(make_lesson: Callable[[], Lesson], card: ModelCard, folder: Path) -> P
 
 
 def _batches(lesson: Lesson, epoch: int, pool: ThreadPoolExecutor) -> Iterator[Batch]:
-    """Batches in the epoch's own order, the next one made while one is learned from."""
+    """Yield batches in the random order of the epoch; the next batch is prepared in the background."""
     options = lesson.options
     order = random_generator(options.seed, epoch, "order").permutation(len(lesson))
-    places = [int(place) for place in order]
-    groups = [places[i : i + options.batch] for i in range(0, len(places), options.batch)]
+    positions = [int(position) for position in order]
+    groups = [positions[i : i + options.batch] for i in range(0, len(positions), options.batch)]
 
     def start(group: Sequence[int]) -> list[Future[dict[str, np.ndarray]]]:
         return [
             pool.submit(
                 lesson.sample,
-                place,
-                random_generator(options.seed, epoch * len(places) + place, "augmentation"),
+                position,
+                random_generator(options.seed, epoch * len(positions) + position, "augmentation"),
             )
-            for place in group
+            for position in group
         ]
 
     coming = start(groups[0])
@@ -207,8 +212,8 @@ def _read_last(path: Path, card: ModelCard) -> tuple[dict[str, Tensor], list[dic
     for what in ("net", "options", "dataset_sha256"):
         if getattr(theirs, what) != getattr(card, what):
             raise InputError(
-                f"{path.parent}: holds a training with other {what.replace('_sha256', '')}; name another"
-                " folder by --out"
+                f"{path.parent}: holds a training with other {what.replace('_sha256', '')}; choose"
+                " another folder with --out"
             )
     return tensors, list(history)
 

@@ -1,8 +1,9 @@
-"""The light detector: depthwise convolutions, one map of stride 8, an anchor-free head.
+"""The network of the light detector ``nano``: depthwise convolutions, one map of stride 8, no anchors.
 
-Each class has a map of where its craft's middle is (Zhou, Wang and Krähenbühl 2019); each place tells
-its distance to the box's four sides, learned at many places around the middle (Liu et al. 2020, TTFNet).
-A craft is a local maximum of the map, found by pooling: the graph has no NMS.
+The network computes a map for each class whose maxima are the centres of the spacecraft (Zhou, Wang and
+Krähenbühl 2019). Each cell of the map also predicts its distances to the four sides of the box, which
+are learned at many cells around the centre (TTFNet, Liu et al. 2020). Local maxima are found by max
+pooling, so the graph needs no non-maximum suppression.
 """
 
 from __future__ import annotations
@@ -18,12 +19,14 @@ _WIDTHS = (48, 96, 192, 320)
 _DEPTHS = (2, 3, 3)
 WIDTH = 112
 """Channels of the features."""
-_PRIOR = 0.01  # what the class maps say before any training
-_SPREAD = 0.54 / 6  # deviation of the target around a middle, in sides of the box (TTFNet)
+_PRIOR = 0.01  # value of the class maps before training
+_SPREAD = (
+    0.54 / 6
+)  # standard deviation of the target around a centre, as a share of the box's side (TTFNet)
 
 
 def conv(inward: int, outward: int, kernel: int, stride: int = 1, groups: int = 1) -> nn.Sequential:
-    """Convolution and batch norm."""
+    """Return a convolution followed by a batch norm."""
     return nn.Sequential(
         nn.Conv2d(inward, outward, kernel, stride, kernel // 2, groups=groups, bias=False),
         nn.BatchNorm2d(outward),
@@ -31,7 +34,7 @@ def conv(inward: int, outward: int, kernel: int, stride: int = 1, groups: int = 
 
 
 class Separable(nn.Module):
-    """Depthwise 5 × 5, then 1 × 1; with a shortcut where shapes allow."""
+    """A depthwise 5 × 5 and a 1 × 1 convolution, with a shortcut where the shapes agree."""
 
     def __init__(self, inward: int, outward: int, stride: int = 1) -> None:
         super().__init__()
@@ -45,15 +48,17 @@ class Separable(nn.Module):
 
 
 class Stem(nn.Sequential):
-    """Grey pictures (B, 1, S, S) → (B, C, S/4, S/4) at once: maps of a greater size would cost more time
-    than all that follows."""
+    """Takes grey pictures (B, 1, S, S) to features (B, C, S/4, S/4) in one step.
+
+    Larger maps in between would take more time than the rest of the network.
+    """
 
     def __init__(self, width: int) -> None:
         super().__init__(conv(1, width, 7, stride=4), nn.ReLU(), Separable(width, width))
 
 
 class Pyramid(nn.Module):
-    """Grey pictures (B, 1, S, S), 0 … 1 in linear light → features (B, :data:`WIDTH`, S/8, S/8)."""
+    """Takes grey pictures (B, 1, S, S), 0 … 1, linear in radiance, to features (B, WIDTH, S/8, S/8)."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -82,8 +87,12 @@ class Pyramid(nn.Module):
 
 
 class Nano(nn.Module):
-    """Grey pictures (B, 1, S, S), 0 … 1 in linear light → class logits (B, C, S/8, S/8), and the
-    logarithms of distances to left, top, right, bottom in strides (B, 4, S/8, S/8)."""
+    """The network: grey pictures (B, 1, S, S) → class logits and distances.
+
+    Pictures are 0 … 1 and linear in radiance. The class logits are (B, C, S/8, S/8). The distances
+    (B, 4, S/8, S/8) are the logarithms of those to the left, top, right and bottom side of the box, in
+    strides.
+    """
 
     def __init__(self, classes: int) -> None:
         super().__init__()
@@ -99,14 +108,14 @@ class Nano(nn.Module):
 
 
 def centres(size: int, device: torch.device) -> Tensor:
-    """(size², 2) x, y of the places of a map, in pixels of the picture, row by row."""
+    """Return the centres (size², 2) x, y of a map's cells in pixels of the picture, row by row."""
     along = (torch.arange(size, device=device, dtype=torch.float32) + 0.5) * STRIDE
     y, x = torch.meshgrid(along, along, indexing="ij")
     return torch.stack([x, y], dim=-1).reshape(-1, 2)
 
 
 def boxes_at(distances: Tensor) -> Tensor:
-    """(B, 4, s, s) of :class:`Nano` → (B, s², 4) left, top, right, bottom in pixels."""
+    """Convert distances (B, 4, s, s) of :class:`Nano` to boxes (B, s², 4): left, top, right, bottom."""
     size = distances.shape[-1]
     away = STRIDE * torch.exp(torch.clamp(distances, max=math.log(4 * size))).flatten(2).transpose(1, 2)
     middle = centres(size, distances.device)
@@ -114,10 +123,10 @@ def boxes_at(distances: Tensor) -> Tensor:
 
 
 class Decoded(nn.Module):
-    """The net with its decoding: what is exported.
+    """The network with its decoding, as it is exported.
 
     Pictures (B, 1, S, S) → boxes (B, K, 4) x, y, width, height in pixels of the picture; scores
-    (B, K), falling; labels (B, K) int64; raw (B, C + 4, S/8, S/8).
+    (B, K), in descending order; labels (B, K) int64; raw (B, C + 4, S/8, S/8).
     """
 
     def __init__(self, net: Nano, detections: int) -> None:
@@ -127,29 +136,29 @@ class Decoded(nn.Module):
     def forward(self, picture: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         logits, distances = self.net(picture)
         peak = F.max_pool2d(logits, 3, stride=1, padding=1) == logits
-        places = logits.shape[-1] * logits.shape[-2]
+        cells = logits.shape[-1] * logits.shape[-2]
         found = torch.where(peak, torch.sigmoid(logits), 0.0).flatten(1)
         scores, chosen = torch.topk(found, self.detections, dim=1)
-        labels, place = chosen // places, chosen % places
-        boxes = torch.gather(boxes_at(distances), 1, place[..., None].expand(-1, -1, 4))
+        labels, cell = chosen // cells, chosen % cells
+        boxes = torch.gather(boxes_at(distances), 1, cell[..., None].expand(-1, -1, 4))
         boxes = torch.cat([boxes[..., :2], boxes[..., 2:] - boxes[..., :2]], dim=-1)
         return boxes, scores, labels, torch.cat([logits, distances], dim=1)
 
 
 def losses(logits: Tensor, distances: Tensor, boxes: Tensor, labels: Tensor) -> dict[str, Tensor]:
-    """Focal loss of the maps; of the boxes, generalised overlap and the logarithms of their sides.
+    """Return the focal loss of the maps, and of the boxes the generalised IoU and log distance losses.
 
     Args:
-        logits, distances: of :class:`Nano`.
+        logits, distances: outputs of :class:`Nano`.
         boxes: (B, M, 4) left, top, right, bottom in pixels.
-        labels: (B, M) int64, −1 where a picture has fewer than M.
+        labels: (B, M) int64, −1 where a picture has fewer than M boxes.
     """
-    near, at_middle = _nearness(logits.shape[-1], boxes)  # (B, M, places)
+    near, at_centre = _nearness(logits.shape[-1], boxes)  # (B, M, cells)
     real = (labels >= 0)[..., None]
     classes = F.one_hot(labels.clamp(min=0), logits.shape[1]).bool()  # (B, M, C)
     mine = (classes & real)[..., None]  # (B, M, C, 1)
     target = torch.where(mine, near[:, :, None], 0.0).amax(dim=1)
-    positive = (mine & at_middle[:, :, None]).any(dim=1)
+    positive = (mine & at_centre[:, :, None]).any(dim=1)
     flat = logits.flatten(2)
     p = torch.sigmoid(flat)
     for_peak = (1 - p) ** 2 * F.logsigmoid(flat)
@@ -160,25 +169,28 @@ def losses(logits: Tensor, distances: Tensor, boxes: Tensor, labels: Tensor) -> 
     weight = torch.where(near > 0.1, near, 0.0) * real
     weight = weight / weight.sum(dim=2, keepdim=True).clamp(min=1e-6)
     overlap = generalised_iou(boxes_at(distances)[:, None], boxes[:, :, None])
-    place = centres(logits.shape[-1], boxes.device)
-    away = torch.cat([place - boxes[:, :, None, :2], boxes[:, :, None, 2:] - place], dim=-1)
-    wanted = torch.log(away.clamp(min=1.0) / STRIDE)  # (B, M, places, 4)
-    told = distances.flatten(2).transpose(1, 2)[:, None].expand_as(wanted)
-    off = F.smooth_l1_loss(told, wanted, reduction="none", beta=0.1).sum(dim=-1)
+    cell = centres(logits.shape[-1], boxes.device)
+    away = torch.cat([cell - boxes[:, :, None, :2], boxes[:, :, None, 2:] - cell], dim=-1)
+    wanted = torch.log(away.clamp(min=1.0) / STRIDE)  # (B, M, cells, 4)
+    predicted = distances.flatten(2).transpose(1, 2)[:, None].expand_as(wanted)
+    off = F.smooth_l1_loss(predicted, wanted, reduction="none", beta=0.1).sum(dim=-1)
     return {
         "heat": heat,
         "overlap": 2.0 * (weight * (1 - overlap)).sum() / count,
-        "sides": (weight * off).sum() / count,  # still pulls where a box has shrunk to a point
+        "sides": (weight * off).sum() / count,  # has a gradient even where a box has shrunk to a point
     }
 
 
 def _nearness(size: int, boxes: Tensor) -> tuple[Tensor, Tensor]:
-    """(B, M, size²): 1 at the place that holds a box's middle, falling off with its sides; and
-    whether a place is that one."""
-    place = centres(size, boxes.device)
+    """Return the targets of the class maps, and which cell contains the centre of each box.
+
+    The targets (B, M, size²) are Gaussians in proportion to the boxes' sides, with 1 at the cell that
+    contains a box's centre; the second result is true at that cell.
+    """
+    centre = centres(size, boxes.device)
     middle = (boxes[..., :2] + boxes[..., 2:]) / 2
     cell = (torch.clamp((middle / STRIDE).floor(), 0, size - 1) + 0.5) * STRIDE
-    away = place - cell[..., None, :]
+    away = centre - cell[..., None, :]
     sides = (boxes[..., 2:] - boxes[..., :2]).clamp(min=1.0)
     deviation = (_SPREAD * sides).clamp(min=STRIDE / 4)[..., None, :]
     near = torch.exp(-0.5 * ((away / deviation) ** 2).sum(dim=-1))
@@ -186,8 +198,10 @@ def _nearness(size: int, boxes: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def generalised_iou(a: Tensor, b: Tensor) -> Tensor:
-    """Generalised intersection over union (Rezatofighi et al. 2019) of boxes (..., 4) left, top, right,
-    bottom, pair by pair."""
+    """Return the generalised intersection over union (Rezatofighi et al. 2019) of pairs of boxes.
+
+    Boxes are (..., 4): left, top, right, bottom.
+    """
     common = (torch.minimum(a[..., 2:], b[..., 2:]) - torch.maximum(a[..., :2], b[..., :2])).clamp(min=0)
     hull = torch.maximum(a[..., 2:], b[..., 2:]) - torch.minimum(a[..., :2], b[..., :2])
     both, around = common.prod(dim=-1), hull.prod(dim=-1)

@@ -1,4 +1,4 @@
-"""Options of the nets; importing this imports no torch."""
+"""Options of the detectors. Importing this module does not import torch."""
 
 from __future__ import annotations
 
@@ -12,24 +12,32 @@ from posse_core import Options
 
 
 class TrainOptions(Options):
-    """How a net runs and learns."""
+    """Options of training and running a network."""
 
     epochs: int = Field(100, ge=1, description="passes over the train part")
-    batch: int = Field(16, ge=1, description="pictures a step")
-    learning_rate: float = Field(2e-3, gt=0, description="its greatest value; it falls along a cosine")
-    weight_decay: float = Field(0.01, ge=0, description="of AdamW")
-    augment: bool = Field(True, description="turn, zoom, light, blur and cover the pictures")
-    turn: bool = Field(True, description="turn them; else the craft is known as the camera holds it")
-    start: FilePath | None = Field(
-        None, description="model file whose weights, where name and shape agree, are begun with"
+    batch: int = Field(16, ge=1, description="pictures per training step")
+    learning_rate: float = Field(
+        2e-3, gt=0, description="largest learning rate; it falls along a cosine"
     )
-    seed: int = Field(0, ge=0, description="of weights, order and augmentation")
-    threads: int = Field(1, ge=1, description="CPU threads; a training repeats itself for one number")
-    device: Literal["cpu", "cuda"] = Field("cpu", description="where the net runs")
+    weight_decay: float = Field(0.01, ge=0, description="weight decay of AdamW")
+    augment: bool = Field(
+        True, description="augment the training pictures: rotate, zoom, relight, blur and cover them"
+    )
+    turn: bool = Field(
+        True, description="rotate pictures when augmenting; otherwise the camera's roll is learned too"
+    )
+    start: FilePath | None = Field(
+        None, description="model file to start from; weights that agree in name and shape are loaded"
+    )
+    seed: int = Field(0, ge=0, description="seed of the initial weights, the order and the augmentation")
+    threads: int = Field(
+        1, ge=1, description="CPU threads; training is reproducible for the same number of threads"
+    )
+    device: Literal["cpu", "cuda"] = Field("cpu", description="device that the network runs on")
 
     @field_serializer("start", "backbone_weights", check_fields=False)
-    def _told(self, path: Path | None) -> str | None:
-        """What model files tell: the file and its digest, not its place on this machine."""
+    def _name_and_digest(self, path: Path | None) -> str | None:
+        """Return the file's name and digest, which the model card records in place of its path."""
         if path is None:
             return None
         with open(path, "rb") as file:
@@ -37,38 +45,52 @@ class TrainOptions(Options):
 
 
 class BoxOptions(TrainOptions):
-    """A net that finds boxes."""
+    """Options of a network that finds boxes."""
 
-    input_px: int = Field(320, ge=64, le=1024, multiple_of=32, description="side of the net's picture")
+    input_px: int = Field(
+        320, ge=64, le=1024, multiple_of=32, description="side of the network's square input, px"
+    )
 
 
 class NanoOptions(BoxOptions):
-    """The light detector."""
+    """Options of the light detector."""
 
-    detections: int = Field(16, ge=1, le=100, description="most that it finds in an image")
+    detections: int = Field(16, ge=1, le=100, description="largest number of detections in an image")
 
 
 class SdnOptions(BoxOptions):
-    """The thesis' net; the defaults are the thesis' own."""
+    """Options of the thesis' network; the defaults are those of the thesis."""
 
     epochs: int = Field(60, ge=1, description="passes over the train part")
-    batch: int = Field(48, ge=1, description="pictures a step")
-    learning_rate: float = Field(1e-3, gt=0, description="the same at every step")
-    weight_decay: float = Field(1e-4, ge=0, description="of SGD")
-    augment: bool = Field(False, description="turn, zoom, light, blur and cover the pictures")
-    input_px: int = Field(640, ge=64, le=1024, multiple_of=64, description="side of the net's picture")
-    depth: Literal[18, 50] = Field(18, description="of the ResNet")
+    batch: int = Field(48, ge=1, description="pictures per training step")
+    learning_rate: float = Field(1e-3, gt=0, description="learning rate, the same at every step")
+    weight_decay: float = Field(1e-4, ge=0, description="weight decay of SGD")
+    augment: bool = Field(
+        False, description="augment the training pictures: rotate, zoom, relight, blur and cover them"
+    )
+    input_px: int = Field(
+        640, ge=64, le=1024, multiple_of=64, description="side of the network's square input, px"
+    )
+    depth: Literal[18, 50] = Field(18, description="number of layers of the ResNet")
     backbone_weights: FilePath | None = Field(
-        None, description="safetensors of an ImageNet ResNet, torchvision's or timm's; else random"
+        None,
+        description="safetensors file of an ImageNet ResNet from torchvision or timm to start from;"
+        " without it the initial weights are random",
     )
     regions: int = Field(
-        512, ge=4, description="regions of a picture to learn from; the fewer the faster on a CPU"
+        512, ge=4, description="regions of a picture to learn from; fewer are faster on a CPU"
     )
-    sampling: Literal[1, 2] = Field(1, description="samples along a region's bin; 2 is better")
-    least_score: float = Field(0.7, ge=0, lt=1, description="detections below are dropped; 0 is better")
+    sampling: Literal[1, 2] = Field(
+        1, description="samples along each axis of a region's bin; 2 is more accurate"
+    )
+    least_score: float = Field(
+        0.7, ge=0, lt=1, description="detections of a lower score are dropped; 0 gives a higher mAP"
+    )
 
 
 class SimccOptions(TrainOptions):
-    """The keypoint net."""
+    """Options of the keypoint network."""
 
-    input_px: int = Field(256, ge=64, le=512, multiple_of=32, description="side of the net's square")
+    input_px: int = Field(
+        256, ge=64, le=512, multiple_of=32, description="side of the network's square input, px"
+    )

@@ -1,6 +1,7 @@
-"""RoIAlign over a pyramid and non-maximum suppression, as torch operations that export to ONNX's own.
+"""RoIAlign over a feature pyramid and non-maximum suppression as torch operations.
 
-What depends on the data stays inside them, so the graph around them has fixed shapes.
+They export to ONNX's own operations. All shapes that depend on the data stay inside them, so the graph
+around them has fixed shapes.
 """
 
 from __future__ import annotations
@@ -13,12 +14,12 @@ from torch import Tensor
 
 BINS = 7
 STRIDES = (4, 8, 16, 32)
-"""Of the pyramid levels that regions are taken from: P2 to P5."""
+"""Strides of the pyramid levels that regions are taken from: P2 to P5."""
 _BLOCK = 512
 
 
 def iou_matrix(a: Tensor, b: Tensor) -> Tensor:
-    """(..., N, M) overlaps of boxes (..., N, 4) and (..., M, 4), left, top, right, bottom."""
+    """Return the IoU (..., N, M) of boxes (..., N, 4) and (..., M, 4): left, top, right, bottom."""
     low = torch.maximum(a[..., :, None, :2], b[..., None, :, :2])
     high = torch.minimum(a[..., :, None, 2:], b[..., None, :, 2:])
     common = (high - low).clamp(min=0).prod(dim=-1)
@@ -28,16 +29,17 @@ def iou_matrix(a: Tensor, b: Tensor) -> Tensor:
 
 
 def nms(boxes: Tensor, scores: Tensor, overlap: float, most: int) -> Tensor:
-    """Places of the boxes that are kept, best first: greedy suppression.
+    """Return the indices of the boxes that greedy non-maximum suppression keeps, best first.
 
-    In blocks by falling score: each is first thinned by what is kept so far; within it, suppression is
-    repeated until nothing changes, which is what going through it one by one would leave.
+    The boxes are processed in blocks of descending score. Each block first loses the boxes that overlap
+    one kept before. Suppression within the block is then repeated until nothing changes, which gives the
+    same result as processing its boxes one by one.
 
     Args:
         boxes: (M, 4) left, top, right, bottom.
-        scores: (M,); those not above 0 are left out.
-        overlap: a box goes when it overlaps a better one by more.
-        most: how many are kept at most.
+        scores: (M,); boxes whose score is not above 0 are dropped.
+        overlap: a box is dropped when its IoU with a better one is larger than this.
+        most: largest number of boxes to keep.
     """
     order = torch.argsort(scores, descending=True, stable=True)
     order = order[scores[order] > 0]
@@ -61,7 +63,7 @@ def nms(boxes: Tensor, scores: Tensor, overlap: float, most: int) -> Tensor:
 
 @torch.library.custom_op("posse::nms_padded", mutates_args=())
 def nms_padded(boxes: Tensor, scores: Tensor, overlap: float, most: int) -> Tensor:
-    """(B, most) int64 places of what :func:`nms` keeps of boxes (B, M, 4), then −1."""
+    """Return (B, most) int64 indices of the boxes (B, M, 4) that :func:`nms` keeps, padded with −1."""
     out = boxes.new_full((len(boxes), most), -1, dtype=torch.int64)
     for row, one, score in zip(out, boxes, scores, strict=True):
         kept = nms(one, score, overlap, most)
@@ -75,14 +77,16 @@ def _(boxes: Tensor, scores: Tensor, overlap: float, most: int) -> Tensor:
 
 
 def pyramid_roi_align(levels: Sequence[Tensor], rois: Tensor, level: Tensor, sampling: int) -> Tensor:
-    """Features of regions, 7 × 7 bins, each the mean of ``sampling``² bilinear samples (He et al. 2017).
+    """Return the features of regions in 7 × 7 bins (RoIAlign, He et al. 2017).
 
-    One weighted sum over table rows: no loop over pictures or levels, and it has a gradient.
+    A bin's feature is the mean of ``sampling``² bilinear samples. All of them are computed as one
+    weighted sum over the rows of a table, without a loop over pictures or levels, and with a gradient.
 
     Args:
         levels: P2 … P5, (B, C, H/4, W/4) … (B, C, H/32, W/32).
         rois: (B, R, 4) left, top, right, bottom in pixels.
-        level: (B, R) int64, 0 for P2.
+        level: (B, R) int64 pyramid level of each region, 0 for P2.
+        sampling: samples along each axis of a bin.
 
     Returns:
         (B, R, C, 7, 7).
@@ -96,10 +100,12 @@ def pyramid_roi_align(levels: Sequence[Tensor], rois: Tensor, level: Tensor, sam
     height, width = heights[level], widths[level]  # (B, R)
     first = firsts[level] + torch.arange(batch, device=device)[:, None] * height * width
     scale = 1.0 / torch.tensor(STRIDES, device=device, dtype=rois.dtype)[level]
-    places = (torch.arange(BINS * sampling, device=device, dtype=rois.dtype) + 0.5) / (BINS * sampling)
+    fractions = (torch.arange(BINS * sampling, device=device, dtype=rois.dtype) + 0.5) / (
+        BINS * sampling
+    )
     ends = rois * scale[..., None] - 0.5
-    x = ends[..., 0:1] + places * (ends[..., 2:3] - ends[..., 0:1])  # (B, R, 7 s)
-    y = ends[..., 1:2] + places * (ends[..., 3:4] - ends[..., 1:2])
+    x = ends[..., 0:1] + fractions * (ends[..., 2:3] - ends[..., 0:1])  # (B, R, 7 s)
+    y = ends[..., 1:2] + fractions * (ends[..., 3:4] - ends[..., 1:2])
     column, by_column = _corners(x, width[..., None])  # (2, B, R, 7 s)
     row, by_row = _corners(y, height[..., None])
     index = first[..., None, None] + row[:, None, ..., :, None] * width[..., None, None]
@@ -115,7 +121,10 @@ def pyramid_roi_align(levels: Sequence[Tensor], rois: Tensor, level: Tensor, sam
 
 
 def _corners(at: Tensor, size: Tensor) -> tuple[Tensor, Tensor]:
-    """The two cells beside a place, (2, ...) int64, and their weights; 0 farther than a cell outside."""
+    """Return the two cells (2, ...) int64 that enclose a coordinate, and their linear weights (2, ...).
+
+    The weights are 0 for coordinates more than a cell outside.
+    """
     outside = (at < -1) | (at > size)
     at = torch.minimum(at.clamp(min=0), (size - 1).to(at.dtype))
     low = at.floor()
@@ -129,7 +138,7 @@ def _corners(at: Tensor, size: Tensor) -> tuple[Tensor, Tensor]:
 def roi_align(
     p2: Tensor, p3: Tensor, p4: Tensor, p5: Tensor, rois: Tensor, level: Tensor, sampling: int
 ) -> Tensor:
-    """:func:`pyramid_roi_align`, closed to the exporter."""
+    """Compute :func:`pyramid_roi_align` as one operation, which the exporter does not look into."""
     return pyramid_roi_align((p2, p3, p4, p5), rois, level, sampling).contiguous()
 
 

@@ -1,6 +1,6 @@
-"""The operations of :mod:`posse_detect_torch.regions` in ONNX's own NonMaxSuppression and RoiAlign.
+"""The operations of :mod:`posse_detect_torch.regions` in terms of ONNX's NonMaxSuppression and RoiAlign.
 
-torch's exporter calls these functions: what they take and return are ONNX's values, not tensors.
+torch's exporter calls these functions. They take and return ONNX values, not tensors.
 """
 
 from __future__ import annotations
@@ -13,11 +13,14 @@ from onnxscript import opset18
 
 from posse_detect_torch.regions import BINS, STRIDES
 
-op: Any = opset18  # its types are too narrow: they tell a tensor of constants from one of shapes
+op: Any = opset18  # its types are too narrow: they distinguish constants from shapes
 
 
 def nms_padded_onnx(boxes: Any, scores: Any, overlap: float, most: int) -> Any:
-    """(B, most): NonMaxSuppression tells (picture, class, place); its rows go into a padded table."""
+    """Return (B, most) indices, padded with −1.
+
+    NonMaxSuppression returns rows of (picture, class, index), which are scattered into a padded table.
+    """
     one = op.Constant(value_ints=[1])
     zero = op.Constant(value_ints=[0])
     picked = op.NonMaxSuppression(
@@ -28,7 +31,7 @@ def nms_padded_onnx(boxes: Any, scores: Any, overlap: float, most: int) -> Any:
         op.Constant(value_floats=[0.0]),
     )
     picture = op.Slice(picked, zero, one, one)  # (N, 1)
-    place = op.Squeeze(
+    index = op.Squeeze(
         op.Slice(picked, op.Constant(value_ints=[2]), op.Constant(value_ints=[3]), one), one
     )
     batch = op.Shape(boxes, start=0, end=1)
@@ -39,11 +42,11 @@ def nms_padded_onnx(boxes: Any, scores: Any, overlap: float, most: int) -> Any:
     empty = op.Expand(
         op.Constant(value_ints=[-1]), op.Concat(batch, op.Constant(value_ints=[most]), axis=0)
     )
-    return op.ScatterND(empty, op.Concat(picture, rank, axis=1), place)
+    return op.ScatterND(empty, op.Concat(picture, rank, axis=1), index)
 
 
 def roi_align_onnx(p2: Any, p3: Any, p4: Any, p5: Any, rois: Any, level: Any, sampling: int) -> Any:
-    """(B, R, C, 7, 7): each level aligns its own regions, which go to their rows of the result."""
+    """Return (B, R, C, 7, 7): the regions of each level are aligned and scattered to their rows."""
     one = op.Constant(value_ints=[1])
     bins = op.Constant(value_ints=[BINS, BINS])
     flat = op.Reshape(rois, op.Constant(value_ints=[-1, 4]))
@@ -75,4 +78,4 @@ ONNX_TRANSLATIONS: dict[Any, Callable[..., Any]] = {
     torch.ops.posse.nms_padded.default: nms_padded_onnx,
     torch.ops.posse.roi_align.default: roi_align_onnx,
 }
-"""Our torch operations in ONNX's own, as :func:`posse_detect_torch.export.export` takes them."""
+"""Custom torch operation → ONNX function, as :func:`posse_detect_torch.export.export` takes them."""

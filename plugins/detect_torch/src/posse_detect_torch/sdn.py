@@ -1,8 +1,8 @@
-"""The thesis' Spacecraft Detection Network (Chapter 4): the layout of Mask R-CNN without its mask head.
+"""The thesis' Spacecraft Detection Network, SDN (Chapter 4): Mask R-CNN without its mask head.
 
-ResNet-18 or -50, feature pyramid P2-P6, region proposals from anchors, RoIAlign, two dense layers.
-Every convolution has a bias, as in the code that it grew from; with the running statistics of the batch
-norms, which that code counts too, it has the thesis' numbers of parameters.
+It consists of ResNet-18 or -50, a feature pyramid P2–P6, region proposals from anchors, RoIAlign and two
+dense layers. Every convolution has a bias, as in the code that SDN was derived from. Counted with the
+running statistics of the batch norms, as that code does, it has the thesis' numbers of parameters.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from posse_detect_torch.regions import BINS, nms_padded, pyramid_roi_align, roi_
 STRIDES = (4, 8, 16, 32, 64)
 SCALES = (32.0, 64.0, 128.0, 256.0, 512.0)
 RATIOS = (0.5, 1.0, 2.0)
-DELTA_SCALE = (0.1, 0.1, 0.2, 0.2)  # standard deviations that the nets tell deltas in
+DELTA_SCALE = (0.1, 0.1, 0.2, 0.2)  # standard deviations by which the predicted deltas are scaled
 PROPOSALS = 1000
 _BEFORE_NMS, _PROPOSAL_OVERLAP = 6000, 0.7
 _DETECTION_OVERLAP, DETECTIONS = 0.3, 100
 _WIDTH, _DENSE = 256, 1024
-_EPS, _MOMENTUM = 1e-3, 0.01  # of batch norms, as Keras has them
+_EPS, _MOMENTUM = 1e-3, 0.01  # of the batch norms, as in Keras
 
 
 def _norm(width: int) -> nn.BatchNorm2d:
@@ -32,7 +32,7 @@ def _norm(width: int) -> nn.BatchNorm2d:
 
 
 class _Basic(nn.Module):
-    """Two 3 × 3 convolutions."""
+    """A residual block of two 3 × 3 convolutions."""
 
     widening = 1
 
@@ -52,7 +52,7 @@ class _Basic(nn.Module):
 
 
 class _Bottleneck(nn.Module):
-    """1 × 1, 3 × 3, 1 × 1; the stride is in the first, as He et al. had it in 2015."""
+    """A residual block of 1 × 1 (with the stride, He et al. 2015), 3 × 3 and 1 × 1 convolutions."""
 
     widening = 4
 
@@ -81,7 +81,10 @@ def _shortcut(inward: int, outward: int, stride: int) -> nn.Module:
 
 
 class Backbone(nn.Module):
-    """ResNet with a feature pyramid: pictures (B, 1, S, S) → P2 … P6, (B, 256, S/4, S/4) … (…, S/64)."""
+    """ResNet with a feature pyramid: pictures (B, 1, S, S) → P2 … P6.
+
+    P2 is (B, 256, S/4, S/4), and each further level has half the size, down to S/64.
+    """
 
     def __init__(self, depth: int) -> None:
         super().__init__()
@@ -113,7 +116,7 @@ class Backbone(nn.Module):
 
 
 class ProposalHead(nn.Module):
-    """Pyramid → logits (B, A, 2), background first, and deltas (B, A, 4) of the anchors."""
+    """Takes the pyramid to the anchors' logits (B, A, 2), background first, and deltas (B, A, 4)."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -129,7 +132,10 @@ class ProposalHead(nn.Module):
 
 
 class RegionHead(nn.Module):
-    """Regions (N, 256, 7, 7) → class logits (N, C + 1), background first, and deltas (N, C + 1, 4)."""
+    """Takes regions (N, 256, 7, 7) to class logits (N, C + 1) and deltas (N, C + 1, 4).
+
+    The background is the first class.
+    """
 
     def __init__(self, classes: int) -> None:
         super().__init__()
@@ -151,12 +157,12 @@ class RegionHead(nn.Module):
 
 
 class Sdn(nn.Module):
-    """The net. Pictures are grey, 0 … 1; ``mean_pixel`` is that of the training data.
+    """The network. Pictures are grey, 0 … 1; ``mean_pixel`` is the mean of the training data.
 
     Args:
-        classes: spacecraft, without the background.
-        depth: 18 or 50.
-        sampling: samples along a region's bin; the thesis' code has one.
+        classes: number of spacecraft, without the background.
+        depth: number of layers of the ResNet, 18 or 50.
+        sampling: samples along each axis of a region's bin; the thesis' code has one.
     """
 
     mean_pixel: Tensor
@@ -170,36 +176,40 @@ class Sdn(nn.Module):
         self.register_buffer("mean_pixel", torch.zeros(()))
 
     def features(self, picture: Tensor) -> tuple[list[Tensor], Tensor, Tensor]:
-        """Pyramid, anchors' logits and deltas; eight bits' worth of light, less the mean."""
+        """Return the pyramid, and the anchors' logits and deltas.
+
+        The backbone's input is the picture minus the mean, scaled to 0 … 255.
+        """
         pyramid = self.backbone(255 * (picture - self.mean_pixel))
         return pyramid, *self.propose(pyramid)
 
-    def look_at(self, pyramid: Sequence[Tensor], rois: Tensor) -> tuple[Tensor, Tensor]:
-        """Class logits (B, R, C + 1) and deltas (B, R, C + 1, 4) of regions (B, R, 4)."""
+    def classify_regions(self, pyramid: Sequence[Tensor], rois: Tensor) -> tuple[Tensor, Tensor]:
+        """Return class logits (B, R, C + 1) and deltas (B, R, C + 1, 4) of regions (B, R, 4)."""
         regions = self.align(pyramid, rois)
         logits, deltas = self.judge(regions.flatten(0, 1))
         return logits.unflatten(0, rois.shape[:2]), deltas.unflatten(0, rois.shape[:2])
 
     def align(self, pyramid: Sequence[Tensor], rois: Tensor) -> Tensor:
-        """Features (B, R, 256, 7, 7), each region from the level of its size (Lin et al. 2017)."""
+        """Return features (B, R, 256, 7, 7); a region's size decides its level (Lin et al. 2017)."""
         p2, p3, p4, p5 = pyramid[:4]
         level = level_of(rois)
-        if self.training:  # what is closed to the exporter has no gradient
+        if self.training:  # the operation that the exporter needs has no gradient
             return pyramid_roi_align((p2, p3, p4, p5), rois, level, self.sampling)
         aligned: Tensor = roi_align(p2, p3, p4, p5, rois, level, self.sampling)
         return aligned
 
 
 def level_of(rois: Tensor) -> Tensor:
-    """(B, R) int64: 0 for P2 … 3 for P5, by a region's size against 224 pixels."""
+    """Return each region's pyramid level (B, R) int64, 0 for P2 … 3 for P5; 224 px belong to P4."""
     size = (rois[..., 2:] - rois[..., :2]).clamp(min=1e-3).prod(dim=-1).sqrt()
     return (4 + torch.round(torch.log2(size / 224))).clamp(2, 5).long() - 2
 
 
 def anchors(size: int, device: torch.device) -> Tensor:
-    """(A, 4) left, top, right, bottom of all anchors: by level, row, column, ratio (height by width).
+    """Return all anchors (A, 4): left, top, right, bottom.
 
-    They are centred on the corners of the map's cells, as in the code that SDN grew from.
+    They are ordered by level, row, column, ratio (height by width), and centred on the corners of the
+    map's cells, as in the code that SDN was derived from.
     """
     levels = []
     for stride, scale in zip(STRIDES, SCALES, strict=True):
@@ -213,7 +223,7 @@ def anchors(size: int, device: torch.device) -> Tensor:
 
 
 def moved(boxes: Tensor, deltas: Tensor) -> Tensor:
-    """Boxes (..., 4) moved by deltas (..., 4) of y, x, log height, log width (thesis, eq. 4.1)."""
+    """Move boxes (..., 4) by deltas (..., 4) of y, x, log height and log width (thesis, eq. 4.1)."""
     dy, dx, dh, dw = (deltas * deltas.new_tensor(DELTA_SCALE)).unbind(dim=-1)
     left, top, right, bottom = boxes.unbind(dim=-1)
     width, height = right - left, bottom - top
@@ -224,7 +234,7 @@ def moved(boxes: Tensor, deltas: Tensor) -> Tensor:
 
 
 def deltas_between(boxes: Tensor, goals: Tensor) -> Tensor:
-    """(..., 4) what :func:`moved` needs to bring boxes to goals."""
+    """Return the deltas (..., 4) by which :func:`moved` takes boxes to goals."""
     size, goal = (b[..., 2:] - b[..., :2] for b in (boxes, goals))
     away = ((goals[..., :2] + goals[..., 2:]) - (boxes[..., :2] + boxes[..., 2:])) / 2 / size
     both = torch.cat([away.flip(-1), torch.log(goal / size).flip(-1)], dim=-1)
@@ -232,32 +242,35 @@ def deltas_between(boxes: Tensor, goals: Tensor) -> Tensor:
 
 
 def proposals(logits: Tensor, deltas: Tensor, size: int, most: int, suppress: bool = True) -> Tensor:
-    """(B, most, 4) best regions, best first; where there are fewer, the rest are empty boxes at 0.
+    """Return the best regions (B, most, 4), best first, padded with empty boxes at 0.
 
     Args:
-        suppress: drop those that overlap a better one (the thesis' Table 5.2 has both).
+        logits, deltas: of the anchors, from :meth:`Sdn.features`.
+        size: side of the picture, px.
+        most: number of regions.
+        suppress: whether to drop regions that overlap a better one (the thesis' Table 5.2 has both).
     """
     score = torch.softmax(logits, dim=-1)[..., 1]
-    score, place = torch.topk(score, min(_BEFORE_NMS, score.shape[1]), dim=1)
-    best = torch.gather(deltas, 1, place[..., None].expand(-1, -1, 4))
-    boxes = moved(anchors(size, logits.device)[place], best).clamp(0, size)
+    score, index = torch.topk(score, min(_BEFORE_NMS, score.shape[1]), dim=1)
+    best = torch.gather(deltas, 1, index[..., None].expand(-1, -1, 4))
+    boxes = moved(anchors(size, logits.device)[index], best).clamp(0, size)
     if not suppress:
         return boxes[:, :most]
     return _taken(boxes, nms_padded(boxes, score, _PROPOSAL_OVERLAP, most))
 
 
-def _taken(values: Tensor, places: Tensor) -> Tensor:
-    """Rows (B, K, n) of values (B, M, n) at places (B, K); zeros where a place is −1."""
-    rows = torch.gather(values, 1, places.clamp(min=0)[..., None].expand(-1, -1, values.shape[-1]))
-    there: Tensor = rows * (places >= 0)[..., None]
-    return there
+def _taken(values: Tensor, indices: Tensor) -> Tensor:
+    """Return the rows (B, K, n) of values (B, M, n) at indices (B, K); zeros where an index is −1."""
+    rows = torch.gather(values, 1, indices.clamp(min=0)[..., None].expand(-1, -1, values.shape[-1]))
+    padded: Tensor = rows * (indices >= 0)[..., None]
+    return padded
 
 
 class Decoded(nn.Module):
-    """The net with proposals and detections: what is exported.
+    """The network with proposals and detections, as it is exported.
 
-    Pictures (B, 1, S, S) → boxes (B, 100, 4) x, y, width, height; scores (B, 100), falling; labels
-    (B, 100) int64, −1 after the last; raw (B, A, 6), logits and deltas of the anchors.
+    Pictures (B, 1, S, S) → boxes (B, 100, 4) x, y, width, height; scores (B, 100), in descending order;
+    labels (B, 100) int64, −1 after the last; raw (B, A, 6), logits and deltas of the anchors.
     """
 
     def __init__(self, net: Sdn, least_score: float) -> None:
@@ -268,7 +281,7 @@ class Decoded(nn.Module):
         size = picture.shape[-1]
         pyramid, logits, deltas = self.net.features(picture)
         rois = proposals(logits, deltas, size, PROPOSALS)
-        classes, moves = self.net.look_at(pyramid, rois)
+        classes, moves = self.net.classify_regions(pyramid, rois)
         score, label = torch.softmax(classes, dim=-1).max(dim=-1)
         move = torch.gather(moves, 2, label[..., None, None].expand(-1, -1, 1, 4))[:, :, 0]
         boxes = moved(rois, move).clamp(0, size)

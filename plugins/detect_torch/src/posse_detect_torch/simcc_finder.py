@@ -25,7 +25,7 @@ from posse_core import (
     to_grey,
     true_boxes,
 )
-from posse_detect_torch.augment import look, move_points, random_view, warp
+from posse_detect_torch.augment import change_appearance, move_points, random_view, warp
 from posse_detect_torch.checkpoint import read_weights
 from posse_detect_torch.export import Outputs, difference, export, raw_difference
 from posse_detect_torch.int8 import write_int8
@@ -71,7 +71,7 @@ class SimccLesson(Lesson):
         if self.options.augment:
             angle = random.uniform(0, 2 * np.pi) if self.options.turn else 0.0
             view = random_view(random, size, _ZOOM, _SHIFT, angle)
-            picture = look(warp(picture, view), random)
+            picture = change_appearance(warp(picture, view), random)
             points = move_points(points + 0.5, view) - 0.5
         inside = np.all((points > -0.5) & (points < size - 0.5), axis=1, keepdims=True)  # false for NaN
         return {

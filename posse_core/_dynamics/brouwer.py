@@ -1,13 +1,14 @@
-"""Mean → osculating elements of J2 by Brouwer and Lyddane, as it is published and used.
+"""Mean → osculating elements under J2 by the theory of Brouwer and Lyddane, in its published form.
 
 Brouwer (1959), Astronomical Journal 64, 378, and Lyddane (1963), ibid. 68, 555, to first order of J2, in
 the form of Schaub and Junkins (2018), Analytical Mechanics of Space Systems, appendix F, whose printed
 long-period terms of M, ω and Ω lack Brouwer's factor sin 2ω.
 
-It is kept as it is used elsewhere, with its known limits. The sum M + ω + Ω lacks a short-period part
-of the order e J2; at e below J2 the second order that it leaves depends on ω and M apart, so orbits
-100 m apart are told apart to some cm only; its long-period terms are singular at the critical
-inclinations, 63.43° and 116.57°. :mod:`posse_core._dynamics.j2` has a form that is free of all three.
+The theory is implemented as it is used elsewhere, with its known limits. The sum M + ω + Ω lacks a
+short-period part of the order e J2. At e below J2, the neglected second-order terms depend on ω and M
+separately, so the relative state of orbits 100 m apart is accurate to a few cm only. The long-period
+terms are singular at the critical inclinations, 63.43° and 116.57°. :mod:`posse_core._dynamics.j2` has a
+form without these three limits.
 """
 
 from __future__ import annotations

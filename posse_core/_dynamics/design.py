@@ -1,6 +1,6 @@
-"""Relative orbits by name: natural ones as initial conditions, forced ones as paths.
+"""Named designs of relative motion: natural ones as initial conditions, forced ones as paths.
 
-Sizes are metres, angles radians; rows of ROE are a·(δa, δλ, δex, δey, δix, δiy).
+Lengths are in metres and angles in radians; rows of ROE are a·(δa, δλ, δex, δey, δix, δiy).
 """
 
 from __future__ import annotations
@@ -23,7 +23,13 @@ def fly_around(range_m: float, phase_rad: float) -> FloatArray:
 
 
 def safe_ellipse(radial_m: float, normal_m: float, along_m: float, phase_rad: float) -> FloatArray:
-    """(6,) ROE with parallel vectors of eccentricity and inclination, of these amplitudes and offset."""
+    """(6,) ROE with parallel relative eccentricity and inclination vectors.
+
+    Args:
+        radial_m, normal_m: amplitudes along R and N.
+        along_m: mean offset along T.
+        phase_rad: phase of both vectors.
+    """
     row = _vectors(radial_m, phase_rad, normal_m, phase_rad)
     row[1] = along_m
     return np.array(row)
@@ -36,7 +42,7 @@ def v_bar_hop(start_m: float, end_m: float, period_s: float) -> FloatArray:
 
 
 def hold(r_rtn_m: FloatArray, t_s: FloatArray) -> FloatArray:
-    """(3,) → (F, 6) RTN states at rest, for (F,) times."""
+    """(3,) → (F, 6) RTN states at rest at (F,) times."""
     out = np.zeros((len(t_s), 6))
     out[:, :3] = r_rtn_m
     return out
@@ -55,10 +61,10 @@ def straight_line(
 
 
 def algorithm_3_1(roe_m: FloatArray, count: int) -> FloatArray:
-    """Lines 2–13 of the thesis' Algorithm 3.1: (6,) initial a·δα → (H, 6), one row an orbit.
+    """Lines 2–13 of the thesis' Algorithm 3.1: (6,) initial a·δα → (H, 6), one row per relative orbit.
 
-    δix and δiy carry over from one relative orbit to the next, which the thesis leaves open: so the
-    orbits of the second half keep the δix of the last one of the first half.
+    The thesis does not say which δix the orbits of the second half have. Here δix and δiy carry over
+    from one relative orbit to the next, so they keep the δix of the last orbit of the first half.
     """
     _, _, dex, dey, dix, diy = (float(x) for x in roe_m)
     dix_0, diy_0 = dix, diy
@@ -77,7 +83,7 @@ def algorithm_3_1(roe_m: FloatArray, count: int) -> FloatArray:
 
 
 def algorithm_3_1_repaired(size_m: float, count: int) -> FloatArray:
-    """(count, 6) ROE: δe turns once, δi three times while it grows to 4 sizes and shrinks to nothing."""
+    """(count, 6) ROE: δe rotates once while δi rotates three times, growing to 4 sizes and back to 0."""
     turn = 2 * math.pi * np.arange(count) / count
     return np.array([_vectors(size_m, s, size_m * 2 * (1 - math.cos(s)), 3 * s) for s in turn])
 
@@ -87,11 +93,14 @@ def view_sphere(
 ) -> FloatArray:
     """(count, 6) RTN states at rest, in directions spread evenly over the sphere.
 
-    A Fibonacci lattice of directions, distances by the additive recurrence of 1/√2, which is out of
-    step with the lattice's golden angle (González 2010, Mathematical Geosciences 42, 49).
+    The directions form a Fibonacci lattice (González 2010, Mathematical Geosciences 42, 49). The
+    distances follow the additive recurrence of 1/√2, which is uncorrelated with the lattice's golden
+    angle.
 
     Args:
-        logarithmic: as many below the geometric mean of the distances as above; else even.
+        nearest_m, farthest_m: limits of the distance.
+        count: number of states.
+        logarithmic: whether the logarithm of the distance is spread evenly instead of the distance.
     """
     k = np.arange(count)
     z = 1 - (2 * k + 1) / count
@@ -108,7 +117,7 @@ def view_sphere(
 
 
 def coverage(r_rtn_m: FloatArray) -> float:
-    """Share of 288 equal-area bins of viewing directions that positions (..., 3) fall in."""
+    """Share of 288 equal-area bins of viewing directions that contain at least one position (..., 3)."""
     bands, sectors = COVERAGE_BINS
     x, y, z = np.moveaxis(r_rtn_m / np.linalg.norm(r_rtn_m, axis=-1, keepdims=True), -1, 0)
     band = np.minimum(((z + 1) / 2 * bands).astype(int), bands - 1)

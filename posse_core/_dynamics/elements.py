@@ -6,10 +6,10 @@ Element rows (6 numbers, lengths in m, angles in rad):
     equinoctial  a, l, ex, ey, p, q      l = M + ω + IΩ, (ex, ey) = e (cos, sin)(ω + IΩ),
                                          (p, q) = tan(i/2)^I (sin Ω, cos Ω)
 
-I is +1 for orbits below 90° of inclination and −1 above, so that no elliptic orbit is near the
-singularity of its own set (Broucke & Cefola 1972, Celestial Mechanics 5, 303). All conversions go
-by way of the equinoctial set and none divides by e or sin i. Where an angle means nothing it is 0:
-ω at e = 0, Ω at i = 0 and 180°. States are position (m) and velocity (m/s) in inertial axes.
+I is +1 for inclinations below 90° and −1 above, so that no elliptic orbit is near the singularity of its
+set (Broucke & Cefola 1972, Celestial Mechanics 5, 303). All conversions pass through the equinoctial set
+and none divides by e or sin i. An undefined angle is 0: ω at e = 0, Ω at i = 0 and 180°. States are
+position (m) and velocity (m/s) in inertial axes.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def columns(rows: FloatArray) -> list[FloatArray]:
 def in_plane(
     a: Any, longitude: Any, ex: Any, ey: Any, mu: Any, corrections: int = CORRECTIONS
 ) -> tuple[Any, ...]:
-    """Casadi expressions x, y, vx, vy, r, h in the plane that longitudes are counted in."""
+    """Casadi expressions x, y, vx, vy, r, h in the orbital plane, whose x axis has longitude 0."""
     F = eccentric_longitude(longitude, ex, ey, corrections)
     s, c = ca.sin(F), ca.cos(F)
     eta = ca.sqrt(1 - ex**2 - ey**2)

@@ -64,7 +64,7 @@ def oblateness(r: Any, mu: Any, radius: Any, j2: Any) -> Any:
 
 
 def third_body(r: Any, r_body: Any, mu_body: Any) -> Any:
-    """(3) pull of a distant body, less its pull on the Earth; the difference does not cancel."""
+    """(3) attraction of a distant body minus its attraction of the Earth, without cancellation."""
     return two_body_difference(r_body, -r, mu_body) * -1
 
 
@@ -80,7 +80,7 @@ def density(r: Any, radius: Any) -> Any:
 
 
 def drag(r: Any, v: Any, radius: Any, earth_rate: Any, ballistic_m2_kg: Any) -> Any:
-    """(3) drag in air that turns with the Earth; ``ballistic_m2_kg`` is C_D A/m."""
+    """(3) drag in an atmosphere that rotates with the Earth; ``ballistic_m2_kg`` is C_D A/m."""
     wind = ca.cross(ca.vertcat(0, 0, earth_rate), r)
     relative = v - wind
     return -0.5 * density(r, radius) * ballistic_m2_kg * ca.norm_2(relative) * relative
@@ -91,8 +91,8 @@ def solar_pressure(
 ) -> Any:
     """(3) radiation pressure on a sphere; ``c_r_a_m2_kg`` is C_R A/m.
 
-    Through the penumbra the light falls as a cubic in the angle between the two centres: smooth, as
-    integrators want it, and within 2 % of the disc's share. Labels use the exact share instead.
+    In the penumbra the sunlight falls as a cubic in the angle between the two centres, which is smooth,
+    as integrators need it, and within 2 % of the visible share of the disc. Labels use the exact share.
     """
     to_sun = r_sun - r
     distance = ca.norm_2(to_sun)

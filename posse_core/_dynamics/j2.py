@@ -1,9 +1,10 @@
 """Relative motion under the Earth's oblateness: secular J2 in ROE, mean ↔ osculating elements.
 
-Two theories of first order lead from mean to osculating elements: ``brouwer-lyddane``, the published
-one (:mod:`posse_core._dynamics.brouwer`), and ``canonical``, here: Brouwer's short-period generating
-function applied to equinoctial elements as a Poisson bracket. The latter leaves the long-period part in
-the mean elements, which tens of orbits do not change, and has no singularity.
+Two first-order theories convert mean to osculating elements: ``brouwer-lyddane``, the published one
+(:mod:`posse_core._dynamics.brouwer`), and ``canonical``, defined here, which applies Brouwer's
+short-period generating function to equinoctial elements as a Poisson bracket. The latter leaves the
+long-period part in the mean elements, where it hardly changes over tens of orbits. It has no
+singularity.
 """
 
 from __future__ import annotations
@@ -87,8 +88,8 @@ def _short_period() -> Any:
     """First-order short-period part of J2 as a change of equinoctial elements.
 
     Brouwer's generating function S of the short-period terms (1959, Astronomical Journal 64, 378,
-    eq. 15), written in position and velocity, where it is smooth at e = 0 and i = 0; the change of
-    any element is its Poisson bracket with S, which casadi differentiates.
+    eq. 15) is written in position and velocity, where it is smooth at e = 0 and i = 0. The change of any
+    element is its Poisson bracket with S, whose derivatives casadi computes.
     """
     r, v = ca.SX.sym("r_m", 3), ca.SX.sym("v_m_s", 3)
     sign = ca.SX.sym("sign")
@@ -183,11 +184,11 @@ def mean_from_osculating(qns: FloatArray, constants: Constants, theory: Theory) 
 
 
 _INVERSIONS = 8
-"""Fixed-point steps, each of which gains a factor of about J2 (1e-3)."""
+"""Number of fixed-point steps; each reduces the error by a factor of about J2 (1e-3)."""
 
 
 def _near(qns: FloatArray, reference: FloatArray) -> FloatArray:
-    """The same elements with u and Ω within half a turn of the reference's."""
+    """The same elements with u and Ω shifted by whole turns to be nearest to the reference's."""
     out = qns.copy()
     for k in (1, 5):
         turns = np.round((out[..., k] - reference[..., k]) / (2 * np.pi))

@@ -1,4 +1,4 @@
-"""Kepler's equation in a form that has no singular eccentricity."""
+"""Kepler's equation in a form without a singularity at e = 0."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from posse_core._arrays import FloatArray
 from posse_core._dynamics.rows import Rows, dense
 
 CORRECTIONS = 6
-"""Fifth-order corrections: five reach rounding at e = 0.9999 from the starter below."""
+"""Number of fifth-order corrections; five reach rounding at e = 0.9999 from the starting value below."""
 
 
 def corrections_for(e: float) -> int:
-    """How many corrections reach rounding at eccentricities up to e, for any mean anomaly.
+    """Number of corrections that reach rounding at eccentricities up to e, for any mean anomaly.
 
-    The starter is off by 6e-6 at e = 0.1, and by 1e-5 after one correction at e = 0.9: of a fifth
-    power of that nothing is left.
+    The starting value's error is 6e-6 at e = 0.1, and 1e-5 after one correction at e = 0.9. The next
+    correction reduces it to the order of its fifth power, which is below rounding.
     """
     if e <= 0.1:
         return 1
@@ -28,11 +28,12 @@ def eccentric_longitude(longitude: Any, ex: Any, ey: Any, corrections: int = COR
     """Casadi expression of F in l = F − ex sin F + ey cos F, the generalised Kepler equation.
 
     F is E + ϖ for the mean longitude l = M + ϖ and the eccentricity vector e (cos ϖ, sin ϖ), for
-    any ϖ that all three share; e < 1. It is smooth at e = 0, where E and ϖ alone mean nothing.
+    any ϖ that all three share; e < 1. F is smooth at e = 0, where E and ϖ alone are undefined.
 
-    Starter: Smith (1979), Celestial Mechanics 19, 163, eq. 2. Corrections: Householder's of fourth
-    order (Danby & Burkardt 1983, Celestial Mechanics 31, 95). A fixed count, so that casadi
-    differentiates through it: at the root the last correction alone carries the derivative.
+    Starting value: Smith (1979), Celestial Mechanics 19, 163, eq. 2. Corrections: Householder's of
+    fourth order (Danby & Burkardt 1983, Celestial Mechanics 31, 95). Their number is fixed so that
+    casadi can differentiate the expression; at the root the last correction alone carries the
+    derivative.
     """
     s, c = ca.sin(longitude), ca.cos(longitude)
     F = longitude + (ex * s - ey * c) / ca.sqrt(1 - 2 * (ex * c + ey * s) + ex**2 + ey**2)

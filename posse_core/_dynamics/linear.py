@@ -1,7 +1,7 @@
-"""Linear relative motion in closed form: state-transition matrices and maps, each exact in its own
-linearisation. States are RTN position (m) and velocity (m/s) in the rotating frame.
+"""Linear relative motion in closed form: state-transition matrices and maps.
 
-Each is a casadi Function of the chief's qns elements at t = 0, μ and t, so Jacobians come by AD.
+States are RTN position (m) and velocity (m/s) in the rotating frame. Each matrix is a casadi Function of
+the chief's qns elements at t = 0, μ and t, so its Jacobians follow by automatic differentiation (AD).
 """
 
 from __future__ import annotations

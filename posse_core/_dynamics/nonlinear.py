@@ -1,8 +1,9 @@
-"""Chief and relative state, integrated together: what the closed forms are checked against.
+"""Numerical integration of the chief's state together with the relative state.
 
-The relative state is integrated itself, in inertial axes, with the difference of two attractions
-written without cancellation, so its error is relative to the separation and not to the orbit. All is
-dimensionless: lengths in chief radii (separations in a scale of their own), time in radians of it.
+The relative state itself is integrated, in inertial axes, with the difference of two attractions written
+without cancellation, so its error is relative to the separation and not to the orbit's radius. All
+quantities are dimensionless: lengths are divided by the chief's initial radius, separations by a scale
+of their own, and times by √(radius³/μ). The closed-form models are tested against this integration.
 """
 
 from __future__ import annotations
@@ -25,23 +26,23 @@ MU_MOON_M3_S2 = 4.902_800_066e12
 
 RELATIVE_TOLERANCE = 1e-15
 ABSOLUTE_TOLERANCE = 1e-17
-"""Of the dimensionless state; checked against quadruple precision in tests/authorities."""
+"""Tolerances of the dimensionless state, checked against quadruple precision in tests/authorities."""
 
 
 @dataclass(frozen=True)
 class Body:
-    """A distant body's geocentric path as Chebyshev series over the run.
+    """The geocentric path of a distant body as Chebyshev series in time.
 
     Attributes:
         coefficients_m: (3, K), of x, y, z in inertial axes.
-        span_s: (start, end) that the series' [−1, 1] stands for.
+        span_s: (start, end), the times at which the series' argument is −1 and 1.
     """
 
     coefficients_m: FloatArray
     span_s: tuple[float, float]
 
     def position(self, t_s: Any) -> Any:
-        """Casadi column (3), m, at t_s; Clenshaw's recurrence."""
+        """Casadi column (3): position in m at t_s, by Clenshaw's recurrence."""
         start, end = self.span_s
         x = (2 * t_s - start - end) / (end - start)
         columns = self.coefficients_m.T
@@ -53,13 +54,14 @@ class Body:
 
 @dataclass(frozen=True)
 class ForceModel:
-    """What acts beside the Earth's point mass.
+    """The forces beside the attraction of the Earth's point mass.
 
     Attributes:
         gravity: ``two-body`` or ``j2``.
-        drag_m2_kg, srp_m2_kg: (target, chaser) C_D A/m and C_R A/m, or None.
-        sun, moon: given where srp or third bodies need them.
-        third_body: the Sun and Moon pull.
+        drag_m2_kg, srp_m2_kg: (target, chaser) C_D A/m and C_R A/m, or None without drag or solar
+            radiation pressure.
+        third_body: whether the attraction of the Sun and the Moon is included.
+        sun, moon: their paths, needed for solar radiation pressure and third bodies.
     """
 
     gravity: Literal["two-body", "j2"] = "two-body"
@@ -70,7 +72,7 @@ class ForceModel:
     moon: Body | None = None
 
     def perturbation(self, r: Any, v: Any, t_s: Any, craft: int, constants: Constants) -> Any:
-        """Casadi column (3), m/s², of all but the point mass; craft 0 is the target, 1 the chaser."""
+        """Casadi column (3): all accelerations but the point mass's, m/s²; craft 0 is the target."""
         c = constants
         total = ca.SX.zeros(3)
         if self.gravity == "j2":
@@ -96,7 +98,7 @@ class ForceModel:
 
 
 def equations(model: ForceModel, constants: Constants) -> Any:
-    """casadi Function (chief r, v; relative dr, dv; t) → their time derivatives; inertial, SI."""
+    """casadi Function (chief r, v; relative dr, dv; t) → their time derivatives; inertial axes, SI."""
     r, v = ca.SX.sym("r_m", 3), ca.SX.sym("v_m_s", 3)
     dr, dv, t = ca.SX.sym("dr_m", 3), ca.SX.sym("dv_m_s", 3), ca.SX.sym("t_s")
     mu = constants.mu_earth_m3_s2
@@ -122,17 +124,20 @@ def integrate(
     model: ForceModel,
     constants: Constants,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Integrate from t = 0 to each of the times, which may be in any order, negative too.
+    """Integrate from t = 0 to each of the times, which may be negative and in any order.
 
     Args:
-        start: (3,) target's position (m) and velocity (m/s), and the chaser's minus them; inertial.
-        t_s: (F,).
+        start: (3,) each: the target's position (m) and velocity (m/s), and the chaser's position and
+            velocity minus the target's; inertial axes.
+        t_s: (F,) seconds.
+        model: the forces.
+        constants: of the Earth and the Sun.
 
     Returns:
-        The same four at the times, (F, 3) each.
+        The same four quantities at the times, (F, 3) each.
 
     Raises:
-        ComponentError: the integrator gave up, as on an orbit that meets the Earth's centre.
+        ComponentError: The integrator failed, as on an orbit through the Earth's centre.
     """
     t_s = np.asarray(t_s, dtype=np.float64)
     scale = _Scale(start, constants)
@@ -141,17 +146,17 @@ def integrate(
     for direction in (1.0, -1.0):
         chosen = t_s * direction > 0
         if np.any(chosen):
-            # The same instant twice would be a step of zero length.
-            grid, place = np.unique(np.abs(t_s[chosen]) / scale.time_s, return_inverse=True)
+            # The integrator does not accept the same instant twice.
+            grid, index = np.unique(np.abs(t_s[chosen]) / scale.time_s, return_inverse=True)
             rates = _dimensionless(model, constants, scale, direction)
-            out[chosen] = _solve(rates, state, grid)[place]
+            out[chosen] = _solve(rates, state, grid)[index]
     out[t_s == 0] = state
     r, v, dr, dv = np.split(scale.up(out), 4, axis=-1)
     return r, v, dr, dv
 
 
 class _Scale:
-    """Units in which everything is of order one."""
+    """Units in which all components of the state are of order one."""
 
     def __init__(
         self, start: tuple[FloatArray, FloatArray, FloatArray, FloatArray], constants: Constants

@@ -1,4 +1,4 @@
-"""What is no orbit, or none that can be flown."""
+"""Checks that a state is an orbit that a spacecraft can fly."""
 
 from __future__ import annotations
 
@@ -14,15 +14,21 @@ from posse_core._errors import InputError
 def check_orbit(
     r_m: FloatArray, v_m_s: FloatArray, constants: Constants, where: str, *, elliptic: bool
 ) -> None:
-    """Refuse what is no orbit, meets the Earth, or, where ``elliptic``, escapes.
+    """Check that a state is an orbit with its perigee above the Earth's surface.
+
+    Args:
+        r_m, v_m_s: (3,) geocentric state, inertial axes.
+        constants: of the Earth.
+        where: what the message calls the state, such as the key of a scenario.
+        elliptic: whether a hyperbolic orbit is an error too.
 
     Raises:
-        InputError: one line that begins with ``where``.
+        InputError: The state fails the check; the message begins with ``where``.
     """
     mu = constants.mu_earth_m3_s2
     r = float(np.linalg.norm(r_m))
     if not np.isfinite(r) or r == 0 or not np.all(np.isfinite(v_m_s)):
-        raise InputError(f"{where}: this is not an orbit; check the numbers and their units")
+        raise InputError(f"{where}: the state is not an orbit; check the numbers and their units")
     v2 = float(v_m_s @ v_m_s)
     h2 = r**2 * v2 - float(r_m @ v_m_s) ** 2
     energy = v2 / 2 - mu / r
@@ -34,4 +40,4 @@ def check_orbit(
             " below the Earth's surface; check the units (m, m/s)"
         )
     if elliptic and energy >= 0:
-        raise InputError(f"{where}: the orbit is not elliptic (e = {e:.6g}); take propagator nonlinear")
+        raise InputError(f"{where}: the orbit is not elliptic (e = {e:.6g}); use propagator nonlinear")

@@ -38,7 +38,8 @@ class Transfer:
     """Impulses in order of time.
 
     Attributes:
-        least_dv_m_s: no plan in this window costs less, to first order.
+        burns: the impulses.
+        least_dv_m_s: lower bound of the cost of any plan in the window, to first order.
     """
 
     burns: tuple[Burn, ...]
@@ -46,7 +47,7 @@ class Transfer:
 
     @property
     def dv_m_s(self) -> float:
-        """Sum of the impulses' sizes."""
+        """Sum of the magnitudes of the impulses."""
         return float(sum(np.linalg.norm(burn.dv_rtn_m_s) for burn in self.burns))
 
 
@@ -65,7 +66,7 @@ def transfer(
         window_s: first and last instant of an impulse; ``to_roe`` holds at the last.
 
     Raises:
-        InputError: the window is too short for the impulses that are needed.
+        InputError: The window is too short for the impulses that are needed.
     """
     n = math.sqrt(mu_m3_s2 / chief_qns[0] ** 3)
     arrival = np.array(from_roe)
@@ -101,7 +102,7 @@ def _near_circular(
 def _tangential(
     u_0: float, wanted: FloatArray, window_s: tuple[float, float], n: float, na: float
 ) -> tuple[Burn, ...]:
-    """Three impulses along T, half turns apart, that change δa, δλ and δe as wanted."""
+    """Three impulses along T, half orbits apart, that change δa, δλ and δe by the wanted amounts."""
     if na * float(np.max(np.abs(wanted[:4]))) < _NEGLIGIBLE_M_S:
         return ()
     axis = math.atan2(wanted[3], wanted[2])
@@ -111,7 +112,7 @@ def _tangential(
         matrix = np.array([[2.0, -3 * n * (window_s[1] - t), 2.0 * (-1) ** k] for t, k in three]).T / na
         try:
             dv = np.linalg.solve(matrix, [wanted[0], wanted[1], math.hypot(*wanted[2:4])])
-        except np.linalg.LinAlgError:  # all three on one side: δe and δa cannot be told apart
+        except np.linalg.LinAlgError:  # all three on one side: δe and δa cannot be changed independently
             continue
         cost = float(np.sum(np.abs(dv)))
         if cost < best[0] * (1 - 1e-12):
@@ -128,7 +129,7 @@ def _tangential(
 def _instants(
     u: float, u_0: float, window_s: tuple[float, float], n: float, step: float
 ) -> list[tuple[float, int]]:
-    """Instants in the window at mean argument of latitude u + kπ, each with k's parity."""
+    """Instants in the window at mean argument of latitude u + k·step, each with the parity of k."""
     first = math.ceil((n * window_s[0] + u_0 - u) / step - 1e-9)
     last = math.floor((n * window_s[1] + u_0 - u) / step + 1e-9)
     return [((u + k * step - u_0) / n, k % 2) for k in range(first, last + 1)]

@@ -6,7 +6,7 @@ ROE rows (dimensionless; times the chief's semi-major axis in metres):
     equinoctial  δa, δl, δex, δey, δp, δq     plain differences of equinoctial elements; for any i
 
 The deputy's elements follow from these without approximation, both orbits are solved by Kepler's
-equation, and the difference is taken in the chief's RTN axes: no integration, no linearisation.
+equation, and their difference is taken in the chief's RTN axes, without integration or linearisation.
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ def relative_rtn(chief: tuple[Any, ...], deputy: tuple[Any, ...], axes: Any) -> 
 def _phases(a: Any, longitude: Any, da: Any, dl: Any, mu: Any, t: Any) -> tuple[Any, Any]:
     """Mean longitudes of chief and deputy after t.
 
-    Whole turns are dropped from the shared part and the drift comes from δa itself, so rounding
-    stays that of one turn after any number of them.
+    Whole turns are dropped from the common part and the drift is computed from δa itself, so that the
+    rounding error after many turns is that of one.
     """
     n = ca.sqrt(mu / a**3)
     chief = longitude + ca.fmod(n * t, 2 * np.pi)
@@ -112,7 +112,7 @@ RTN_FROM_EQUINOCTIAL_ROE = _equinoctial_rtn(CORRECTIONS)
 
 @cache
 def _rows(build: Callable[[int], Any], corrections: int) -> Rows:
-    """The same Function with as few corrections of Kepler's equation as the orbits need."""
+    """The Function with a given number of corrections of Kepler's equation, ready for many rows."""
     return Rows(build(corrections))
 
 
@@ -157,9 +157,9 @@ def stream_rtn(
     mu_m3_s2: float,
     t_s: FloatArray | float,
 ) -> Iterator[FloatArray]:
-    """:func:`rtn_from_equinoctial_roe` in blocks of (rows, 6), in order: memory for one block only.
+    """Yield :func:`rtn_from_equinoctial_roe` in blocks (rows, 6), with memory for one block only.
 
-    A block's array is overwritten by the next one.
+    The next block overwrites the array of a block.
     """
     rows = _rows(_equinoctial_rtn, _needed(chief, roe))
     for (block,) in rows.stream(chief, sign, roe, mu_m3_s2, t_s):
@@ -212,10 +212,10 @@ def equinoctial_roe_from_states(
     sign: FloatArray | float,
     mu_m3_s2: float,
 ) -> FloatArray:
-    """Equinoctial ROE of a chief and of a deputy given by its difference; inertial axes, (..., 3).
+    """Equinoctial ROE (..., 6) of a chief and a deputy, which is given by its difference from the chief.
 
-    δa comes from the difference itself, not from two semi-major axes: an error of 1e-15 in it would
-    grow by 94 per ten orbits.
+    All arguments are (..., 3) in inertial axes. δa is computed from the difference itself and not from
+    two semi-major axes, since the drift of ten orbits multiplies an error of δa by 94.
     """
     chief = equinoctial_from_state(r_m, v_m_s, sign, mu_m3_s2)
     deputy = equinoctial_from_state(r_m + dr_m, v_m_s + dv_m_s, sign, mu_m3_s2)

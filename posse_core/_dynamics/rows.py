@@ -1,9 +1,9 @@
-"""casadi Functions over whole numpy arrays.
+"""Evaluation of casadi Functions for all rows of numpy arrays.
 
-A Function computes with single columns. :class:`Rows` evaluates it for many: it rebuilds the
-Function's own instructions with vectors for scalars, so that each instruction is one tight loop over a
-block of rows, in casadi's compiled code and through its raw buffers. Arguments that do not change stay
-scalars, and what depends on them alone is computed once a block.
+A Function computes with single columns. :class:`Rows` evaluates it for many rows: it rebuilds the
+Function's instructions with vectors in place of scalars, so that each instruction is one tight loop over
+a block of rows in casadi's compiled code, through its raw buffers. Arguments that are the same in all
+rows stay scalars, and what depends on them alone is computed once per block.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ import numpy as np
 from posse_core._arrays import FloatArray
 
 BLOCK = 1024
-"""Rows a block: its intermediate vectors stay in the second-level cache."""
+"""Rows per block, chosen so that its intermediate vectors stay in the second-level cache."""
 _FEW = 16
-"""Below this many rows, one evaluation each is faster than building a block."""
+"""Below this number of rows, evaluating each alone is faster than building a block."""
 
 
 class Rows:
-    """A casadi Function, called with arrays whose last axis is the Function's column.
+    """A casadi Function that is called with arrays, whose last axis is the Function's column argument.
 
-    A scalar argument of the Function (one row, one column) is given as an array without the last
-    axis. Leading axes broadcast as in numpy. A matrix result has its two axes last.
+    An array for a scalar argument of the Function lacks this last axis. Leading axes broadcast as in
+    numpy. The last two axes of a matrix result are the matrix.
     """
 
     def __init__(self, function: Any) -> None:
@@ -38,7 +38,7 @@ class Rows:
         self._blocks: dict[tuple[int, tuple[bool, ...]], Any] = {}
 
     def __call__(self, *arguments: FloatArray | float) -> Any:
-        """One array a result of the Function; the array itself where there is one result."""
+        """Evaluate the Function and return one array per result, in a tuple if there are several."""
         shape, columns = self._broadcast(arguments)
         count = math.prod(shape)
         outs = [np.empty((count, rows * cols)) for rows, cols in self._shapes_out]
@@ -52,9 +52,10 @@ class Rows:
         return shaped if len(shaped) > 1 else shaped[0]
 
     def stream(self, *arguments: FloatArray | float) -> Iterator[tuple[FloatArray, ...]]:
-        """Results in blocks of at most :data:`BLOCK` rows, in order of the flattened leading axes.
+        """Yield results in blocks of at most :data:`BLOCK` rows, in order of the flattened leading axes.
 
-        The arrays of a block (rows, elements) are overwritten by the next one: copy what is kept.
+        The next block overwrites the arrays (rows, elements) of a block, so the caller copies what it
+        keeps.
         """
         shape, columns = self._broadcast(arguments)
         yield from self._evaluate(shape, columns, math.prod(shape))
@@ -90,7 +91,7 @@ class Rows:
         results = [np.empty((rows * cols, size)) for rows, cols in self._shapes_out]
         buffer, evaluate = function.buffer()
         for k, array in enumerate(inputs):
-            # The last block's spare rows compute something that nobody reads.
+            # The unused rows of the last block are computed too, but their results are not read.
             array[:] = columns[k].reshape(-1, len(array))[0][:, None]
             buffer.set_arg(k, array.data)
         for k, array in enumerate(results):
@@ -139,7 +140,7 @@ def _over_rows(f: Any, size: int, constant: tuple[bool, ...]) -> Any:
         if code == ca.OP_INPUT:
             work[given[0]] = inputs[taken[0]][taken[1]]
         elif code == ca.OP_OUTPUT:
-            # A result that no row changes is spread over all of them.
+            # A result that is the same for all rows is repeated for each.
             results[given[0]][given[1]] = work[taken[0]] + ca.DM.zeros(size)
         elif code == ca.OP_CONST:
             work[given[0]] = ca.MX(f.instruction_constant(k))

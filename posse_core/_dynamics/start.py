@@ -1,4 +1,4 @@
-"""Where target and chaser are at one instant, in whatever form a model wants them."""
+"""States of target and chaser at one instant, in all the forms that motion models need."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from posse_core._dynamics.orbit import check_orbit
 from posse_core._errors import InputError
 
 SINGULAR_SIN_I = 1e-6
-"""Below this sine of the inclination (0.2″) the node is lost to rounding, and with it δλ and δi."""
+"""Below this sine of the inclination (0.2″), rounding makes the node and so δλ and δi meaningless."""
 
 
 class Target:
@@ -25,10 +25,10 @@ class Target:
         r_eci_m, v_eci_m_s: (3,) geocentric position and velocity, GCRF axes.
         constants: gravity and radii.
         t_s: seconds from the epoch of the problem to this instant.
-        where: what messages call it, such as the key of a scenario.
+        where: what messages call the target, such as the key of a scenario.
 
     Attributes:
-        mu_m3_s2: the Earth's gravitational parameter; the others are the arguments.
+        mu_m3_s2: the Earth's gravitational parameter. The arguments are attributes too.
     """
 
     def __init__(
@@ -48,16 +48,16 @@ class Target:
         self._flown: tuple[FloatArray, tuple[FloatArray, FloatArray]] | None = None
 
     def check(self, *, elliptic: bool) -> None:
-        """Refuse what is no orbit, meets the Earth, or, where ``elliptic``, escapes.
+        """Check that the state is an orbit above the Earth's surface and, if ``elliptic``, an ellipse.
 
         Raises:
-            InputError: one line that begins with :attr:`where`.
+            InputError: It is not; the message begins with :attr:`where`.
         """
         check_orbit(self.r_eci_m, self.v_eci_m_s, self.constants, self.where, elliptic=elliptic)
 
     @cached_property
     def sign(self) -> float:
-        """I of the equinoctial set, +1 or −1."""
+        """Retrograde factor I of the equinoctial elements, +1 or −1."""
         return float(elements.equinoctial_sign(self.r_eci_m, self.v_eci_m_s))
 
     @cached_property
@@ -80,9 +80,9 @@ class Target:
         return elements.qns_from_equinoctial(self.equinoctial, self.sign)
 
     def two_body(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Position (m) and velocity (m/s) after (F,) seconds by Kepler's laws: (F, 3) each.
+        """Position (m) and velocity (m/s) after (F,) seconds of two-body motion: (F, 3) each.
 
-        The last answer is kept: chasers of one target ask for the same times.
+        The last result is cached, since all chasers of one target need the same times.
         """
         if self._flown is None or not np.array_equal(self._flown[0], t_s):
             later = elements.later(self.equinoctial, self.mu_m3_s2, t_s)
@@ -92,24 +92,24 @@ class Target:
 
     @cached_property
     def R_eci_from_rtn(self) -> FloatArray:
-        """(3, 3)."""
+        """(3, 3) rotation from the target's RTN axes to GCRF axes."""
         return frames.R_eci_from_rtn(self.r_eci_m, self.v_eci_m_s)
 
     @cached_property
     def spin_rad_s(self) -> float:
-        """Angular velocity of the RTN frame about N."""
+        """Angular velocity of the target's RTN axes about N."""
         return float(frames.rtn_rate_rad_s(self.r_eci_m, self.v_eci_m_s))
 
 
 class Start:
-    """A target, and the chaser beside it at the same instant.
+    """The states of a target and its chaser at the same instant.
 
-    Made by :meth:`from_rtn`, :meth:`from_eci`, :meth:`from_roe` or :meth:`from_equinoctial_roe`. The
-    form that was given is kept as it is, to the bit; the others are computed from it when they are
-    first asked for.
+    It is made by :meth:`from_rtn`, :meth:`from_eci`, :meth:`from_roe` or :meth:`from_equinoctial_roe`.
+    The form that was given is kept unchanged to the bit; the others are computed from it when they are
+    first used.
 
     Attributes:
-        target: see :class:`Target`; its instant is the start's.
+        target: the target, whose instant is that of the start.
         dr_eci_m, dv_eci_m_s: (3,) chaser minus target, GCRF axes, m and m/s.
         where: what messages call the chaser, such as the key of a scenario.
     """
@@ -130,10 +130,10 @@ class Start:
         *,
         where: str = "the chaser",
     ) -> Start:
-        """From the chaser's own geocentric state, (3,) and (3,), GCRF axes, m and m/s.
+        """Make a start from the chaser's geocentric state, (3,) m and (3,) m/s, GCRF axes.
 
         Raises:
-            InputError: this is not an orbit, or it meets the Earth.
+            InputError: The state is not an orbit, or its perigee is below the Earth's surface.
         """
         return cls(target, r_eci_m - target.r_eci_m, v_eci_m_s - target.v_eci_m_s, where=where)
 
@@ -146,12 +146,12 @@ class Start:
         *,
         where: str = "the chaser",
     ) -> Start:
-        """From the relative state in the target's RTN axes, (3,) m and (3,) m/s.
+        """Make a start from the relative state in the target's RTN axes, (3,) m and (3,) m/s.
 
-        The velocity is the derivative in the frame that turns with the target.
+        The velocity is the derivative of the position in the rotating RTN axes.
 
         Raises:
-            InputError: this is not an orbit, or it meets the Earth.
+            InputError: The chaser's state is not an orbit, or its perigee is below the Earth's surface.
         """
         r_rtn, v_rtn = np.asarray(r_rtn_m, dtype=np.float64), np.asarray(v_rtn_m_s, dtype=np.float64)
         R = target.R_eci_from_rtn
@@ -162,14 +162,16 @@ class Start:
 
     @classmethod
     def from_roe(cls, target: Target, roe_m: FloatArray, *, where: str = "the chaser") -> Start:
-        """From quasi-nonsingular relative orbital elements times the target's semi-major axis.
+        """Make a start from quasi-nonsingular relative orbital elements times the semi-major axis.
 
         Args:
-            roe_m: (6,) a·(δa, δλ, δex, δey, δix, δiy), m.
+            target: the target.
+            roe_m: (6,) a·(δa, δλ, δex, δey, δix, δiy), m, where a is the target's semi-major axis.
+            where: what messages call the chaser.
 
         Raises:
-            InputError: an orbit is not elliptic or meets the Earth, or the target's inclination is 0°
-                or 180°, where these elements mean nothing.
+            InputError: An orbit is not elliptic or has its perigee below the Earth's surface, or the
+                target's inclination is 0° or 180°, where these elements are singular.
         """
         given = np.asarray(roe_m, dtype=np.float64)
         chief = target.qns
@@ -185,13 +187,17 @@ class Start:
     def from_equinoctial_roe(
         cls, target: Target, roe_m: FloatArray, *, where: str = "the chaser"
     ) -> Start:
-        """From equinoctial relative orbital elements times the target's semi-major axis.
+        """Make a start from equinoctial relative orbital elements times the semi-major axis.
+
+        These elements are regular at every inclination.
 
         Args:
-            roe_m: (6,) a·(δa, δl, δex, δey, δp, δq), m; they mean something at every inclination.
+            target: the target.
+            roe_m: (6,) a·(δa, δl, δex, δey, δp, δq), m, where a is the target's semi-major axis.
+            where: what messages call the chaser.
 
         Raises:
-            InputError: an orbit is not elliptic or meets the Earth.
+            InputError: An orbit is not elliptic or has its perigee below the Earth's surface.
         """
         chief = target.equinoctial
         small = np.asarray(roe_m, dtype=np.float64) / chief[0]
@@ -201,10 +207,10 @@ class Start:
         return start
 
     def check(self, *, elliptic: bool) -> None:
-        """Refuse a chaser whose orbit is none, meets the Earth, or, where ``elliptic``, escapes.
+        """Check that the chaser's orbit is above the Earth's surface and, if ``elliptic``, an ellipse.
 
         Raises:
-            InputError: one line that begins with :attr:`where`.
+            InputError: It is not; the message begins with :attr:`where`.
         """
         check_orbit(
             self.target.r_eci_m + self.dr_eci_m,
@@ -216,7 +222,7 @@ class Start:
 
     @cached_property
     def rtn(self) -> FloatArray:
-        """(6,) the chaser's RTN position (m) and velocity (m/s, in the frame that turns)."""
+        """(6,) the chaser's RTN position (m) and velocity (m/s, derivative in the rotating axes)."""
         r, v = self.target.r_eci_m, self.target.v_eci_m_s
         return np.concatenate(frames.rtn_from_eci(r, v, r + self.dr_eci_m, v + self.dv_eci_m_s))
 
@@ -258,7 +264,7 @@ class Start:
         """(6,) quasi-nonsingular ROE times the target's semi-major axis, m.
 
         Raises:
-            InputError: as :attr:`roe`.
+            InputError: See :attr:`roe`.
         """
         return np.asarray(self.roe * self.target.qns[0])
 
@@ -267,7 +273,7 @@ def _refuse_singular(chief_qns: FloatArray) -> None:
     i_rad = float(chief_qns[4])
     if math.sin(i_rad) < SINGULAR_SIN_I:
         raise InputError(
-            f"quasi-nonsingular relative elements mean nothing at an inclination of"
+            f"quasi-nonsingular relative elements are singular at an inclination of"
             f" {math.degrees(i_rad):.6g}°; give relative.roe_equinoctial_m, state_rtn or"
             " state_eci, with propagator roe or nonlinear"
         )

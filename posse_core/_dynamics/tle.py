@@ -1,4 +1,4 @@
-"""Two-line element sets: checked line by line, and their state by SGP4.
+"""Two-line element sets (TLE): checking their lines, and computing their states by SGP4.
 
 Format: Vallado et al. (2006), AIAA 2006-6753, and CelesTrak's description of NORAD element sets.
 """
@@ -42,7 +42,7 @@ _LINES = (
 
 @dataclass(frozen=True)
 class MeanElements:
-    """What the two lines say, in radians; mean elements of SGP4's theory, in TEME axes."""
+    """The mean elements in the two lines, in radians: those of SGP4's theory, in TEME axes."""
 
     i_rad: float
     raan_rad: float
@@ -53,10 +53,10 @@ class MeanElements:
 
 
 class Sgp4Orbit:
-    """An orbit that SGP4 (or SDP4, above 225 minutes of period) computes.
+    """An orbit computed by SGP4 (by SDP4 for periods above 225 minutes).
 
     Attributes:
-        epoch: of its elements.
+        epoch: the epoch of its elements.
     """
 
     def __init__(self, satellite: Any, epoch: Epoch, where: str) -> None:
@@ -68,7 +68,7 @@ class Sgp4Orbit:
         """Position (m) and velocity (m/s), GCRF axes: (F,) SI seconds after the epoch → (F, 3) each.
 
         Raises:
-            InputError: SGP4 ends in an error at one of the times, such as a decayed orbit.
+            InputError: SGP4 fails at one of the times, such as for a decayed orbit.
         """
         days = np.asarray(t_s, dtype=np.float64) / 86400.0
         error, r_km, v_km_s = self._satellite.sgp4_array(
@@ -78,7 +78,7 @@ class Sgp4Orbit:
             k = int(np.argmax(error != 0))
             raise InputError(
                 f"{self._where}: SGP4 fails at t_s = {float(t_s[k]):g}: {SGP4_ERRORS[int(error[k])]};"
-                " take an element set of a nearer date"
+                " use an element set of a nearer date"
             )
         R = R_gcrf_from_teme(*self.epoch.tt(t_s))
         r_m = np.einsum("fij,fj->fi", R, np.asarray(r_km)) * 1e3
@@ -87,11 +87,11 @@ class Sgp4Orbit:
 
 
 class Tle(Sgp4Orbit):
-    """A two-line element set, read and checked.
+    """A two-line element set, whose lines are checked.
 
     Raises:
-        InputError: a line's length, number, columns, checksum, or the two satellite numbers are
-            wrong, or SGP4 refuses the elements; the message names the line.
+        InputError: A line has a wrong length, number, format or checksum, the two satellite numbers
+            differ, or SGP4 refuses the elements; the message names the line.
     """
 
     def __init__(self, lines: Sequence[str], where: str = "orbit.tle") -> None:
@@ -99,7 +99,7 @@ class Tle(Sgp4Orbit):
         if line_1[2:7] != line_2[2:7]:
             raise InputError(
                 f"{where}: line 1 is of satellite {line_1[2:7].strip()},"
-                f" line 2 of {line_2[2:7].strip()}; take both from one element set"
+                f" line 2 of {line_2[2:7].strip()}; copy both from one element set"
             )
         try:
             satellite: Any = Satrec.twoline2rv(line_1, line_2, WGS72)
@@ -110,18 +110,19 @@ class Tle(Sgp4Orbit):
 
     @property
     def mean(self) -> MeanElements:
-        """The elements as they stand in the lines."""
+        """The elements as the lines state them."""
         s = self._satellite
         return MeanElements(s.inclo, s.nodeo, s.ecco, s.argpo, s.mo, s.no_kozai / 60.0)
 
     def neighbour(self, r_m: FloatArray, v_m_s: FloatArray, at_s: float) -> Sgp4Orbit:
-        """The orbit with this one's drag that has a given state ``at_s`` seconds after the epoch.
+        """Return an orbit with the same drag that has a given state ``at_s`` seconds after the epoch.
 
-        Its mean elements are found by taking over the difference of the osculating ones, which
-        leaves about a thousandth (J2) of what was missing at each step.
+        Its mean elements are found by iteration: each step corrects them by the difference of the
+        osculating elements, which reduces the error to about a thousandth (J2).
 
         Args:
-            r_m, v_m_s: (3,) GCRF axes.
+            r_m, v_m_s: (3,) position and velocity, GCRF axes.
+            at_s: seconds after the epoch.
 
         Raises:
             InputError: SGP4 has no orbit with this state.
@@ -169,18 +170,18 @@ class Tle(Sgp4Orbit):
 
 def _checked(line: str, number: int, where: str) -> str:
     line = line.rstrip()
-    place = f"{where}: line {number}"
+    which = f"{where}: line {number}"
     if len(line) != _LENGTH:
         raise InputError(
-            f"{place} has {len(line)} characters, not {_LENGTH}; copy the whole line, blanks included"
+            f"{which} has {len(line)} characters, not {_LENGTH}; copy the whole line, blanks included"
         )
     if line[0] != str(number):
-        raise InputError(f"{place} begins with {line[0]!r}, not with {str(number)!r}; check the order")
+        raise InputError(f"{which} begins with {line[0]!r}, not with {str(number)!r}; check the order")
     wanted = sum(int(c) if c.isdigit() else c == "-" for c in line[:-1] if c.isascii()) % 10
     if line[-1] != str(wanted):
         raise InputError(
-            f"{place} has the checksum {line[-1]!r}, its characters give {wanted}; copy it again"
+            f"{which} has the checksum {line[-1]!r}, its characters give {wanted}; copy it again"
         )
     if not _LINES[number - 1].fullmatch(line):
-        raise InputError(f"{place} does not have a two-line element set's columns; copy it again")
+        raise InputError(f"{which} does not have the columns of a two-line element set; copy it again")
     return line

@@ -20,7 +20,7 @@ class Sgp4Propagator(FlightPropagator):
 
     def fly(self, problem: PropagationProblem, start: Start, after_s: FloatArray) -> Flight:
         if problem.tle is None:
-            raise InputError("propagator sgp4 starts from orbit.tle; give it, or take propagator roe")
+            raise InputError("propagator sgp4 starts from orbit.tle; give it, or use propagator roe")
         tle, start_s = Tle(problem.tle), start.target.t_s
         r_chaser = start.target.r_eci_m + start.dr_eci_m
         v_chaser = start.target.v_eci_m_s + start.dv_eci_m_s

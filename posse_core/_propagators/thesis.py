@@ -134,13 +134,13 @@ def _initial_roe_m(problem: PropagationProblem) -> FloatArray:
         InputError: there are impulses, no such orbit, or its δa or δλ are not 0.
     """
     if problem.burns:
-        raise InputError("relative.plan: propagator thesis knows no manoeuvres; take propagator roe")
+        raise InputError("relative.plan: propagator thesis knows no manoeuvres; use propagator roe")
     if problem.forced is not None or len(problem.starts) != 1:
-        raise InputError("propagator thesis starts from relative.roe_m; give it, or take propagator roe")
+        raise InputError("propagator thesis starts from relative.roe_m; give it, or use propagator roe")
     roe_m = problem.starts[0].roe_m
     if roe_m[0] != 0 or roe_m[1] != 0:
         raise InputError(
             "propagator thesis starts from relative.roe_m, and Algorithm 3.1 has δa = δλ = 0; set its"
-            " first two to 0, or take propagator roe"
+            " first two to 0, or use propagator roe"
         )
     return roe_m

@@ -110,7 +110,7 @@ def test_a_circular_model_on_an_ellipse_tells_its_error_and_another(name: str, i
     exact = flown("roe", asked)
     worst = np.linalg.norm(got.r_chaser_rtn_m - exact.r_chaser_rtn_m, axis=-1).max()
     assert f"off by up to {worst:.3g} m" in str(caught[0].message)
-    assert str(caught[0].message).endswith(f"take propagator {instead}")
+    assert str(caught[0].message).endswith(f"use propagator {instead}")
 
 
 def test_a_close_circular_orbit_tells_nothing() -> None:
@@ -142,7 +142,7 @@ def test_a_hyperbola_is_flown_by_the_integrated_model_alone() -> None:
     orbit = {"state_eci": {"epoch_utc": "2022-01-31", "r_m": [7e6, 0, 0], "v_m_s": [0, 12e3, 1e3]}}
     chaser = {"state_rtn": {"r_m": [0, -50, 0], "v_m_s": [0, 0, 0]}}
     asked = problem(chaser, orbit, [0, 600, 1200])
-    with pytest.raises(InputError, match="take propagator nonlinear"):
+    with pytest.raises(InputError, match="use propagator nonlinear"):
         flown("roe", asked)
     m = flown("nonlinear", asked, gravity="two-body")
     energy = np.sum(m.v_target_eci_m_s**2, axis=-1) / 2

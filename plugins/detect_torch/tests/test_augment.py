@@ -73,5 +73,5 @@ def test_noise_grows_with_light():
 
 def test_the_same_generator_gives_the_same_picture():
     picture = np.random.default_rng(1).uniform(0, 1, (SIZE, SIZE)).astype(np.float32)
-    a, b = (augment.look(picture, random_generator(3, 8, "augmentation")) for _ in range(2))
+    a, b = (augment.change_appearance(picture, random_generator(3, 8, "augmentation")) for _ in range(2))
     assert np.array_equal(a, b)

@@ -105,7 +105,7 @@ def test_regions_are_one_positive_to_three_negative():
     assert (overlap[positive] >= 0.5).all()
     assert (overlap[negative] < 0.5).all()
     assert ((classes[0] == sdn_losses.PADDING) | positive | negative).all()
-    assert (classes[1] == sdn_losses.PADDING).all()  # no craft: nothing to be told apart
+    assert (classes[1] == sdn_losses.PADDING).all()  # no craft: nothing to distinguish
     there = sdn.moved(rois[0][positive], goal[0][positive])
     np.testing.assert_allclose(there, goals[0].expand_as(there), atol=1e-3)
     _, few, _ = sdn_losses.region_targets(
@@ -126,14 +126,14 @@ def test_every_weight_learns():
     assert set(cost) == {"proposal class", "proposal box", "class", "box"}
     # a fresh net's regions may all miss the craft: its head learns from regions that are given
     pyramid, *_ = net.features(picture)
-    told, moves = net.look_at(pyramid, goals + 1)
-    (sum(cost.values()) + told.square().sum() + moves.square().sum()).backward()
+    predicted, moves = net.classify_regions(pyramid, goals + 1)
+    (sum(cost.values()) + predicted.square().sum() + moves.square().sum()).backward()
     still = [name for name, p in net.named_parameters() if p.grad is None or not p.grad.any()]
     assert still == []
 
 
 class Told(nn.Module):
-    """An Sdn whose features are given; each region's class is told by where it is."""
+    """An Sdn whose features are given; the class of a region follows from its position."""
 
     def __init__(self, goals):
         super().__init__()
@@ -146,7 +146,7 @@ class Told(nn.Module):
         logits = torch.stack([torch.zeros_like(best.values), 20 * best.values - 10], dim=-1)
         return [], logits[None], deltas[None]
 
-    def look_at(self, pyramid, rois):
+    def classify_regions(self, pyramid, rois):
         overlap = iou_matrix(rois, self.goals[None])  # (1, R, goals)
         logits = torch.cat([torch.full_like(overlap[..., :1], 4.0), 10 * overlap], dim=-1)
         return logits, torch.zeros(*logits.shape, 4)

@@ -1,1 +1,1 @@
-"""Attitude laws: where the target's body and the chaser's camera point."""
+"""Attitude laws of the target's body and of the chaser's camera."""

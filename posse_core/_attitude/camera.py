@@ -1,4 +1,4 @@
-"""Attitude of the camera: its axis at the target, and what keeps it from there."""
+"""Attitude of the camera: its boresight at the target, or off it by a pointing error."""
 
 from __future__ import annotations
 
@@ -25,13 +25,15 @@ _BORESIGHT_CAM, _UP_CAM = np.array([0.0, 0.0, 1.0]), np.array([0.0, -1.0, 0.0])
 
 
 def R_eci_from_camera(law: CameraLaw, around: Surroundings, seed: int) -> FloatArray:
-    """The camera's attitude by the law that the scenario names: (F, 3, 3).
+    """Return the camera's attitude by the law that the scenario names: (F, 3, 3).
 
     Args:
-        seed: of the run; a frame's draw depends on it and the frame's index alone.
+        law: the law.
+        around: the states that laws depend on.
+        seed: of the run; the random error of a frame depends on it and the frame's index alone.
 
     Raises:
-        InputError: the camera is at the target, or a file of attitudes cannot be used.
+        InputError: The camera is at the target, or a file of attitudes cannot be used.
     """
     if isinstance(law, FileLaw):
         return recorded_attitude(law.path, "q_eci_from_camera", around.epoch, around.t_s)
@@ -42,15 +44,16 @@ def R_eci_from_camera(law: CameraLaw, around: Surroundings, seed: int) -> FloatA
 def R_rtn_from_camera(
     law: TrackLaw | PointingErrorLaw, r_chaser_rtn_m: FloatArray, indices: IntArray, seed: int
 ) -> FloatArray:
-    """Attitude of a camera that looks for the target, in RTN axes: (F, 3) → (F, 3, 3).
+    """Return the attitude of a camera that points at the target, in RTN axes: (F, 3) → (F, 3, 3).
 
     Args:
+        law: the law.
         r_chaser_rtn_m: the camera's position relative to the target.
-        indices: (F,) of the frames; a frame's draw depends on the seed and its index alone.
+        indices: (F,) of the frames; a frame's random error depends on the seed and its index alone.
         seed: of the run.
 
     Raises:
-        InputError: the camera is at the target.
+        InputError: The camera is at the target.
     """
     aimed = looking_at_target(r_chaser_rtn_m, indices)
     draws = [random_generator(seed, int(index), "pointing") for index in indices]
@@ -68,9 +71,11 @@ def R_rtn_from_camera(
 
 
 def looking_at_target(r_chaser_rtn_m: FloatArray, indices: IntArray) -> FloatArray:
-    """Boresight at the target's origin, the image's top nearest to N (see ``sight``), (F, 3, 3).
+    """Return attitudes with the boresight at the target's origin and the image's top nearest to N.
+
+    They are (F, 3, 3); see ``sight`` for the exception along N.
 
     Raises:
-        InputError: the camera is at the target.
+        InputError: The camera is at the target.
     """
     return R_rtn_by_sight(-r_chaser_rtn_m, _BORESIGHT_CAM, _UP_CAM, indices)

@@ -1,4 +1,4 @@
-"""Attitude of the target: one small function a law, each for F frames at once."""
+"""Attitude of the target: one function per law, for F frames at once."""
 
 from __future__ import annotations
 
@@ -36,21 +36,21 @@ from posse_core._scenario.attitude import (
 )
 
 _POLE_ANGLE_RAD = 1e-9
-"""Angle from the Earth's axis below which there is no north."""
+"""Angle from the Earth's axis below which north is undefined."""
 
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What a law may look at, for F frames; ECI is GCRF axes, geocentric.
+    """The states that attitude laws depend on, for F frames; ECI means geocentric, GCRF axes.
 
     Attributes:
-        epoch: of t_s = 0.
-        t_s: (F,).
-        indices: (F,) of int, the number of each frame; what a law draws at random is drawn by it.
-        r_target_eci_m, v_target_eci_m_s: (F, 3).
-        r_sun_eci_m: (F, 3).
-        r_sun_epoch_eci_m: (3,) at t_s = 0.
-        r_chaser_rtn_m: (F, 3) the chaser relative to the target, target's RTN axes.
+        epoch: the instant of t_s = 0.
+        t_s: (F,) seconds after the epoch.
+        indices: (F,) index of each frame, on which the random numbers of a law depend.
+        r_target_eci_m, v_target_eci_m_s: (F, 3) state of the target.
+        r_sun_eci_m: (F, 3) position of the Sun.
+        r_sun_epoch_eci_m: (3,) position of the Sun at t_s = 0.
+        r_chaser_rtn_m: (F, 3) position of the chaser relative to the target, target's RTN axes.
     """
 
     epoch: Epoch
@@ -64,10 +64,10 @@ class Surroundings:
 
 
 def R_eci_from_body(law: TargetLaw, around: Surroundings) -> FloatArray:
-    """The target's attitude by the law that the scenario names: (F, 3, 3).
+    """Return the target's attitude by the law that the scenario names: (F, 3, 3).
 
     Raises:
-        InputError: the law is undetermined at some frame; the message says which law has an answer.
+        InputError: The law is undefined at some frame; the message names a law to use instead.
     """
     match law:
         case NadirLaw():
@@ -96,66 +96,66 @@ def R_eci_from_body(law: TargetLaw, around: Surroundings) -> FloatArray:
 
 
 def nadir(around: Surroundings) -> FloatArray:
-    """(F, 3, 3) body axes on the LVLH axes: +x V-bar, +y H-bar, +z R-bar."""
+    """(F, 3, 3): body axes along the LVLH axes, +x V-bar, +y H-bar, +z R-bar."""
     return R_eci_from_rtn(around.r_target_eci_m, around.v_target_eci_m_s) @ R_LVLH_FROM_RTN.T
 
 
 def sun_pointing(law: SunPointingLaw, around: Surroundings) -> FloatArray:
-    """(F, 3, 3) ``law.body_axis`` at the Sun, the next axis nearest to ecliptic north."""
+    """(F, 3, 3): ``law.body_axis`` towards the Sun, the next axis nearest to ecliptic north."""
     to_sun = around.r_sun_eci_m - around.r_target_eci_m
     axis, following = body_axes(law.body_axis)
     return R_a_from_b_by_directions(to_sun, ECLIPTIC_NORTH_ECI, axis, following)
 
 
 def inertial(law: InertialLaw, around: Surroundings) -> FloatArray:
-    """(F, 3, 3) the same at all frames."""
+    """(F, 3, 3): the same inertial attitude at all frames."""
     q = np.array(law.q_eci_from_body)
     return np.tile(matrix_from_quaternion(q), (len(around.t_s), 1, 1))
 
 
 def spin(law: SpinLaw, around: Surroundings) -> FloatArray:
-    """(F, 3, 3) turning at ``law.rate_rpm`` about an axis fixed by the Sun at the epoch."""
+    """(F, 3, 3): spinning at ``law.rate_rpm`` about an axis fixed by the Sun's direction at the epoch."""
     sun = unit(around.r_sun_epoch_eci_m)
     north = unit(np.cross(np.cross(sun, ECLIPTIC_NORTH_ECI), sun))
     sun_angle = np.radians(law.sun_angle_deg)
     spin_axis_eci = np.cos(sun_angle) * sun + np.sin(sun_angle) * north
     axis, following = body_axes(law.body_axis)
     R_at_phase_0 = R_a_from_b_by_directions(spin_axis_eci, sun, axis, following)
-    # Whole turns are dropped first: radians of many turns would lose the phase.
+    # Whole turns are dropped first, since the phase would lose digits in an angle of many turns.
     turns = np.mod(law.rate_rpm * around.t_s / 60 + law.phase_deg / 360, 1.0)
     return np.asarray(R_at_phase_0 @ matrix_from_rotation_vector(2 * np.pi * turns[:, None] * axis))
 
 
 def ned(law: NedLaw, around: Surroundings) -> FloatArray:
-    """(F, 3, 3) body axes north, east, down.
+    """(F, 3, 3): body axes along north, east and down.
 
     Raises:
-        InputError: down is along the Earth's axis, where there is no north.
+        InputError: Down is along the Earth's axis, where north is undefined.
     """
     towards_sun = around.r_sun_eci_m - around.r_target_eci_m
     down = unit(-around.r_target_eci_m if law.down == "earth" else towards_sun)
     lost = np.hypot(down[:, 0], down[:, 1]) < _POLE_ANGLE_RAD
     if np.any(lost):
         raise InputError(
-            f"attitude.target.law ned has no north at frame {around.indices[np.argmax(lost)]}, over"
-            " the pole; take law nadir"
+            f"attitude.target.law ned has no north at frame {around.indices[np.argmax(lost)]}, above"
+            " the pole; use law nadir"
         )
     pole = np.array([0.0, 0.0, 1.0])
     return R_a_from_b_by_directions(down, pole, np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]))
 
 
 def tracking(law: TrackingLaw, around: Surroundings) -> FloatArray:
-    """(F, 3, 3) ``law.body_axis`` at the chaser, the next axis nearest to the orbit's normal.
+    """(F, 3, 3): ``law.body_axis`` towards the chaser, the next axis nearest to the orbit's normal.
 
     Raises:
-        InputError: the chaser is at the target.
+        InputError: The chaser is at the target.
     """
     R_eci_rtn = R_eci_from_rtn(around.r_target_eci_m, around.v_target_eci_m_s)
     return R_eci_rtn @ R_rtn_by_sight(around.r_chaser_rtn_m, *body_axes(law.body_axis), around.indices)
 
 
 def body_axes(name: BodyAxis) -> tuple[FloatArray, FloatArray]:
-    """(3,), (3,) the named body axis, and the positive one that follows it in x, y, z, x."""
-    number = "xyz".index(name[1])
+    """(3,), (3,): the named body axis, and the positive axis that follows it in the order x, y, z, x."""
+    index = "xyz".index(name[1])
     unit_vectors = np.eye(3)
-    return unit_vectors[number] * float(f"{name[0]}1"), unit_vectors[(number + 1) % 3]
+    return unit_vectors[index] * float(f"{name[0]}1"), unit_vectors[(index + 1) % 3]

@@ -1,11 +1,12 @@
-"""Torque-free motion of a rigid body in closed form, so that a frame needs no other.
+"""Torque-free motion of a rigid body in closed form, so that every frame is computed on its own.
 
-Rates by Jacobi's elliptic functions (Landau & Lifshitz, Mechanics, 3rd ed., section 37); the
-precession about the angular momentum by the elliptic integral of the third kind, here in Carlson's
-symmetric form (Carlson 1995, Numerical Algorithms 10, 13). Valid for all moments and rates.
+The angular velocity follows from Jacobi's elliptic functions (Landau & Lifshitz, Mechanics, 3rd ed.,
+section 37). The precession about the angular momentum follows from the elliptic integral of the third
+kind in Carlson's symmetric form (Carlson 1995, Numerical Algorithms 10, 13). The solution is valid for
+all moments of inertia and angular velocities.
 
-Near a spin about the middle axis the motion is unstable, and rounding of the input alone decides
-when it turns over; a spin exactly about it stays.
+Near a spin about the intermediate axis the motion is unstable, and the rounding of the input decides
+when the body flips; a spin exactly about it persists.
 """
 
 from __future__ import annotations
@@ -19,21 +20,21 @@ from posse_core._arrays import FloatArray
 from posse_core._frames import matrix_from_rotation_vector
 
 _STEADY_SINE = 1e-14
-"""Sine of the angle between rate and momentum up to which the rate is constant."""
+"""Sine of the angle between angular velocity and momentum up to which the velocity is constant."""
 _LARGEST_ELLIPTIC_PARAMETER = 1 - 2.0**-52
-"""Where rate and momentum lie on the separatrix to rounding, the period is that of its neighbour."""
+"""Limit of the parameter: on the separatrix (1) the period would be infinite."""
 
 
 def torque_free_attitude(
     inertia_kg_m2: FloatArray, rate_body_rad_s: FloatArray, R_ref_from_body: FloatArray, t_s: FloatArray
 ) -> FloatArray:
-    """Attitude of a free rigid body: (3, 3), (3,), (3, 3), (F,) → (F, 3, 3).
+    """Return the attitude of a free rigid body: (3, 3), (3,), (3, 3), (F,) → (F, 3, 3).
 
     Args:
-        inertia_kg_m2: body axes, symmetric, positive definite.
-        rate_body_rad_s: at t_s = 0, body axes.
-        R_ref_from_body: attitude at t_s = 0, in any axes that do not turn.
-        t_s: before or after 0.
+        inertia_kg_m2: inertia matrix in body axes, symmetric and positive definite.
+        rate_body_rad_s: angular velocity at t_s = 0, body axes.
+        R_ref_from_body: attitude at t_s = 0 relative to any inertial axes.
+        t_s: seconds, positive or negative.
     """
     momentum = inertia_kg_m2 @ rate_body_rad_s
     speed = np.linalg.norm(rate_body_rad_s)
@@ -48,12 +49,15 @@ def torque_free_attitude(
 
 
 def _circled_axis_last(inertia: FloatArray, rate_body: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Principal moments (3,) and axes (3, 3 columns in body axes); the momentum circles the last."""
+    """Return principal moments (3,) and axes (columns of (3, 3), body axes).
+
+    The axes are ordered so that the angular momentum circles the last one.
+    """
     moments, axes = np.linalg.eigh(inertia)
     axes[:, 2] *= np.sign(np.linalg.det(axes))
     low, middle, high = moments
     w = axes.T @ rate_body
-    # L² − 2T·middle, without its cancellation.
+    # The sign of L² − 2T·middle, computed without cancellation.
     if high * (high - middle) * w[2] ** 2 < low * (middle - low) * w[0] ** 2:
         return moments[::-1], axes[:, ::-1] * [1.0, -1.0, 1.0]
     return moments, axes
@@ -61,7 +65,7 @@ def _circled_axis_last(inertia: FloatArray, rate_body: FloatArray) -> tuple[Floa
 
 @dataclass(frozen=True)
 class _Motion:
-    """Rates (a cn, b sn, c dn)(phase + pace·t, parameter) about the principal axes 1, 2, 3."""
+    """Angular velocity (a cn, b sn, c dn)(phase + pace·t, parameter) about principal axes 1, 2, 3."""
 
     moments: FloatArray
     amplitudes: FloatArray
@@ -71,7 +75,7 @@ class _Motion:
 
     @classmethod
     def of(cls, moments: FloatArray, rate: FloatArray) -> _Motion:
-        """From the principal moments, the circled axis last, and the rates (3,) at the epoch."""
+        """Make the motion from principal moments, circled axis last, and angular velocity (3,) at t=0."""
         j1, j2, j3 = moments
         w1, w2, w3 = rate
         ratio = j1 * (j3 - j1) / (j2 * (j3 - j2))
@@ -85,9 +89,9 @@ class _Motion:
         return cls(moments, np.array([a, b, c]), float(pace), float(parameter), float(phase))
 
     def attitude(self, t_s: FloatArray) -> FloatArray:
-        """(F,) → (F, 3, 3): axes with z along the angular momentum, from the principal axes.
+        """(F,) → (F, 3, 3): rotation from the principal axes to axes with z along the angular momentum.
 
-        Euler angles 3-1-3; the first is 0 at phase 0.
+        It is composed of Euler angles 3-1-3, of which the first is 0 at phase 0.
         """
         j1, j2, j3 = self.moments
         m = self.parameter

@@ -1,9 +1,10 @@
-"""The Earth as a source of light: sunlight that it reflects, and its own infrared.
+"""Irradiance from the Earth: sunlight that it reflects, and its own infrared radiation.
 
-Both come from the whole cap that a spacecraft sees, patch by patch. Albedo and emissivity follow the
-latitude and the season (Knocke, Ries & Tapley 1988, AIAA 88-4292): zonal means, no clouds of the
-day, Lambert's law. So the night side reflects nothing and radiates nearly as much as the day side.
-Broadband, 0.2 to 50 µm; the Earth in images has its own model in ``posse_core._sky``.
+Both are summed over patches of the whole cap that a spacecraft sees. Albedo and emissivity depend on
+latitude and season (Knocke, Ries & Tapley 1988, AIAA 88-4292): they are zonal means without the clouds
+of the day, and the surface is Lambertian. The night side therefore reflects nothing and radiates nearly
+as much as the day side. The irradiance is broadband, 0.2 to 50 µm; the Earth in images has its own model
+in ``posse_core._sky``.
 """
 
 from __future__ import annotations
@@ -17,13 +18,13 @@ from posse_core._frames import R_with_z, unit
 
 _SEASON_RAD_DAY = 2 * np.pi / 365.25
 _SEASON_START_JD = 2444960.5
-"""22 December 1981, from which Knocke, Ries & Tapley count the season."""
+"""22 December 1981, the start of the season in Knocke, Ries & Tapley."""
 _RINGS = 8
-"""Rings that the visible cap is cut into (Gauss–Legendre), each of four times as many patches.
+"""Number of rings of the visible cap (Gauss–Legendre); each has four times as many patches as rings.
 
-The sum errs by less than 0.1 W/m² of up to 400, far below the model's own error.
+The numerical error of the sum is below 0.1 W/m² of up to 400 W/m², far below the model's own error.
 """
-_RING_PLACE, _RING_WEIGHT = np.polynomial.legendre.leggauss(_RINGS)
+_RING_NODE, _RING_WEIGHT = np.polynomial.legendre.leggauss(_RINGS)
 _CHUNK = 512
 
 
@@ -36,13 +37,13 @@ class EarthLight:
 
 
 def albedo(sin_latitude: FloatArray, jd_tt: FloatArray) -> FloatArray:
-    """Share of sunlight that the ground sends back, by latitude and season; shapes broadcast."""
+    """Share of sunlight that the Earth reflects, by latitude and season; shapes broadcast."""
     season = np.cos(_SEASON_RAD_DAY * (jd_tt - _SEASON_START_JD))
     return np.asarray(0.34 + 0.10 * season * sin_latitude + 0.29 * _legendre_2(sin_latitude))
 
 
 def emissivity(sin_latitude: FloatArray, jd_tt: FloatArray) -> FloatArray:
-    """Infrared exitance over a quarter of the solar flux, by latitude and season."""
+    """Infrared exitance divided by a quarter of the solar flux, by latitude and season."""
     season = np.cos(_SEASON_RAD_DAY * (jd_tt - _SEASON_START_JD))
     return np.asarray(0.68 - 0.07 * season * sin_latitude - 0.18 * _legendre_2(sin_latitude))
 
@@ -61,17 +62,19 @@ def earthlight_on_plate(
     solar_flux_w_m2: FloatArray,
     earth_radius_m: float,
 ) -> EarthLight:
-    """Light of the Earth on a plate that sees it with one side, for F places.
+    """Irradiance from the Earth on one side of a plate, at F positions.
 
     Args:
-        r_eci_m, normal_eci, r_sun_eci_m, earth_pole_eci: (F, 3) in any axes from the Earth's centre;
-            the plate's normal and the pole of any length.
-        jd_tt: (F,) for the season.
+        r_eci_m, r_sun_eci_m: (F, 3) positions of the plate and the Sun from the Earth's centre, in any
+            axes.
+        normal_eci, earth_pole_eci: (F, 3) the plate's normal and the Earth's pole, of any length.
+        jd_tt: (F,) Julian dates, for the season.
         solar_flux_w_m2: (F,) at the Earth.
+        earth_radius_m: radius of the Earth.
     """
     frames = len(r_eci_m)
     out = np.empty((2, frames))
-    for start in range(0, frames, _CHUNK):  # rays of all frames at once would not fit in memory
+    for start in range(0, frames, _CHUNK):  # the rays of all frames would not fit in memory
         part = slice(start, start + _CHUNK)
         out[:, part] = _chunk_on_plate(
             r_eci_m[part] / earth_radius_m,
@@ -92,12 +95,12 @@ def _chunk_on_plate(
     jd_tt: FloatArray,
     flux: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """As :func:`earthlight_on_plate`, lengths in Earth radii: two of (f,)."""
+    """Compute :func:`earthlight_on_plate` for f frames, lengths in Earth radii; returns two (f,)."""
     distance = np.linalg.norm(r, axis=-1)
     down = -r / distance[:, None]
     axes = R_with_z(down)
-    # Solid angle goes with the cosine of the angle from nadir.
-    share = (1 + _RING_PLACE) / 2
+    # The solid angle is proportional to the range of the cosine of the angle from nadir.
+    share = (1 + _RING_NODE) / 2
     drop = 1 - np.sqrt((1 - 1 / distance) * (1 + 1 / distance))
     cosine = 1 - drop[:, None] * share
     sine = np.sqrt(1 - cosine**2)

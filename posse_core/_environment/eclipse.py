@@ -1,10 +1,10 @@
-"""Sunlight at a place near the Earth: how much of the Sun's disc is in view, and its irradiance.
+"""Sunlight near the Earth: the visible share of the Sun's disc, and its irradiance.
 
-The conical model: Sun and Earth are discs whose radii and distance are angles seen from the
-spacecraft, laid in a plane (Montenbruck & Gill, Satellite Orbits, 2000, section 3.4.2). The Sun is
-evenly bright. The Earth has no atmosphere. The Moon shades nothing. Against straight rays to a true
-sphere the plane discs err by up to 2e-4 of the Sun's disc at 700 km, and by less than 1e-4 from
-20 000 km on, since the rim of a wide cap is straighter than that of a plane disc.
+The model is conical: Sun and Earth are discs in a plane whose radii and distance are the angles seen
+from the spacecraft (Montenbruck & Gill, Satellite Orbits, 2000, section 3.4.2). The Sun is uniformly
+bright, the Earth has no atmosphere, and the Moon casts no shadow. Compared with straight rays to a true
+sphere, the plane discs have errors of up to 2e-4 of the Sun's disc at 700 km and below 1e-4 from 20 000
+km on, since the rim of a wide cap is straighter than that of a plane disc.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from posse_core._frames import unit
 def disc_fraction_in_view(
     radius_rad: FloatArray, other_radius_rad: FloatArray, distance_rad: FloatArray
 ) -> FloatArray:
-    """Share of a disc that another disc before it leaves free; any shape, 0 … 1.
+    """Share of a disc that remains visible behind another disc; any shape, 0 … 1.
 
-    The area of the lens is written with half-angle formulas of the triangle of both centres and a
-    crossing of the rims, so that nothing is lost where the rims just touch, and near arcs that are
-    almost straight: better than 1e-12 for angles known to rounding.
+    The area of the overlap is computed by half-angle formulas of the triangle between both centres and a
+    crossing of the rims. They keep their accuracy where the rims just touch and where arcs are almost
+    straight: the error is below 1e-12 for angles known to rounding.
     """
     a, b, c = np.broadcast_arrays(radius_rad, other_radius_rad, distance_rad)
-    # Twice s−a, s−b, s−c of the triangle: all positive where the rims cross. The difference c−b is
-    # formed first: both are far larger than a, and close.
+    # Twice s−a, s−b, s−c of the triangle, all positive where the rims cross. The difference c−b is
+    # formed first, since both are almost equal and far larger than a.
     to_rim = c - b
     past_a, past_b, past_c = c + b - a, a + to_rim, a - to_rim
     crossing = (past_a > 0) & (past_b > 0) & (past_c > 0)
@@ -36,14 +36,14 @@ def disc_fraction_in_view(
     alpha = 2 * np.arctan2(np.sqrt(s_a * s_c), np.sqrt(total * s_b))
     beta = 2 * np.arctan2(np.sqrt(s_b * s_c), np.sqrt(total * s_a))
     lens = a**2 * _segment(alpha) + b**2 * _segment(beta)
-    # Without a crossing, either the discs lie apart, or the smaller lies on or behind the larger.
+    # Without a crossing, the discs are either apart, or one covers or lies within the other.
     apart = past_c <= 0
     covered = np.where(apart, 0.0, np.minimum(1.0, (b / a) ** 2))
     return np.clip(1.0 - np.where(crossing, lens / (np.pi * a**2), covered), 0.0, 1.0)
 
 
 def _segment(half_angle_rad: FloatArray) -> FloatArray:
-    """Area of a unit circle's segment of this half angle."""
+    """Area of the segment of a unit circle with this half angle."""
     return np.asarray(half_angle_rad - np.sin(half_angle_rad) * np.cos(half_angle_rad))
 
 
@@ -69,16 +69,17 @@ def sun_fraction(
     flattening: float = 0.0,
     earth_pole_eci: FloatArray | None = None,
 ) -> FloatArray:
-    """Share of the Sun's disc that the Earth leaves free: (..., 3), (..., 3) → (...,), 0 … 1.
+    """Share of the Sun's disc that the Earth does not hide: (..., 3), (..., 3) → (...,), 0 … 1.
 
     Args:
-        r_eci_m, r_sun_eci_m: geocentric, in any axes.
-        earth_radius_m: equatorial.
+        r_eci_m, r_sun_eci_m: geocentric positions of the spacecraft and the Sun, in any axes.
+        earth_radius_m: equatorial radius of the Earth.
+        sun_radius_m: radius of the Sun.
         flattening: of the Earth's ellipsoid; 0 is a sphere.
-        earth_pole_eci: (..., 3) unit, the Earth's axis; needed where ``flattening`` is not 0.
+        earth_pole_eci: (..., 3) unit vector of the Earth's axis, needed if ``flattening`` is not 0.
 
     Raises:
-        InputError: a place inside the Earth.
+        InputError: A position is inside the Earth.
     """
     to_sun = r_sun_eci_m - r_eci_m
     if flattening == 0.0:
@@ -98,8 +99,8 @@ def _limb_angle_rad(
 ) -> FloatArray:
     """Angle at the spacecraft from the Earth's centre to its limb on the Sun's side, (...,).
 
-    In the plane of centre and Sun, the rays u that touch xᵀMx = 1 obey uᵀQu = 0 with
-    Q = M r rᵀ M − (rᵀMr − 1) M: a quadratic equation in the tangent of the angle.
+    In the plane of the spacecraft, the Earth's centre and the Sun, the rays u that touch xᵀMx = 1 obey
+    uᵀQu = 0 with Q = M r rᵀ M − (rᵀMr − 1) M, a quadratic equation in the tangent of the angle.
     """
     stretch = 1 / (1 - flattening) ** 2 - 1
 
@@ -116,7 +117,7 @@ def _limb_angle_rad(
     down = -unit(r)
     sunward = unit(to_sun_m)
     side = sunward - dot(sunward, down)[..., None] * down
-    # Exactly behind or before the centre every side is the Sun's; any will do.
+    # Where the Sun is exactly behind or opposite the Earth's centre, every side is equivalent.
     lost = np.linalg.norm(side, axis=-1, keepdims=True) < 1e-12
     any_side = np.cross(down, np.eye(3)[np.argmin(np.abs(down), axis=-1)])
     side = unit(np.where(lost, any_side, side))
@@ -130,17 +131,17 @@ def _limb_angle_rad(
 
 
 def _refuse_inside(scaled_distance: FloatArray) -> None:
-    # The negation refuses NaN too.
+    # The negation makes NaN an error too.
     if not np.all(scaled_distance >= 1):
         raise InputError(
             "the orbit passes below the Earth's surface, where there is no sunlight;"
-            " raise its perigee, or shorten the times"
+            " raise its perigee or shorten the times"
         )
 
 
 def solar_flux_w_m2(
     r_eci_m: FloatArray, r_sun_eci_m: FloatArray, *, solar_constant_w_m2: float, au_m: float
 ) -> FloatArray:
-    """Irradiance of the whole Sun on a plate facing it: (..., 3), (..., 3) → (...,)."""
+    """Irradiance of the unshaded Sun on a plate facing it: (..., 3), (..., 3) → (...,)."""
     distance_au = np.linalg.norm(r_sun_eci_m - r_eci_m, axis=-1) / au_m
     return np.asarray(solar_constant_w_m2 / distance_au**2)

@@ -1,7 +1,7 @@
 """Sun and Moon from JPL's ephemeris DE421 (Folkner, Williams & Boggs 2009, IPN PR 42-178).
 
-Geometric: where the bodies are at the instant asked for, without light-time (the Sun appears 20.5″
-from there) and without aberration. Axes are those of DE421, ICRF within 1 mas.
+Positions are geometric: without light time (because of which the Sun appears displaced by 20.5″) and
+without aberration. Axes are those of DE421, which agree with the ICRF within 1 mas.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from posse_core._errors import InputError
 _M_PER_KM = 1000.0
 _OBLIQUITY_RAD = np.radians(84381.406 / 3600)
 ECLIPTIC_NORTH_ECI: FloatArray = np.array([0.0, -np.sin(_OBLIQUITY_RAD), np.cos(_OBLIQUITY_RAD)])
-"""(3,) north pole of the ecliptic of J2000, a unit vector in GCRF axes (obliquity of IAU 2006)."""
+"""(3,) unit vector of the north pole of the ecliptic of J2000, GCRF axes (obliquity of IAU 2006)."""
 ECLIPTIC_NORTH_ECI.setflags(write=False)
 
 
@@ -29,10 +29,10 @@ def _ephemeris() -> Any:
 
 
 def sun_eci_m(jd1_tdb: FloatArray, jd2_tdb: FloatArray) -> FloatArray:
-    """Geocentric Sun, GCRF axes: two-part Julian dates of any shape → (..., 3) metres.
+    """Geocentric position of the Sun, GCRF axes: two-part Julian dates of any shape → (..., 3) m.
 
     Raises:
-        InputError: a time outside the ephemeris, 1899-12-04 to 2200-02-01.
+        InputError: A time is outside the ephemeris, 1899-12-04 to 2200-02-01.
     """
     earth_moon = _position_m("earthmoon", jd1_tdb, jd2_tdb)
     earth = earth_moon - moon_eci_m(jd1_tdb, jd2_tdb) * float(_ephemeris().earth_share)
@@ -40,10 +40,10 @@ def sun_eci_m(jd1_tdb: FloatArray, jd2_tdb: FloatArray) -> FloatArray:
 
 
 def moon_eci_m(jd1_tdb: FloatArray, jd2_tdb: FloatArray) -> FloatArray:
-    """Geocentric Moon, GCRF axes: two-part Julian dates of any shape → (..., 3) metres.
+    """Geocentric position of the Moon, GCRF axes: two-part Julian dates of any shape → (..., 3) m.
 
     Raises:
-        InputError: a time outside the ephemeris, 1899-12-04 to 2200-02-01.
+        InputError: A time is outside the ephemeris, 1899-12-04 to 2200-02-01.
     """
     return _position_m("moon", jd1_tdb, jd2_tdb)
 
@@ -51,7 +51,7 @@ def moon_eci_m(jd1_tdb: FloatArray, jd2_tdb: FloatArray) -> FloatArray:
 def _position_m(body: str, jd1: FloatArray, jd2: FloatArray) -> FloatArray:
     jd1, jd2 = np.broadcast_arrays(jd1, jd2)
     first, last = float(_ephemeris().jalpha), float(_ephemeris().jomega)
-    # The negation refuses NaN too.
+    # The negation makes NaN an error too.
     if not np.all((jd1 + jd2 >= first) & (jd1 + jd2 <= last)):
         raise InputError(
             f"a time of the scenario is outside the ephemeris DE421 (1899-12-04 to 2200-02-01,"

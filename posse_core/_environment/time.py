@@ -1,8 +1,8 @@
-"""Time: an epoch in UTC, and TT, TDB and UT1 at seconds after it.
+"""Time scales: an epoch in UTC, and TT, TDB and UT1 at given seconds after it.
 
 Seconds after an epoch are SI seconds on the Earth, so a leap second in between counts as one.
-UT1 is taken as UTC, which is right within 0.9 s (13.5″ of the Earth's rotation). Leap seconds after
-the last one that the installed ERFA knows are taken as none.
+UT1 is approximated by UTC, which is accurate to 0.9 s (13.5″ of the Earth's rotation). Leap seconds
+after the last one that the installed ERFA knows are assumed not to occur.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ _ISO = re.compile(r"(\d{4})-(\d\d)-(\d\d)(?:[T ](\d\d):(\d\d)(?::(\d\d(?:\.\d*)?
 _FIRST_UTC_YEAR = 1960
 
 JulianDates = tuple[FloatArray, FloatArray]
-"""Two parts of Julian dates, added; both of the shape of the seconds that were asked for."""
+"""Julian dates as the sum of two parts, which both have the shape of the given seconds."""
 
-# The functions of erfa.ufunc return ERFA's status in place of a warning: 1 is "dubious year", which
-# here can only mean a year whose leap seconds are not known yet; negative is an impossible date.
+# The functions of erfa.ufunc return ERFA's status in place of a warning. 1 is "dubious year", which here
+# can only mean a year whose leap seconds are not known yet; negative numbers mean an impossible date.
 
 
 @dataclass(frozen=True)
@@ -40,10 +40,10 @@ class Epoch:
 
     @classmethod
     def from_iso(cls, text: str) -> Epoch:
-        """Read ISO 8601 in UTC: ``2022-01-31T02:02:27.58``, the clock time or its seconds optional.
+        """Read ISO 8601 in UTC: ``2022-01-31T02:02:27.58``; the time of day or its seconds are optional.
 
         Raises:
-            InputError: not of this form, not a date, or before 1960, when UTC began.
+            InputError: The text is not of this form, is no date, or is before 1960, when UTC began.
         """
         match = _ISO.fullmatch(text.strip())
         if match is None:
@@ -60,38 +60,38 @@ class Epoch:
         return cls(float(jd1), float(jd2))
 
     def iso(self) -> str:
-        """ISO 8601 in UTC, to the nanosecond, without trailing zeros: ``2022-01-31T02:02:27.58``."""
+        """Return ISO 8601 in UTC, to the nanosecond without trailing zeros: ``2022-01-31T02:02:27.5``."""
         year, month, day, clock, _ = erfa.ufunc.d2dtf(b"UTC", 9, self.jd1_utc, self.jd2_utc)
         hour, minute, second, nanosecond = clock.item()
         fraction = f".{nanosecond:09d}".rstrip("0").rstrip(".")
         return f"{year:04d}-{month:02d}-{day:02d}T{hour:02d}:{minute:02d}:{second:02d}{fraction}"
 
     def shifted(self, t_s: float) -> Epoch:
-        """The epoch ``t_s`` seconds later."""
+        """Return the epoch ``t_s`` seconds later."""
         jd1, jd2, _ = erfa.ufunc.taiutc(*self._tai(np.float64(t_s)))
         return Epoch(float(jd1), float(jd2))
 
     def seconds_until(self, later: Epoch) -> float:
-        """SI seconds from this epoch to another, which may be earlier."""
+        """Return the SI seconds from this epoch to another, negative where that is earlier."""
         (a1, a2), (b1, b2) = (epoch._tai(np.float64(0.0)) for epoch in (self, later))
         return float(((b1 - a1) + (b2 - a2)) * SECONDS_PER_DAY)
 
     def tt(self, t_s: FloatArray) -> JulianDates:
-        """Terrestrial time ``t_s`` seconds later; any shape."""
+        """Return the terrestrial time (TT) ``t_s`` seconds later; any shape."""
         jd1, jd2, _ = erfa.ufunc.taitt(*self._tai(t_s))
         return jd1, jd2
 
     def tdb(self, t_s: FloatArray) -> JulianDates:
-        """Barycentric dynamical time ``t_s`` seconds later, at the geocentre; any shape.
+        """Return the barycentric dynamical time (TDB) ``t_s`` seconds later at the geocentre; any shape.
 
-        Fairhead & Bretagnon (1990), as in ERFA's ``dtdb``.
+        Source: Fairhead & Bretagnon (1990), by ERFA's ``dtdb``.
         """
         jd1, jd2 = self.tt(t_s)
         tdb_minus_tt_s = erfa.dtdb(jd1, jd2, 0.0, 0.0, 0.0, 0.0)
         return jd1, jd2 + tdb_minus_tt_s / SECONDS_PER_DAY
 
     def ut1(self, t_s: FloatArray) -> JulianDates:
-        """UT1 ``t_s`` seconds later, taken as UTC; any shape."""
+        """Return UT1, approximated by UTC, ``t_s`` seconds later; any shape."""
         utc1, utc2, _ = erfa.ufunc.taiutc(*self._tai(t_s))
         jd1, jd2, _ = erfa.ufunc.utcut1(utc1, utc2, 0.0)
         return jd1, jd2

@@ -1,6 +1,6 @@
-"""Propagator ``file``: a trajectory that another program, or a flight, has made.
+"""Propagator ``file``: a trajectory from another program or from a flight.
 
-Frames are the file's own instants; the scenario's times and its relative motion are not used.
+Frames are at the file's own instants; the scenario's times and relative motion are not used.
 """
 
 from __future__ import annotations
@@ -23,10 +23,11 @@ _SAME_INSTANT_S = 1e-6
 
 
 class FilePropagator(Propagator[FileOptions]):
-    """NPZ and CSV with the names of ``posse propagate``; or two CCSDS OEM, target's and chaser's.
+    """Reads an NPZ or CSV file with the names of ``posse propagate``, or two CCSDS OEM files.
 
-    NPZ and CSV need ``t_s``, the target's state, and the chaser's in RTN or ECI. t_s counts from
-    ``epoch_utc`` where the file has it, else from the scenario's epoch. Their extras come along.
+    NPZ and CSV files need ``t_s``, the target's state, and the chaser's state in RTN or ECI. t_s counts
+    from the file's ``epoch_utc`` if it has one, and otherwise from the scenario's epoch. Extras in the
+    file become extras of the motion. Of two OEM files, one is the target's and one the chaser's.
     """
 
     needs_starts = False
@@ -50,7 +51,7 @@ class FilePropagator(Propagator[FileOptions]):
         target_path, chaser_path = self.options.path, self.options.chaser_path
         if chaser_path is None:
             raise InputError(
-                f"{target_path}: an OEM holds one object; name the chaser's as propagator.chaser_path"
+                f"{target_path}: an OEM holds one object; give the chaser's as propagator.chaser_path"
             )
         target, chaser = read_oem(target_path, epoch), read_oem(chaser_path, epoch)
         if len(target.t_s) != len(chaser.t_s) or np.any(

@@ -1,4 +1,4 @@
-"""Propagator ``j2-roe``: ROE under the secular and short-period J2, in closed form."""
+"""Propagator ``j2-roe``: ROE with the secular and short-period effects of J2, in closed form."""
 
 from __future__ import annotations
 
@@ -18,10 +18,11 @@ _CRITICAL_RAD = math.radians(1.0)
 
 
 class J2RoePropagator(FlightPropagator[J2RoeOptions]):
-    """Osculating → mean elements, Koenig–Guffanti–D'Amico's matrix, mean → osculating, exact map.
+    """Propagates mean ROE by the state-transition matrix of Koenig, Guffanti and D'Amico.
 
-    The inclination must not be 0° or 180°, where these ROE are singular, and for Brouwer and
-    Lyddane's mean elements not within 1° of 63.43° or 116.57°.
+    Osculating elements are converted to mean ones before and back after, and the RTN states follow by
+    the exact map. The inclination must not be 0° or 180°, where these ROE are singular, and for Brouwer
+    and Lyddane's mean elements not within 1° of 63.43° or 116.57°.
     """
 
     def fly(self, problem: PropagationProblem, start: Start, after_s: FloatArray) -> Flight:

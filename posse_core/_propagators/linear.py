@@ -1,7 +1,8 @@
 """Propagators ``hcw``, ``roe-near-circular`` and ``yamanaka-ankersen``: linear two-body motion.
 
-Each starts from the exact state or ROE at the epoch, so its error is its own linearisation's. That
-error is computed against the exact motion, and told when it is above 1 % of the separation.
+Each starts from the exact state or ROE at the epoch, so its error is that of its linearisation. The
+error is computed by comparison with the exact motion, and a warning reports it when it is above 1 % of
+the separation.
 """
 
 from __future__ import annotations
@@ -20,14 +21,19 @@ from posse_core._propagators.roe import exact_rtn, two_body_flight
 
 
 class LinearPropagator(FlightPropagator):
-    """What the three share."""
+    """Base class of the three propagators.
+
+    Attributes:
+        name: the propagator's name.
+        instead: the propagators that a warning recommends.
+    """
 
     name: ClassVar[str]
     instead: ClassVar[str]
 
     @abstractmethod
     def rtn(self, start: Start, t_s: FloatArray) -> FloatArray:
-        """(F,) → (F, 6) the chaser's RTN state by the model."""
+        """(F,) → (F, 6): the chaser's RTN state by the linear model."""
 
     def fly(self, problem: PropagationProblem, start: Start, after_s: FloatArray) -> Flight:
         rtn = self.rtn(start, after_s)
@@ -38,7 +44,7 @@ class LinearPropagator(FlightPropagator):
 
 
 class HcwPropagator(LinearPropagator):
-    """Hill–Clohessy–Wiltshire: circular target, small separation."""
+    """Hill–Clohessy–Wiltshire equations, for a circular target orbit and a small separation."""
 
     name = "hcw"
     instead = "yamanaka-ankersen or roe"
@@ -48,7 +54,7 @@ class HcwPropagator(LinearPropagator):
 
 
 class NearCircularPropagator(LinearPropagator):
-    """ROE mapped by T(u), u = ω + M: errs by about e times the separation."""
+    """ROE mapped to RTN by T(u), u = ω + M; the error is about e times the separation."""
 
     name = "roe-near-circular"
     instead = "roe"
@@ -58,7 +64,7 @@ class NearCircularPropagator(LinearPropagator):
 
 
 class YamanakaAnkersenPropagator(LinearPropagator):
-    """Yamanaka–Ankersen: any eccentricity, small separation."""
+    """Yamanaka–Ankersen equations, for any eccentricity and a small separation."""
 
     name = "yamanaka-ankersen"
     instead = "roe"

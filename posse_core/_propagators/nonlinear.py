@@ -1,4 +1,4 @@
-"""Propagator ``nonlinear``: chief and relative state integrated with the forces that are asked for."""
+"""Propagator ``nonlinear``: numerical integration of target and relative state with chosen forces."""
 
 from __future__ import annotations
 
@@ -17,7 +17,11 @@ from posse_core._propagators.options import NonlinearOptions
 
 
 class NonlinearPropagator(FlightPropagator[NonlinearOptions]):
-    """The reference: any orbit, hyperbolic too; two-body or J2, drag, solar pressure, Sun and Moon."""
+    """The reference propagator, for any orbit, including hyperbolic ones.
+
+    Its forces are two-body or J2 gravity, drag, solar radiation pressure, and the Sun's and Moon's
+    attraction.
+    """
 
     elliptic = False
 
@@ -55,7 +59,7 @@ def _path(
     epoch: Epoch,
     span_s: tuple[float, float],
 ) -> Body:
-    """An ephemeris' path as Chebyshev series, one term more every two days: within 1 km."""
+    """Fit an ephemeris by Chebyshev series within 1 km, with one more term for every two days."""
     start, end = span_s
     degree = 12 + int((end - start) / 86400.0 / 2)
     x = np.polynomial.chebyshev.chebpts1(degree + 1)

@@ -1,4 +1,4 @@
-"""Options of the core's propagators; cheap to import."""
+"""Options of the built-in propagators, separate from their code so that importing them is quick."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class ThesisOptions(Options):
     """Options of the propagator ``thesis``."""
 
     relative_orbits: int = Field(
-        25, ge=1, description="H of Algorithm 3.1: relative orbits, each over all the times"
+        25, ge=1, description="H of Algorithm 3.1: number of relative orbits, each over all times"
     )
 
 
@@ -23,13 +23,13 @@ class J2RoeOptions(Options):
 
     mean_elements: Literal["brouwer-lyddane", "canonical"] = Field(
         "brouwer-lyddane",
-        description="theory of mean elements: the published one, or one without its singularities"
-        " and some times more exact",
+        description="theory of mean elements: the published one, or one that has no singularities and"
+        " is several times more accurate",
     )
 
 
 class SurfaceConfig(Options):
-    """Coefficient times area over mass, of a sphere."""
+    """Coefficient times area divided by mass, of spherical spacecraft."""
 
     target_m2_kg: float = Field(ge=0, description="of the target, m²/kg")
     chaser_m2_kg: float = Field(ge=0, description="of the chaser, m²/kg")
@@ -45,10 +45,10 @@ class NonlinearOptions(Options):
 
     gravity: Literal["two-body", "j2"] = Field("j2", description="the Earth's gravity")
     drag: SurfaceConfig | None = Field(
-        None, description="air drag, C_D A/m: exponential atmosphere that turns with the Earth"
+        None, description="air drag, C_D A/m: exponential atmosphere that rotates with the Earth"
     )
     solar_pressure: SurfaceConfig | None = Field(
-        None, description="radiation pressure, C_R A/m, with the Earth's shadow"
+        None, description="solar radiation pressure, C_R A/m, with the Earth's shadow"
     )
     third_body: bool = Field(False, description="attraction of the Sun and the Moon")
 
@@ -57,9 +57,7 @@ class FileOptions(Options):
     """Options of the propagator ``file``."""
 
     path: Path = Field(
-        description="trajectory: .npz or .csv with the names that 'posse propagate' writes, or the"
+        description="trajectory file: .npz or .csv with the names that 'posse propagate' writes, or the"
         " target's CCSDS OEM (.oem, .txt)"
     )
-    chaser_path: Path | None = Field(
-        None, description="the chaser's CCSDS OEM, where path is the target's"
-    )
+    chaser_path: Path | None = Field(None, description="the chaser's CCSDS OEM, if path is the target's")

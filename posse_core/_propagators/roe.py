@@ -13,7 +13,10 @@ from posse_core._interfaces.propagator import Flight, FlightPropagator, Propagat
 
 
 class RoePropagator(FlightPropagator):
-    """Both orbits by Kepler's equation, differenced in the target's RTN axes; any e < 1, any i."""
+    """Solves both orbits by Kepler's equation and takes their difference in the target's RTN axes.
+
+    It is exact for any e < 1 and any inclination.
+    """
 
     def fly(self, problem: PropagationProblem, start: Start, after_s: FloatArray) -> Flight:
         return self.fly_together(problem, [start], after_s)[0]
@@ -26,14 +29,15 @@ class RoePropagator(FlightPropagator):
 
 
 def exact_rtn(starts: Sequence[Start], t_s: FloatArray) -> FloatArray:
-    """(F,) → (S, F, 6) RTN states of S chasers of one target, two-body motion without approximation.
+    """(F,) → (S, F, 6): RTN states of S chasers of one target, exact two-body motion.
 
-    All in one evaluation: a call costs about as much as the states of an orbit.
+    All chasers are computed in one evaluation, since a call by itself takes about as long as computing
+    the states of an orbit.
     """
     target, roe = starts[0].target, np.stack([start.roe_equinoctial for start in starts])
     return rtn_from_equinoctial_roe(target.equinoctial, target.sign, roe[:, None], target.mu_m3_s2, t_s)
 
 
 def two_body_flight(start: Start, t_s: FloatArray, rtn: FloatArray) -> Flight:
-    """A relative motion (F, 6) beside a target that moves by Kepler's laws."""
+    """Combine a relative motion (F, 6) with the two-body motion of the target."""
     return Flight(*start.target.two_body(t_s), rtn)

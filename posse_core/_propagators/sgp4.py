@@ -1,4 +1,4 @@
-"""Propagator ``sgp4``: target and chaser by SGP4, in GCRF axes."""
+"""Propagator ``sgp4``: target and chaser by SGP4, converted to GCRF axes."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from posse_core._interfaces.propagator import Flight, FlightPropagator, Propagat
 
 
 class Sgp4Propagator(FlightPropagator):
-    """The chaser has the target's drag, and mean elements that give its state at the epoch.
+    """Propagates both spacecraft by SGP4.
 
-    SGP4's own rounding and its dated constants leave the relative state uncertain by some mm.
+    The chaser has the target's drag, and mean elements that reproduce its state at the epoch. The
+    rounding of SGP4 and its old constants leave errors of some mm in the relative state.
     """
 
     def fly(self, problem: PropagationProblem, start: Start, after_s: FloatArray) -> Flight:

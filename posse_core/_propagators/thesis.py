@@ -1,11 +1,11 @@
 """Propagator ``thesis``: Sections 3.2.1 and 3.2.4 of the POSSE thesis, literally.
 
-It is here to reproduce the published datasets, errors included. What it takes over: a TLE's mean
-elements used as osculating ones in GCRF axes, the true anomaly integrated by a fixed step (eq. 3.2)
-from a series (eq. 3.3), and the ROE map of eq. 2.10 with nt where the mean argument of latitude
-belongs. Chosen where the thesis is silent:
+It reproduces the published datasets, including their errors: it uses a TLE's mean elements as osculating
+ones in GCRF axes, integrates the true anomaly with a fixed step (eq. 3.2) from a series (eq. 3.3), and
+uses the ROE map of eq. 2.10 with nt in place of the mean argument of latitude. Where the thesis leaves a
+choice open, this implementation decides as follows:
 
-- eq. 3.2 is integrated by the classical Runge–Kutta method, one step from each time to the next.
+- Eq. 3.2 is integrated by the classical Runge–Kutta method, one step from each time to the next.
 - δix and δiy carry over from one relative orbit to the next
   (:func:`posse_core._dynamics.design.algorithm_3_1`).
 - Frames run k = 0 … N for each of the H relative orbits: (N+1)·H frames, orbit by orbit.
@@ -30,7 +30,7 @@ from posse_core._propagators.options import ThesisOptions
 
 
 class ThesisPropagator(Propagator[ThesisOptions]):
-    """N instances × H relative orbits (Algorithm 3.1)."""
+    """Propagates H relative orbits of N instants each (Algorithm 3.1)."""
 
     def propagate(self, problem: PropagationProblem) -> Motion:
         first_m = _initial_roe_m(problem)
@@ -57,7 +57,7 @@ class ThesisPropagator(Propagator[ThesisOptions]):
 
 
 def series_true_anomaly(mean_anomaly_rad: float, e: float) -> float:
-    """Eq. 3.3: true anomaly from the mean one to e³; 70° off at e = 0.9."""
+    """Eq. 3.3: true anomaly from the mean anomaly to order e³; the error is 70° at e = 0.9."""
     M = mean_anomaly_rad
     return (
         M
@@ -70,7 +70,7 @@ def series_true_anomaly(mean_anomaly_rad: float, e: float) -> float:
 def integrate_true_anomaly(
     start_rad: float, e: float, mean_motion_rad_s: float, t_s: FloatArray
 ) -> FloatArray:
-    """Eq. 3.2 from ``start_rad`` at t = 0, one Runge–Kutta step from time to time; (K,) → (K,)."""
+    """Integrate eq. 3.2 from ``start_rad`` at t = 0, one Runge–Kutta step per time; (K,) → (K,)."""
 
     def rate(anomaly: float) -> float:
         return float(mean_motion_rad_s * (1 + e * math.cos(anomaly)) ** 2 / (1 - e**2) ** 1.5)
@@ -116,7 +116,7 @@ def roe_to_rtn(mean_motion_rad_s: float, t_s: FloatArray) -> FloatArray:
 
 
 def _elements(problem: PropagationProblem) -> tuple[float, float, float, float, float, float]:
-    """a, e, i, Ω, ω, M: a TLE's mean elements as they stand, else the osculating ones."""
+    """a, e, i, Ω, ω, M: the mean elements of a TLE unchanged, or else the osculating elements."""
     mu = problem.constants.mu_earth_m3_s2
     if problem.tle is None:
         state = (problem.target.r_eci_m, problem.target.v_eci_m_s)
@@ -128,19 +128,19 @@ def _elements(problem: PropagationProblem) -> tuple[float, float, float, float, 
 
 
 def _initial_roe_m(problem: PropagationProblem) -> FloatArray:
-    """(6,) a·δα of the one natural relative orbit that the problem begins with.
+    """(6,) a·δα of the problem's single natural relative orbit.
 
     Raises:
-        InputError: there are impulses, no such orbit, or its δa or δλ are not 0.
+        InputError: The problem has impulses, has no such orbit, or its δa or δλ is not 0.
     """
     if problem.burns:
-        raise InputError("relative.plan: propagator thesis knows no manoeuvres; use propagator roe")
+        raise InputError("relative.plan: propagator thesis has no manoeuvres; use propagator roe")
     if problem.forced is not None or len(problem.starts) != 1:
         raise InputError("propagator thesis starts from relative.roe_m; give it, or use propagator roe")
     roe_m = problem.starts[0].roe_m
     if roe_m[0] != 0 or roe_m[1] != 0:
         raise InputError(
             "propagator thesis starts from relative.roe_m, and Algorithm 3.1 has δa = δλ = 0; set its"
-            " first two to 0, or use propagator roe"
+            " first two numbers to 0, or use propagator roe"
         )
     return roe_m

@@ -9,7 +9,7 @@ from posse_core import random_generator
 from posse_detect_torch import augment
 
 SIZE = 96
-CHANGES = [change for change, _ in augment._CHANCES]
+CHANGES = [change for change, _ in augment._PROBABILITIES]
 seeds = st.integers(0, 2**31)
 
 

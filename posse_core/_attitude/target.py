@@ -114,7 +114,7 @@ def inertial(law: InertialLaw, around: Surroundings) -> FloatArray:
 
 
 def spin(law: SpinLaw, around: Surroundings) -> FloatArray:
-    """(F, 3, 3): spinning at ``law.rate_rpm`` about an axis fixed by the Sun's direction at the epoch."""
+    """(F, 3, 3): spinning at ``law.rate_rpm`` about an axis fixed by the Sun at the epoch."""
     sun = unit(around.r_sun_epoch_eci_m)
     north = unit(np.cross(np.cross(sun, ECLIPTIC_NORTH_ECI), sun))
     sun_angle = np.radians(law.sun_angle_deg)

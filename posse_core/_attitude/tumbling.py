@@ -75,7 +75,7 @@ class _Motion:
 
     @classmethod
     def of(cls, moments: FloatArray, rate: FloatArray) -> _Motion:
-        """Make the motion from principal moments, circled axis last, and angular velocity (3,) at t=0."""
+        """Make the motion from the moments, circled axis last, and the angular velocity (3,) at t=0."""
         j1, j2, j3 = moments
         w1, w2, w3 = rate
         ratio = j1 * (j3 - j1) / (j2 * (j3 - j2))

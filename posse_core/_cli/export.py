@@ -30,7 +30,7 @@ def command(dataset: Path, formats: tuple[str, ...], out: Path | None) -> None:
     folder.
     """
     from posse_core._dataset.dataset import Dataset
-    from posse_core._run.exports import enter_exports
+    from posse_core._run.exports import record_exports
     from posse_core._simulator.returned import written
 
     registry = load_plugins().registry
@@ -42,6 +42,6 @@ def command(dataset: Path, formats: tuple[str, ...], out: Path | None) -> None:
     for name, writer in writers.items():
         paths = written(writer, name, source, folder)
         if folder.resolve() == source.folder.resolve():
-            enter_exports(source.folder, paths)
+            record_exports(source.folder, paths)
         for path in paths:
             click.echo(path)

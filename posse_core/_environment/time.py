@@ -60,7 +60,7 @@ class Epoch:
         return cls(float(jd1), float(jd2))
 
     def iso(self) -> str:
-        """Return ISO 8601 in UTC, to the nanosecond without trailing zeros: ``2022-01-31T02:02:27.5``."""
+        """Return ISO 8601 in UTC, to the nanosecond without trailing zeros, such as 02:02:27.58."""
         year, month, day, clock, _ = erfa.ufunc.d2dtf(b"UTC", 9, self.jd1_utc, self.jd2_utc)
         hour, minute, second, nanosecond = clock.item()
         fraction = f".{nanosecond:09d}".rstrip("0").rstrip(".")

@@ -82,7 +82,7 @@ def posse_subcommands() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
 def posse_run_started(dataset: Path, frames: int) -> None:
     """A run is about to make its first frame in the folder ``dataset``. Since 0.1.
 
-    Of a run to a network store, this is the folder of its books (``posse_core/_run/place.py``).
+    In a run to a network store, this is the local folder of its bookkeeping files.
     """
 
 

@@ -1,4 +1,4 @@
-"""What every executor of worker processes does alike: a frame in its process, and what its end means."""
+"""What executors of worker processes share: making a frame in a process, and handling its failures."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ from posse_core._interfaces.executor import FrameResult, FrameWorker, WorkerSetu
 from posse_core._plugins.options import Options
 
 _STORE_FAILED = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EIO}
-"""What no other try and no other frame would fare better with."""
+"""Errors that would occur again for every attempt and every other frame."""
 
 
 class PoolOptions(Options):
-    """Options of an executor of worker processes: how many there are, and when one is given up."""
+    """Options of an executor of worker processes: their number, and the limits of a frame."""
 
     workers: int = Field(1, ge=1, le=1024, description="number of worker processes")
     frames_per_worker: int = Field(
-        500, ge=1, description="a worker is replaced after so many frames, before its memory grows"
+        500, ge=1, description="frames after which a worker is replaced, so that its memory stays small"
     )
     frame_time_limit_s: float = Field(
-        1800.0, gt=0, description="a frame that takes longer is stopped and tried again"
+        1800.0, gt=0, description="time after which a frame is stopped and tried again"
     )
-    tries: int = Field(3, ge=1, description="how often a frame is tried when its worker dies")
+    tries: int = Field(3, ge=1, description="largest number of tries of a frame whose worker dies")
 
 
 class FrameAttempts:
-    """Counts how often each frame has been tried, and says whether it is to be tried again.
+    """Counts the tries of each frame and decides whether it is tried again.
 
-    An exception that a frame raises is its result: only the loss of a worker is worth another try. Each
-    method returns the frame's result, or None where the executor is to try the frame again.
+    A frame is tried again when its worker was lost. An exception that the frame itself raises is its
+    result. Each method returns the frame's result, or None if the executor must try the frame again.
     """
 
     def __init__(self, options: PoolOptions) -> None:
@@ -44,21 +44,21 @@ class FrameAttempts:
         self._losses: Counter[int] = Counter()
 
     def lost(self, index: int, why: str) -> FrameResult[Any] | None:
-        """The frame's worker died; ``why`` is said in the error of the last try."""
+        """Report that the frame's worker died; ``why`` goes into the error of the last try."""
         self._losses[index] += 1
         if self._losses[index] < self._options.tries:
             return None
         return FrameResult(index, None, f"{why}, {self._losses.pop(index)} times")
 
     def overdue(self, index: int) -> FrameResult[Any] | None:
-        """The frame took longer than it may, and its worker was stopped."""
+        """Report that the frame exceeded the time limit and its worker was stopped."""
         return self.lost(index, f"it took over {self._options.frame_time_limit_s:g} s")
 
     def raised(self, index: int, error: Exception) -> FrameResult[Any] | None:
-        """Making the frame raised ``error``.
+        """Report that making the frame raised ``error``.
 
         Raises:
-            WorkerSetupError, StoreError, OSError: ``error`` itself, where it ends the run.
+            WorkerSetupError, StoreError, OSError: ``error`` itself, if it must end the run.
         """
         if isinstance(error, WorkerSetupError | StoreError) or (
             isinstance(error, OSError) and error.errno in _STORE_FAILED
@@ -71,10 +71,10 @@ _worker: FrameWorker[Any] | None = None
 
 
 def make_frame_in_process(make_worker: Callable[[], FrameWorker[Any]], index: int) -> Any:
-    """Make a frame with this process's one frame worker, which is made at the first frame.
+    """Make a frame with the frame worker of this process, which is made at the first frame.
 
-    An executor calls it in its worker processes, whose environment sets ``POSSE_THREADS``, the number
-    of CPU threads that each may use.
+    An executor calls this function in its worker processes. Their environment sets ``POSSE_THREADS``,
+    the number of CPU threads that each may use.
 
     Returns:
         What :meth:`FrameWorker.make` returned.

@@ -1,4 +1,4 @@
-"""A dataset in other formats: what its writers wrote, and the digests by which it is checked later."""
+"""Digests of the files that writers exported, by which they are checked later."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from posse_core._model.manifest import Manifest
 
 
 def export_digests(paths: Iterable[Path], folder: Path) -> dict[str, str]:
-    """File, relative to ``folder`` → its SHA-256, of all files that ``paths`` are or hold."""
+    """Return the SHA-256 of all files that ``paths`` are or contain, by their names in ``folder``."""
     home = folder.resolve()
     files = {
         file.resolve().relative_to(home).as_posix(): file
@@ -22,10 +22,10 @@ def export_digests(paths: Iterable[Path], folder: Path) -> dict[str, str]:
     return {name: sha256(files[name]) for name in sorted(files)}
 
 
-def enter_exports(folder: Path, paths: Sequence[Path]) -> None:
-    """Enter what a writer wrote in the folder of a finished dataset in the dataset's manifest.
+def record_exports(folder: Path, paths: Sequence[Path]) -> None:
+    """Record the files that a writer wrote into a finished dataset in the dataset's manifest.
 
-    What was entered before of the same files and folders is replaced.
+    Digests that were recorded before for the same files and folders are replaced.
     """
     replaced = [path.resolve().relative_to(folder.resolve()) for path in paths]
     manifest = Manifest.from_json((folder / MANIFEST).read_bytes())
@@ -34,6 +34,6 @@ def enter_exports(folder: Path, paths: Sequence[Path]) -> None:
         for name, digest in manifest.exports.items()
         if not any(Path(name).is_relative_to(path) for path in replaced)
     }
-    entered = dict(sorted({**kept, **export_digests(paths, folder)}.items()))
-    changed = manifest.model_copy(update={"exports": entered})
+    recorded = dict(sorted({**kept, **export_digests(paths, folder)}.items()))
+    changed = manifest.model_copy(update={"exports": recorded})
     write_json(folder / MANIFEST, changed.as_json())

@@ -1,4 +1,4 @@
-"""A lock on a network store, where nothing tells that its holder has died: it must be renewed."""
+"""A lock on a network store. Its holder renews it, since the store cannot detect a holder that died."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from posse_core._files.store import RemoteStore
 LOCK = ".lock"
 RENEW_S = 3.0
 PATIENCE_S = 15.0
-"""A lock that has not changed for this long is that of a run that has died."""
+"""A lock that has not changed for this time belongs to a run that died."""
 
 
 class Lease:
-    """The right of one run to write, for the length of a block.
+    """The exclusive right of one run to write to a network store within a block.
 
-    The lock holds who has it and a count that goes up as long as the holder lives. No clocks are
-    compared. Should two runs hold it after all, both write the same frames, and the one whose lock was
-    taken ends.
+    The lock file contains the holder's name and a counter that the holder increments while it is alive,
+    so the clocks of different machines are never compared. If two runs hold the lock all the same, both
+    write the same frames, and the one that lost the lock ends.
 
     Attributes:
-        holder: a name that no other has.
+        holder: a unique name.
 
     Raises:
-        InputError: another run holds it, and lives.
-        StoreError: the store refuses.
+        InputError: Another run holds the lock and is alive.
+        StoreError: The store refuses.
     """
 
     def __init__(self, store: RemoteStore) -> None:
@@ -45,7 +45,7 @@ class Lease:
                 self._store.create(LOCK, self._text(0))
                 break
             except FileExistsError:
-                self._outwait()
+                self._remove_if_dead()
         self._renewer.start()
         return self
 
@@ -62,12 +62,16 @@ class Lease:
                 self._store.delete(LOCK)
 
     def check(self) -> None:
-        """Raises InputError where another run has taken the place."""
+        """Check that this run still holds the lock.
+
+        Raises:
+            InputError: Another run has taken the lock.
+        """
         if self._taken:
             raise InputError(f"{self._store.location}: another run has taken over; this one ends")
 
-    def _outwait(self) -> None:
-        """Remove the lock of a run that has died."""
+    def _remove_if_dead(self) -> None:
+        """Delete the lock if it does not change for a while, because its run has died."""
         with contextlib.suppress(FileNotFoundError):
             before = self._store.read(LOCK)
             deadline = time.monotonic() + PATIENCE_S
@@ -88,7 +92,7 @@ class Lease:
                 if not self._taken:
                     self._store.write(LOCK, self._text(count))
             except StoreError:
-                pass  # what the run writes itself will be refused too, and told
+                pass  # the run's own writes will fail too and report it
             except FileNotFoundError:
                 self._taken = True
 

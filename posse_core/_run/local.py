@@ -19,7 +19,10 @@ from posse_core._run.attempts import FrameAttempts, PoolOptions, make_frame_in_p
 
 
 class LocalExecutor(Executor[PoolOptions]):
-    """A pool of spawned processes (pebble); a dead or hung worker is replaced, its frame tried again."""
+    """Makes frames in a pool of spawned processes (pebble).
+
+    A worker that dies or hangs is replaced, and its frame is tried again.
+    """
 
     def run(
         self, make_worker: Callable[[], FrameWorker[Made]], indices: Iterable[int]
@@ -63,10 +66,10 @@ class LocalExecutor(Executor[PoolOptions]):
 
 
 class _WithoutMain(SpawnProcess):
-    """A spawned process that does not run the program's main module again.
+    """A spawned process that does not import the program's main module.
 
-    A worker needs nothing of it, and a script without ``if __name__ == "__main__"`` would begin anew in
-    every worker.
+    A worker does not need that module, and a script without ``if __name__ == "__main__"`` would start
+    again in every worker.
     """
 
     def start(self) -> None:
@@ -87,7 +90,7 @@ _starting = Lock()
 
 
 def _result(future: Future[Any], index: int, attempts: FrameAttempts) -> FrameResult[Any] | None:
-    """The frame's result, or None where it is to be tried again."""
+    """Return the frame's result, or None if it must be tried again."""
     try:
         return FrameResult(index, future.result())
     except ProcessExpired as error:
@@ -99,8 +102,10 @@ def _result(future: Future[Any], index: int, attempts: FrameAttempts) -> FrameRe
 
 
 def _share_cores(workers: int) -> None:
-    """Let the numerical libraries of each worker use its share of the cores (spawned children inherit
-    this); what the user has set stands."""
+    """Limit the numerical libraries of each worker to its share of the cores.
+
+    Spawned processes inherit these environment variables. Values that the user has set are kept.
+    """
     share = str(max(1, (os.cpu_count() or 1) // workers))
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "POSSE_THREADS"):
         os.environ.setdefault(variable, share)

@@ -1,4 +1,4 @@
-"""The manifest: what a dataset was made from, and whether it is whole."""
+"""The manifest of a dataset: what it was made from, and whether it is complete."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from posse_core._dataset.layout import CAMERA, LABELS, SCENARIO, SPACECRAFT, TRA
 from posse_core._files.atomic import sha256
 from posse_core._model.manifest import CHECKSUMS, FORMAT, FORMAT_VERSION, Manifest, PluginVersion
 from posse_core._plugins.loading import Plugins
-from posse_core._run.place import Place
+from posse_core._run.destination import Destination
 from posse_core._run.plan import Plan
 from posse_core._run.worker import RENDERER_FILE
 
@@ -20,21 +20,24 @@ _LIBRARIES = ("casadi", "embreex", "numpy", "opencv-contrib-python-headless", "s
 
 
 def make_manifest(
-    place: Place,
+    destination: Destination,
     plan: Plan,
     plugins: Plugins,
     failed: Mapping[int, str],
     exports: Mapping[str, str],
 ) -> Manifest:
-    """The manifest of a run that has ended.
+    """Make the manifest of a run that has ended.
 
     Args:
-        failed: frame → its error.
-        exports: file that a writer wrote → its SHA-256.
+        destination: holds the dataset's files.
+        plan: of the run.
+        plugins: whose versions are recorded.
+        failed: index of a frame → its error.
+        exports: name of a file that a writer wrote → its SHA-256.
     """
-    folder = place.books
+    folder = destination.folder
     try:
-        renderer = json.loads(place.store.read(RENDERER_FILE))
+        renderer = json.loads(destination.store.read(RENDERER_FILE))
     except FileNotFoundError:
         renderer = {}
     hashed = sorted(

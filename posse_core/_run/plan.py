@@ -1,4 +1,4 @@
-"""Everything that a run needs, checked before the first file is written."""
+"""The plan of a run: everything that it needs, checked before the first file is written."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from posse_core._trajectory.build import make_trajectory
 
 @dataclass(frozen=True)
 class Plan:
-    """A scenario with its trajectory, one entry a frame, and its spacecraft."""
+    """A scenario with its trajectory, which has one row per frame, and its spacecraft."""
 
     scenario: Scenario
     trajectory: Trajectory
@@ -23,10 +23,10 @@ class Plan:
 
 
 def make_plan(scenario: Scenario, registry: Registry) -> Plan:
-    """Propagate, and build the spacecraft.
+    """Propagate the trajectory and build the spacecraft.
 
     Raises:
-        InputError: the orbit, the model or a file of the scenario cannot be used.
+        InputError: The orbit, the spacecraft or a file of the scenario cannot be used.
     """
     craft = built(create(registry, "scene", scenario.target), scenario.target.name)
     return Plan(scenario, make_trajectory(scenario, registry), craft)

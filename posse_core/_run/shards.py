@@ -1,13 +1,12 @@
 """The labels on disk: append-only shards of JSON lines, and the checksums of the frames' files.
 
-A frame is done when its line stands whole in a shard. Before that its files are written, and then a
-block of checksums: a row a file, and a seal over these rows and the line. So a run that is cut at any
-point leaves at most one torn line, which is dropped, and a bit that changes later is found, in lines
-as in files, without a line being parsed.
+A frame is complete when its whole line is in a shard. Before the line, the frame's files are written,
+and then a block of checksums: a row for each file and a seal, which is a checksum of these rows and the
+line. A run that is interrupted at any point therefore leaves at most one incomplete line, which is
+dropped. A bit that changes later is detected in lines and in files, without parsing a line.
 
-Lines hold labels alone. They are appended as frames are done, and sorted at the end of the run: so they
-are the same to the bit whichever renderer made the pictures, with any number of workers, and whatever
-the run went through.
+Lines contain only labels. They are appended as frames are completed and sorted at the end of the run, so
+they are equal to the bit for any renderer, any number of workers, and any interruption of the run.
 """
 
 from __future__ import annotations
@@ -31,12 +30,12 @@ _SEAL = re.compile(rb"# [0-9a-f]{64}  frame (\d{1,15})\n")
 
 
 def shard_path(folder: Path, index: int) -> Path:
-    """The shard that holds the line of frame ``index``."""
+    """Return the shard that holds the line of frame ``index``."""
     return folder / LABELS / f"shard-{index // FRAMES_PER_SHARD:05d}.jsonl"
 
 
 def whole_lines(path: Path) -> Iterator[bytes]:
-    """The complete lines of a file, each with its line break; a torn last one is left out."""
+    """Yield the complete lines of a file with their line breaks, without an incomplete last line."""
     if not path.exists():
         return
     with open(path, "rb") as stream:
@@ -46,7 +45,7 @@ def whole_lines(path: Path) -> Iterator[bytes]:
 
 
 class LabelLog:
-    """Appends finished frames to the shards of one dataset."""
+    """Appends completed frames to the shards and checksums of one dataset."""
 
     def __init__(self, folder: Path, frames: int) -> None:
         self._folder = folder
@@ -54,10 +53,10 @@ class LabelLog:
         (folder / LABELS).mkdir(exist_ok=True)
 
     def append(self, labels: LabelLine, digests: Mapping[str, str]) -> bytes:
-        """Enter a frame whose files are complete; ``digests`` maps each to its SHA-256.
+        """Append a frame whose files are complete; ``digests`` maps each file to its SHA-256.
 
         Returns:
-            What was entered, for :func:`replay`.
+            The appended lines, for :func:`replay`.
         """
         line = labels.to_json() + b"\n"
         rows = "".join(f"{digest}  {name}\n" for name, digest in digests.items())
@@ -66,20 +65,20 @@ class LabelLog:
         _append(shard_path(self._folder, labels.index), line)
         return block + line
 
-    def recover(self, digest_of: Callable[[str], str], readers: int = 1) -> set[int]:
-        """Find the frames that are done; drop torn lines, and frames whose files are not as entered.
+    def recover(self, digest_of: Callable[[str], str], threads: int = 1) -> set[int]:
+        """Find the complete frames; drop incomplete lines and frames whose files have changed.
 
         Args:
-            digest_of: a frame's file → its SHA-256 as it is now, or OSError.
-            readers: shards that are looked through at a time.
+            digest_of: returns the current SHA-256 of a file, or raises OSError.
+            threads: number of shards that are checked at a time.
 
         Returns:
-            Indices of frames that are complete.
+            The indices of the complete frames.
         """
         path = self._folder / CHECKSUMS
         blocks = _blocks(path)
-        with ThreadPoolExecutor(readers) as threads:
-            intact = threads.map(partial(self._mend, blocks, digest_of), range(len(self._shards)))
+        with ThreadPoolExecutor(threads) as pool:
+            intact = pool.map(partial(self._mend, blocks, digest_of), range(len(self._shards)))
             done = set().union(*intact)
         text = b"".join(block for index, block in blocks.items() if index in done)
         if path.exists() and path.read_bytes() != text:
@@ -89,7 +88,7 @@ class LabelLog:
     def _mend(
         self, blocks: Mapping[int, bytes], digest_of: Callable[[str], str], shard: int
     ) -> set[int]:
-        """Drop what is not whole from a shard; the frames that are left."""
+        """Drop incomplete frames from a shard, and return the indices of the others."""
         path = self._shards[shard]
         intact: set[int] = set()
         lines: list[bytes] = []
@@ -105,7 +104,7 @@ class LabelLog:
         return intact
 
     def put_in_order(self) -> None:
-        """Sort the lines by frame where workers were done out of turn, and the checksums likewise."""
+        """Sort lines and checksums by frame, since workers complete frames in any order."""
         for path in self._shards:
             lines = list(whole_lines(path))
             _rewrite(path, lines, sorted(lines, key=_index))
@@ -115,7 +114,7 @@ class LabelLog:
 
 
 def replay(folder: Path, entries: bytes) -> None:
-    """Enter frames again, from what :meth:`LabelLog.append` returned; twice does no harm."""
+    """Append frames again from what :meth:`LabelLog.append` returned; repeating this does no harm."""
     for line in entries.splitlines(keepends=True):
         index = _index(line)
         _append(folder / CHECKSUMS if index < 0 else shard_path(folder, index), line)
@@ -136,7 +135,7 @@ def _is_intact(index: int, line: bytes, block: bytes, digest_of: Callable[[str],
 
 
 def _append(path: Path, text: bytes) -> None:
-    """Add text in a single write."""
+    """Append text in a single write."""
     with open(path, "ab") as stream:
         stream.write(text)
 
@@ -147,18 +146,18 @@ def _rewrite(path: Path, parts: list[bytes], ordered: list[bytes]) -> None:
 
 
 def _index(line: bytes) -> int:
-    """Frame of a label line; −1 where it does not start as one."""
+    """Return the frame index of a label line, or −1 if it is not a label line."""
     match = _LINE_START.match(line)
     return int(match[1]) if match else -1
 
 
 def _sealed(index: int, rows: bytes, line: bytes) -> bytes:
-    """A frame's block of checksums: the rows of its files, and the seal over them and its line."""
+    """Return a frame's block of checksums: the rows of its files and the seal over them and its line."""
     return b"%b# %b  frame %d\n" % (rows, hashlib.sha256(rows + line).hexdigest().encode(), index)
 
 
 def _blocks(path: Path) -> dict[int, bytes]:
-    """Frame → its block of checksums, in the order of the file."""
+    """Return index of a frame → its block of checksums, in the order of the file."""
     blocks: dict[int, bytes] = {}
     rows: list[bytes] = []
     for row in whole_lines(path):

@@ -1,4 +1,4 @@
-"""The worker of a run: a simulator of the scenario in a dataset's folder, whose frames become files."""
+"""The worker of a run, which writes the frames of the dataset's scenario as files."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from posse_core._scenario.load import load_scenario
 from posse_core._simulator.simulator import Simulator
 
 RENDERER_FILE = "renderer.json"
-"""What the renderer says of itself, for the manifest."""
+"""File with the renderer's description of itself, which becomes part of the manifest."""
 
 
 class RunWorker:
     """Makes the frames of one dataset and writes their files."""
 
     def __init__(self, dataset: str) -> None:
-        """dataset: path or URL of its folder, which holds the scenario and the trajectory."""
+        """Open a dataset at a path or URL, which must hold the scenario and the trajectory."""
         self._store = open_store(dataset)
         registry = load_plugins().registry
         with self._store.local_copy(SCENARIO) as path:
@@ -65,12 +65,12 @@ def _png(image: AnyArray) -> bytes:
     colour = cv2.cvtColor(image, cv2.COLOR_RGB2BGR) if image.ndim == 3 else image
     ok, data = cv2.imencode(".png", colour, [cv2.IMWRITE_PNG_COMPRESSION, 3])
     if not ok:
-        raise ComponentError("the image could not be coded as PNG")
+        raise ComponentError("the image could not be encoded as PNG")
     return bytes(data)
 
 
 def _npz(arrays: Mapping[str, AnyArray]) -> bytes:
-    """An .npz whose bytes depend on the arrays alone; numpy's own packs slower."""
+    """Return an .npz file whose bytes depend on the arrays alone; numpy's compression is slower."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         for name, array in arrays.items():

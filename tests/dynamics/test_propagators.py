@@ -109,7 +109,7 @@ def test_a_circular_model_on_an_ellipse_tells_its_error_and_another(name: str, i
         got = flown(name, asked)
     exact = flown("roe", asked)
     worst = np.linalg.norm(got.r_chaser_rtn_m - exact.r_chaser_rtn_m, axis=-1).max()
-    assert f"off by up to {worst:.3g} m" in str(caught[0].message)
+    assert f"errors of up to {worst:.3g} m" in str(caught[0].message)
     assert str(caught[0].message).endswith(f"use propagator {instead}")
 
 

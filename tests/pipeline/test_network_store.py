@@ -53,7 +53,7 @@ def test_a_run_to_a_bucket_is_that_to_a_folder(executor, bucket, undisturbed, po
     assert_the_same(bucket, undisturbed)
     again = posse("run", small_scenario, "--out", URL)
     assert again.returncode == 2
-    assert "holds another run" in again.stderr
+    assert "contains another run" in again.stderr
     bucket.pipe_file(f"{URL}/images/000003.png", b"")
     bucket.rm_file(f"{URL}/truth/000005.npz")
     mended = posse("run", "--resume", "--out", URL)
@@ -74,7 +74,7 @@ def test_a_refusing_store_is_one_line_and_the_run_goes_on_later(
     assert "Traceback" not in said
     assert said.strip().splitlines()[-1] == (
         f"posse: {URL}: cannot be written to (the quota is used up);"
-        " go on with --resume: the frames made so far are kept"
+        " continue with --resume: the frames made so far are kept"
     )
     refusing.unlink()
     assert posse("run", "--resume", "--out", URL).returncode == 0
@@ -119,7 +119,7 @@ def test_what_cannot_be_is_refused_before_a_frame_is_made(bucket, posse, small_s
     bucket.pipe_file(f"{URL}/holiday.jpg", b"sun")
     foreign = posse("run", small_scenario, "--out", URL)
     assert foreign.returncode == 2
-    assert "holds no run" in foreign.stderr
+    assert "contains no run" in foreign.stderr
     assert contents(bucket) == {"holiday.jpg": b"sun"}
 
 

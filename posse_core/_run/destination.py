@@ -1,10 +1,10 @@
-"""Where a run puts its dataset, held by one run at a time.
+"""The destination of a run: the location of its dataset, which one run at a time may write to.
 
-The *books* (labels, checksums, scenario, manifest, exports: all but images and arrays) are kept in a
-folder of this machine, since lines are appended to them. On a network store, which cannot append, a
-copy of the books is kept up: what has been appended goes there as a journal every few seconds, and
-the books whole, in place of the journal, when a run starts and when it ends. Images and arrays are
-written straight to the store by the workers.
+The bookkeeping files (labels, checksums, scenario, manifest and exports: everything but images and
+arrays) are kept in a folder on this machine, since lines are appended to them. A network store cannot
+append, so it holds a copy of these files: appended lines are written there as a journal every few
+seconds, and the complete files replace the journal when a run starts and when it ends. The workers write
+images and arrays directly to the store.
 """
 
 from __future__ import annotations
@@ -31,56 +31,56 @@ JOURNAL_EVERY_S = 5.0
 _MARK, _LAST = SCENARIO, MANIFEST
 
 
-class Place(ABC):
-    """A run's hold on where its dataset goes.
+class Destination(ABC):
+    """The location that a run writes its dataset to.
 
     Attributes:
-        store: the dataset's files.
-        books: the folder of this machine where the books are kept.
+        store: stores the dataset's files.
+        folder: the folder on this machine that holds the bookkeeping files.
     """
 
     store: Store
-    books: Path
+    folder: Path
 
     @abstractmethod
     def claimed(self) -> contextlib.AbstractContextManager[None]:
-        """Keep other runs away for the length of a block; ``books`` is there within it.
+        """Lock the destination against other runs within the block, where ``folder`` exists.
 
         Raises:
-            InputError: another run holds the place, or the folder cannot be made.
-            StoreError: a network store refuses.
+            InputError: Another run has locked the destination, or the folder cannot be created.
+            StoreError: The network store refuses.
         """
 
     @abstractmethod
-    def entered(self, entry: bytes) -> None:
-        """A frame has been entered in the books by ``entry``."""
+    def frame_logged(self, entry: bytes) -> None:
+        """Note that ``entry``, a frame's lines, was appended to the bookkeeping files."""
 
     @abstractmethod
     def save(self) -> None:
-        """Bring the store's books up to date."""
+        """Bring the store's copy of the bookkeeping files up to date."""
 
     @abstractmethod
     def discard(self) -> None:
-        """Leave nothing behind."""
+        """Delete the bookkeeping files."""
 
 
-class LocalPlace(Place):
-    """A folder of this machine: the books are where they belong."""
+class LocalDestination(Destination):
+    """A folder on this machine, which holds the bookkeeping files itself."""
 
     def __init__(self, folder: Path) -> None:
-        self.books = folder.absolute()
-        self.store = LocalStore(self.books)
+        self.folder = folder.absolute()
+        self.store = LocalStore(self.folder)
 
     @contextlib.contextmanager
     def claimed(self) -> Iterator[None]:
         try:
-            self.books.mkdir(parents=True, exist_ok=True)
+            self.folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             reason = (error.strerror or "").lower()
             raise InputError(
-                f"--out {self.books}: cannot be made ({reason}); name another folder"
+                f"--out {self.folder}: cannot be created ({reason}); choose another folder"
             ) from None
-        lock = self.books / ".lock"
+        lock = self.folder / ".lock"
         try:
             with FileLock(lock, timeout=0):
                 try:
@@ -88,19 +88,21 @@ class LocalPlace(Place):
                 finally:
                     lock.unlink(missing_ok=True)
         except Timeout:
-            raise InputError(f"{self.books}: another run is writing there; wait for it to end") from None
+            raise InputError(
+                f"{self.folder}: another run is writing there; wait for it to end"
+            ) from None
 
-    def entered(self, entry: bytes) -> None:
-        """The entry is where it belongs."""
+    def frame_logged(self, entry: bytes) -> None:
+        """Do nothing: the entry is already in the dataset's folder."""
 
     def save(self) -> None:
-        """The books are where they belong."""
+        """Do nothing: the bookkeeping files are already in the dataset's folder."""
 
     def discard(self) -> None:
-        shutil.rmtree(self.books, ignore_errors=True)
+        shutil.rmtree(self.folder, ignore_errors=True)
 
 
-class RemotePlace(Place):
+class RemoteDestination(Destination):
     """A folder of a network store."""
 
     store: RemoteStore
@@ -115,7 +117,7 @@ class RemotePlace(Place):
     @contextlib.contextmanager
     def claimed(self) -> Iterator[None]:
         with tempfile.TemporaryDirectory() as folder, Lease(self.store) as self._lease:
-            self.books = Path(folder)
+            self.folder = Path(folder)
             self._fetch()
             try:
                 yield
@@ -125,23 +127,23 @@ class RemotePlace(Place):
                 raise
 
     def _fetch(self) -> None:
-        """Get the books, and enter what a cut run left in its journal."""
+        """Download the bookkeeping files and replay the journal of an interrupted run."""
         names = [name for name in self.store.names() if not name.startswith(".")]
-        if _MARK not in names:  # new, or nothing of ours
+        if _MARK not in names:  # new, or not a dataset
             for name in names:
-                (self.books / name).touch()
+                (self.folder / name).touch()
             return
         for part in (LABELS, SPACECRAFT):
-            (self.books / part).mkdir()
+            (self.folder / part).mkdir()
             names += self.store.names(part)
         for name in names:
             data = self.store.read(name)
-            (self.books / name).write_bytes(data)
+            (self.folder / name).write_bytes(data)
             self._saved[name] = hashlib.sha256(data).hexdigest()
         for name in self.store.names(JOURNAL):
-            replay(self.books, self.store.read(name))
+            replay(self.folder, self.store.read(name))
 
-    def entered(self, entry: bytes) -> None:
+    def frame_logged(self, entry: bytes) -> None:
         self._entries.append(entry)
         if time.monotonic() - self._journalled_s >= JOURNAL_EVERY_S:
             self._lease.check()
@@ -157,13 +159,13 @@ class RemotePlace(Place):
 
     def save(self) -> None:
         self._lease.check()
-        paths = (path for path in self.books.rglob("*") if path.is_file())
-        names = {path.relative_to(self.books).as_posix() for path in paths}
+        paths = (path for path in self.folder.rglob("*") if path.is_file())
+        names = {path.relative_to(self.folder).as_posix() for path in paths}
         for name in self._saved.keys() - names:
             self.store.delete(name)
             del self._saved[name]
         for name in sorted(names, key=lambda name: (name == _LAST, name != _MARK, name)):
-            data = (self.books / name).read_bytes()
+            data = (self.folder / name).read_bytes()
             digest = hashlib.sha256(data).hexdigest()
             if self._saved.get(name) != digest:
                 self.store.write(name, data)
@@ -178,6 +180,8 @@ class RemotePlace(Place):
                 self.store.delete(name)
 
 
-def place_at(name: str) -> Place:
-    """The place of this name: a path, or a URL."""
-    return RemotePlace(name) if is_remote(name) else LocalPlace(Path(name))
+def open_destination(location: str) -> Destination:
+    """Return the destination at a location: the path of a folder, or a URL."""
+    if is_remote(location):
+        return RemoteDestination(location)
+    return LocalDestination(Path(location))

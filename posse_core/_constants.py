@@ -1,6 +1,6 @@
-"""Physical constants, on one page, in SI units.
+"""All physical constants, in SI units.
 
-A scenario may override those in :class:`Constants` (key ``constants``).
+A scenario may override those in :class:`Constants` with its key ``constants``.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ WGS84_FLATTENING = 1.0 / 298.257_223_563
 
 
 class Constants(BaseModel):
-    """Constants that the dynamics and the light depend on."""
+    """Constants that the motion and the illumination depend on."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -38,6 +38,6 @@ class Constants(BaseModel):
         0.0,
         ge=0,
         lt=0.1,
-        description="Flattening of the Earth that casts the shadow: 0 is a sphere, WGS 84 has"
+        description="Flattening of the Earth for its shadow: 0 is a sphere, WGS 84 has"
         " 0.0033528106647474805.",
     )

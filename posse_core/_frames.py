@@ -1,9 +1,10 @@
-"""Every change of frame and of axes, and rotations.
+"""Rotations, and all changes of axes.
 
-No other module writes one by hand, but for the turns by way of precession and of the Earth, which ERFA
-gives, for turns within a plane, as of a texture, and for the axes that a renderer has of its own.
+No other module implements one, with three exceptions: precession, nutation and the Earth's rotation,
+which come from ERFA; rotations within a plane, such as a texture's; and axes that only one renderer
+uses.
 
-Frames:
+Axes:
     ECI   GCRF axes, geocentric.
     RTN   of the target: R outward, N along r × v, T = N × R (the velocity's side).
     LVLH  of the target: V-bar = T, H-bar = −N, R-bar = −R (towards the Earth).
@@ -11,9 +12,8 @@ Frames:
     cam   OpenCV: x right, y down, z forward.
     gl    OpenGL and Blender cameras: x right, y up, z backward.
 
-``R_a_from_b`` takes components in b to components in a: x_a = R_a_from_b x_b. Quaternions are
-scalar-first (w, x, y, z) and ``q_a_from_b`` is the same rotation as ``R_a_from_b``:
-x_a = q x_b q*.
+``R_a_from_b`` converts components in b to components in a: x_a = R_a_from_b x_b. Quaternions are
+scalar-first (w, x, y, z), and ``q_a_from_b`` is the same rotation as ``R_a_from_b``: x_a = q x_b q*.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ for _constant in (R_GL_FROM_CAM, R_LVLH_FROM_RTN):
 
 
 def unit(vectors: FloatArray) -> FloatArray:
-    """(..., n) → (..., n) of length one.
+    """Normalise vectors: (..., n) → (..., n) of length one.
 
     Raises:
-        ValueError: a vector is zero or not finite.
+        ValueError: A vector is zero or not finite.
     """
     vectors = np.asarray(vectors, dtype=np.float64)
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
@@ -47,10 +47,10 @@ def unit(vectors: FloatArray) -> FloatArray:
 
 
 def R_eci_from_rtn(r_eci_m: FloatArray, v_eci_m_s: FloatArray) -> FloatArray:
-    """RTN axes of an orbit: (..., 3), (..., 3) → (..., 3, 3), columns R, T, N in ECI.
+    """Rotation from an orbit's RTN axes to ECI axes: (..., 3), (..., 3) → (..., 3, 3), columns R, T, N.
 
     Raises:
-        ValueError: position and velocity are parallel, so the orbit has no plane.
+        ValueError: Position and velocity are parallel, so the orbit has no plane.
     """
     radial = unit(r_eci_m)
     normal = unit(np.cross(r_eci_m, v_eci_m_s))
@@ -58,7 +58,7 @@ def R_eci_from_rtn(r_eci_m: FloatArray, v_eci_m_s: FloatArray) -> FloatArray:
 
 
 def rtn_rate_rad_s(r_eci_m: FloatArray, v_eci_m_s: FloatArray) -> FloatArray:
-    """(...,) rate of the RTN frame about N for Keplerian motion, |r × v| / r²."""
+    """Angular velocity (...,) of the RTN axes about N for Keplerian motion, |r × v| / r²."""
     h = np.linalg.norm(np.cross(r_eci_m, v_eci_m_s), axis=-1)
     return np.asarray(h / np.sum(np.asarray(r_eci_m) ** 2, axis=-1))
 
@@ -69,7 +69,7 @@ def eci_from_rtn(
     r_rtn_m: FloatArray,
     v_rtn_m_s: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Chaser's ECI state from its RTN state (velocity in the rotating frame); all (..., 3)."""
+    """Convert the chaser's RTN state (velocity in the rotating axes) to ECI; all (..., 3)."""
     R = R_eci_from_rtn(r_target_eci_m, v_target_eci_m_s)
     omega = np.zeros_like(r_rtn_m)
     omega[..., 2] = rtn_rate_rad_s(r_target_eci_m, v_target_eci_m_s)
@@ -84,7 +84,7 @@ def rtn_from_eci(
     r_chaser_eci_m: FloatArray,
     v_chaser_eci_m_s: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Chaser's RTN state (velocity in the rotating frame) from its ECI state; all (..., 3)."""
+    """Convert the chaser's ECI state to RTN (velocity in the rotating axes); all (..., 3)."""
     R = np.swapaxes(R_eci_from_rtn(r_target_eci_m, v_target_eci_m_s), -1, -2)
     r_rtn_m = _apply(R, r_chaser_eci_m - r_target_eci_m)
     omega = np.zeros_like(r_rtn_m)
@@ -111,7 +111,7 @@ def matrix_from_quaternion(q: FloatArray) -> FloatArray:
 def quaternion_from_matrix(R: FloatArray) -> FloatArray:
     """(..., 3, 3) rotation matrices → (..., 4) unit quaternions, scalar first, w ≥ 0.
 
-    Shepperd (1978): the largest of the four squares is taken first, so nothing is lost near 180°.
+    By Shepperd (1978): the largest component is computed first, so the result is accurate near 180° too.
     """
     R = np.asarray(R, dtype=np.float64)
     trace = np.trace(R, axis1=-2, axis2=-1)
@@ -144,11 +144,13 @@ def quaternion_from_matrix(R: FloatArray) -> FloatArray:
 def R_a_from_b_by_directions(
     first_a: FloatArray, second_a: FloatArray, first_b: FloatArray, second_b: FloatArray
 ) -> FloatArray:
-    """(..., 3, 3) that takes ``first_b`` onto ``first_a``, and ``second_b`` as near to ``second_a``
-    as that leaves free. All (..., 3), of any length (TRIAD; Black 1964).
+    """Rotation (..., 3, 3) that aligns two pairs of directions, the first exactly.
+
+    It takes ``first_b`` onto ``first_a`` and ``second_b`` as near to ``second_a`` as possible. All
+    arguments are (..., 3), of any length (TRIAD; Black 1964).
 
     Raises:
-        ValueError: a pair is parallel, so the rotation about it is undetermined.
+        ValueError: A pair is parallel, so the rotation about it is undetermined.
     """
 
     def triad(first: FloatArray, second: FloatArray) -> FloatArray:
@@ -160,15 +162,15 @@ def R_a_from_b_by_directions(
 
 
 def matrix_from_rotation_vector(rotation_rad: FloatArray) -> FloatArray:
-    """(..., 3) axis times angle, right-handed → (..., 3, 3)."""
+    """Rotation (..., 3, 3) by rotation vectors (..., 3), which are axis times angle, right-handed."""
     half = np.linalg.norm(rotation_rad, axis=-1, keepdims=True) / 2
-    # numpy's sinc is sin(πx)/(πx); it is 1 at 0, so no rotation needs no special case.
+    # numpy's sinc is sin(πx)/(πx); it is 1 at 0, so a zero rotation is no special case.
     q = np.concatenate([np.cos(half), np.sinc(half / np.pi) / 2 * rotation_rad], axis=-1)
     return matrix_from_quaternion(q)
 
 
 def cross_matrix(x: FloatArray) -> FloatArray:
-    """(..., 3) → (..., 3, 3) the matrix of the cross product: ``cross_matrix(x) @ y`` is x × y."""
+    """Matrix of the cross product, (..., 3) → (..., 3, 3): ``cross_matrix(x) @ y`` is x × y."""
     a, b, c = np.moveaxis(np.asarray(x, dtype=np.float64), -1, 0)
     zero = np.zeros_like(a)
     rows = [[zero, -c, b], [c, zero, -a], [-b, a, zero]]
@@ -176,7 +178,10 @@ def cross_matrix(x: FloatArray) -> FloatArray:
 
 
 def R_eci_from_perifocal(raan_rad: float, i_rad: float, argp_rad: float) -> FloatArray:
-    """(3, 3) R₃ᵀ(Ω) R₁ᵀ(i) R₃ᵀ(ω); perifocal x is towards perigee, z along the orbit's normal."""
+    """Rotation (3, 3) from perifocal axes (x towards perigee, z along the orbit's normal) to ECI axes.
+
+    It is R₃ᵀ(Ω) R₁ᵀ(i) R₃ᵀ(ω).
+    """
     cO, sO, ci, si = math.cos(raan_rad), math.sin(raan_rad), math.cos(i_rad), math.sin(i_rad)
     cw, sw = math.cos(argp_rad), math.sin(argp_rad)
     third = np.array([[cO, -sO, 0], [sO, cO, 0], [0, 0, 1]])
@@ -192,9 +197,9 @@ def R_about(axis: ArrayLike, angle_rad: float) -> FloatArray:
 
 
 def R_from_z(direction: ArrayLike, x_hint: ArrayLike = (1.0, 0.0, 0.0)) -> FloatArray:
-    """Rotation (3, 3) that takes z to ``direction`` and x as near to ``x_hint`` as it can.
+    """Rotation (3, 3) that takes z to ``direction`` and x as near to ``x_hint`` as possible.
 
-    Where the hint lies along the direction, y stands in for it.
+    If the hint is along the direction, y is used in its place.
     """
     z = unit(np.asarray(direction, dtype=np.float64))
     x = np.asarray(x_hint, dtype=np.float64)
@@ -206,14 +211,14 @@ def R_from_z(direction: ArrayLike, x_hint: ArrayLike = (1.0, 0.0, 0.0)) -> Float
 
 
 def R_with_z(z: FloatArray) -> FloatArray:
-    """(..., 3) unit vectors → (..., 3, 3) rotations whose third column is ``z``, else arbitrary."""
+    """Rotations (..., 3, 3) with the unit vector ``z`` (..., 3) as third column, arbitrary otherwise."""
     across = np.eye(3)[np.argmin(np.abs(z), axis=-1)]
     x = unit(np.cross(across, z))
     return np.stack([x, np.cross(z, x), z], axis=-1)
 
 
 def R_least(before: FloatArray, after: FloatArray) -> FloatArray:
-    """(3, 3) least rotation that takes the unit vector ``before`` (3,) to ``after`` (3,)."""
+    """Smallest rotation (3, 3) that takes the unit vector ``before`` (3,) to ``after`` (3,)."""
     axis = np.cross(before, after)
     sine = float(np.linalg.norm(axis))
     if sine < 1e-12:
@@ -222,9 +227,9 @@ def R_least(before: FloatArray, after: FloatArray) -> FloatArray:
 
 
 def rotated(x: FloatArray, axis: FloatArray, angle_rad: FloatArray) -> FloatArray:
-    """Vectors rotated about one axis by angles of their own: (..., 3), unit (3,), (...) → (..., 3).
+    """Rotate vectors (..., 3) about a unit axis (3,), each by its own angle (...).
 
-    Rodrigues' formula; its bits depend on no BLAS.
+    Rodrigues' formula is used, so that the bits of the result do not depend on a BLAS library.
     """
     angle = np.asarray(angle_rad)[..., None]
     along = np.sum(axis * x, axis=-1, keepdims=True)
@@ -233,7 +238,7 @@ def rotated(x: FloatArray, axis: FloatArray, angle_rad: FloatArray) -> FloatArra
 
 
 def turned(x: FloatArray, omega_rad_s: FloatArray, after_s: FloatArray) -> FloatArray:
-    """Vectors turned at one rate for times of their own: (..., 3), (3,), (...) → (..., 3)."""
+    """Rotate vectors (..., 3) at an angular velocity (3,), each for its own time (...)."""
     rate = float(np.sqrt(np.sum(omega_rad_s * omega_rad_s)))
     if rate == 0:
         return np.asarray(x)
@@ -241,7 +246,7 @@ def turned(x: FloatArray, omega_rad_s: FloatArray, after_s: FloatArray) -> Float
 
 
 def rotation_vector_from_matrix(R: FloatArray) -> FloatArray:
-    """(..., 3, 3) → (..., 3) axis times angle, right-handed, angle 0 … π."""
+    """Rotation vectors (..., 3), axis times angle, of rotations (..., 3, 3); right-handed, 0 … π."""
     q = quaternion_from_matrix(R)
     sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
     half = np.arctan2(sine, q[..., :1])

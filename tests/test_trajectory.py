@@ -360,11 +360,11 @@ def test_extras_go_with_their_frames() -> None:
     [
         ({"Torque": np.zeros(200)}, "'Torque' needs a name"),
         ({"a/b": np.zeros(200)}, "'a/b' needs a name"),
-        ({"mode": np.zeros(199)}, r"'mode' is float64 of shape \(199,\); it has to be"),
+        ({"mode": np.zeros(199)}, r"'mode' is float64 of shape \(199,\); it must be"),
         ({"mode": 3.0}, r"'mode' is float64 of shape \(\)"),
         ({"mode": np.zeros((200, 0))}, r"'mode' is float64 of shape \(200, 0\)"),
         ({"mode": ["on"] * 200}, "'mode' is <U2"),
-        ({"mode": np.full(200, np.nan)}, "'mode' has a value that is no finite number"),
+        ({"mode": np.full(200, np.nan)}, "'mode' has a value that is not a finite number"),
     ],
 )
 def test_extras_that_no_file_could_hold_are_refused(extras: dict[str, Any], words: str) -> None:

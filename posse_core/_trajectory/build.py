@@ -1,4 +1,4 @@
-"""From a propagator's motion to a trajectory: attitude and light added."""
+"""Builds a trajectory: a propagator's motion with attitude and illumination added."""
 
 from __future__ import annotations
 
@@ -31,20 +31,20 @@ from posse_core._trajectory.problem import orbit_period_s, resolve
 from posse_core._trajectory.returned import propagated
 
 _RATE_STEP_S = 1e-3
-"""Half the step of rates of turn; a steady turn comes out exact, whatever the step."""
+"""Half the step of the differences that give angular velocities; they are exact for a steady spin."""
 _LARGEST_NORM_ERROR = 1e-3
-"""Of a quaternion that is given: further from a length of one, it is a mistake and not rounding."""
+"""A given quaternion whose norm differs from one by more is refused as a mistake."""
 _EXTRA = re.compile("[a-z][a-z0-9_]*")
 
 
 @dataclass(frozen=True)
 class GivenAttitude:
-    """Attitudes that are given for F frames; where one is None, the scenario's law holds.
+    """Attitudes that the caller gives for F frames; where one is None, the scenario's law applies.
 
     Attributes:
-        q_eci_from_body, q_eci_from_camera: (F, 4) of length one, scalar first, or None.
-        omega_body_rad_s, omega_camera_rad_s: (F, 3) rate of turn against GCRF axes, in the axes of the
-            body and of the camera; None is at rest. Only an attitude that is given has a given rate.
+        q_eci_from_body, q_eci_from_camera: (F, 4) unit quaternions, scalar first, or None.
+        omega_body_rad_s, omega_camera_rad_s: (F, 3) angular velocity relative to GCRF axes, in body axes
+            and in camera axes; None means at rest. It is ignored where the attitude is None.
     """
 
     q_eci_from_body: FloatArray | None = None
@@ -54,7 +54,7 @@ class GivenAttitude:
 
 
 def make_trajectory(scenario: Scenario, registry: Registry) -> Trajectory:
-    """The trajectory of a scenario's frames.
+    """Return the trajectory of a scenario's frames.
 
     Raises:
         InputError: see :func:`posse_core._trajectory.problem.resolve` and :func:`build_trajectory`.
@@ -83,7 +83,7 @@ def make_trajectory(scenario: Scenario, registry: Registry) -> Trajectory:
 
 
 def times_s(scenario: Scenario) -> FloatArray:
-    """(T,) seconds after the epoch at which the scenario asks for frames."""
+    """Return the times (T,) of the scenario's frames in seconds after the epoch."""
     return scenario.times.seconds(partial(orbit_period_s, scenario.orbit, scenario.constants))
 
 
@@ -96,16 +96,20 @@ def build_trajectory(
     name: str,
     own_frames: bool = False,
 ) -> Trajectory:
-    """Propagate, and add attitude and light by the laws. The same arguments give the same bits.
+    """Propagate, and add attitude and illumination. The same arguments give results equal to the bit.
 
     Args:
+        propagator: computes the motion.
+        problem: what it propagates.
+        attitude: attitude laws of body and camera.
+        seed: of the run.
         name: of the propagator.
-        own_frames: its motion may have other times than the problem's.
+        own_frames: whether its motion may have other times than the problem.
 
     Raises:
-        ComponentError: the propagator failed, or did not return a whole motion.
-        InputError: the problem is outside the propagator's domain or the ephemeris, the target
-            passes below the Earth's surface, or an attitude law is undetermined at a frame.
+        ComponentError: The propagator failed, or did not return a complete motion.
+        InputError: The problem is outside the propagator's domain or the ephemeris, the target
+            passes below the Earth's surface, or an attitude law is undefined at a frame.
     """
     motion = propagated(propagator, problem, name, own_frames=own_frames)
     return trajectory_of(
@@ -128,19 +132,21 @@ def trajectory_of(
     indices: IntArray,
     given: GivenAttitude | None = None,
 ) -> Trajectory:
-    """A motion with attitude and light added; each frame depends on its own row alone.
+    """Add attitude and illumination to a motion; each frame depends on its own row alone.
 
     Args:
-        epoch: of t_s = 0.
+        motion: of F frames.
+        epoch: the instant of t_s = 0.
         attitude: laws of the attitudes that are not given.
+        constants: of the Earth and the Sun.
         seed: of the run.
-        indices: (F,) the number that each frame draws its random pointing by, 0 or more.
-        given: attitudes in the place of the laws'.
+        indices: (F,) index of each frame, 0 or more, on which its random pointing error depends.
+        given: attitudes that replace those of the laws.
 
     Raises:
-        InputError: the motion is outside the ephemeris, the target passes below the Earth's surface,
-            an attitude law is undetermined at a frame, or a given attitude is no rotation.
-        ComponentError: the motion's extras are not as :class:`Motion` has them.
+        InputError: The motion is outside the ephemeris, the target passes below the Earth's surface,
+            an attitude law is undefined at a frame, or a given attitude is not a rotation.
+        ComponentError: The motion's extras are not as :class:`Motion` defines them.
     """
     given = given or GivenAttitude()
     r_target, v_target = motion.r_target_eci_m, motion.v_target_eci_m_s
@@ -225,9 +231,10 @@ def trajectory_of(
 def _by_law(
     law: Callable[[Surroundings], FloatArray], around: Surroundings, v_chaser_rtn_m_s: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Attitude (F, 4) by a law, and its rate (F, 3) in its own axes, by a central difference.
+    """Return the attitude (F, 4) by a law, and its angular velocity (F, 3) in its own axes.
 
-    What a law draws at random stays as it is: a camera's jitter is between frames, not within one.
+    The angular velocity is a central difference. The random errors of a law are the same at both times,
+    since a camera's jitter changes between frames and not within one.
     """
 
     def near(after_s: float) -> FloatArray:
@@ -245,19 +252,19 @@ def _by_law(
 
 
 def _as_given(q: FloatArray, omega_rad_s: FloatArray | None, name: str) -> tuple[FloatArray, FloatArray]:
-    """A given attitude (F, 4), of length one and w ≥ 0 to rounding, and its rate (F, 3)."""
+    """Return a given attitude (F, 4), normalised and with w ≥ 0, and its angular velocity (F, 3)."""
     q = np.asarray(q, dtype=np.float64)
     length = np.linalg.norm(q, axis=-1, keepdims=True)
     if not np.all(np.abs(length - 1) < _LARGEST_NORM_ERROR):
         raise InputError(f"{name}: a quaternion is not of length one; give w, x, y, z of a rotation")
-    # What is of length one already, such as a trajectory's own attitude, stays the same to the bit.
+    # A quaternion that is normalised already, such as a trajectory's own, stays equal to the bit.
     q = np.where(np.abs(length - 1) < 4 * np.finfo(float).eps, q, q / length)
     rate = np.zeros((len(q), 3)) if omega_rad_s is None else np.asarray(omega_rad_s, dtype=np.float64)
     return np.where(q[:, :1] < 0, -q, q), rate
 
 
 def _extra(name: str, array: AnyArray, frames: int) -> FloatArray:
-    """One of a motion's extras, checked."""
+    """Check one of a motion's extras."""
     if not _EXTRA.fullmatch(name):
         raise ComponentError(
             f"the propagator's extra {name!r} needs a name of lower-case letters, digits and _"
@@ -265,9 +272,9 @@ def _extra(name: str, array: AnyArray, frames: int) -> FloatArray:
     numbers = np.asarray(array)
     if numbers.dtype.kind not in "fiu" or numbers.shape[:1] != (frames,) or numbers.size == 0:
         raise ComponentError(
-            f"the propagator's extra {name!r} is {numbers.dtype} of shape {numbers.shape}; it has to be"
+            f"the propagator's extra {name!r} is {numbers.dtype} of shape {numbers.shape}; it must be"
             f" numbers of shape ({frames}, ...)"
         )
     if not np.all(np.isfinite(numbers)):
-        raise ComponentError(f"the propagator's extra {name!r} has a value that is no finite number")
+        raise ComponentError(f"the propagator's extra {name!r} has a value that is not a finite number")
     return numbers.astype(np.float64)

@@ -1,4 +1,4 @@
-"""From what a scenario says of orbit and relative motion to states, impulses and times."""
+"""Resolves a scenario's orbit and relative motion into states, impulses and times."""
 
 from __future__ import annotations
 
@@ -43,16 +43,19 @@ def resolve(
     *,
     needs_starts: bool = True,
 ) -> PropagationProblem:
-    """What a propagator is handed of a scenario.
+    """Return the problem that a scenario gives to a propagator.
 
     Args:
+        orbit: the target's orbit.
+        relative: the chaser's relative motion.
         t_s: (F,) seconds after the orbit's epoch.
-        needs_starts: of the propagator; without it ``relative`` is not looked at.
+        constants: of the Earth.
+        needs_starts: whether the propagator needs start states; if not, ``relative`` is ignored.
 
     Raises:
-        InputError: malformed TLE or date; the target's or the chaser's orbit is none, meets the Earth,
-            or has no elements where elements are given; a plan beside a design that is not one natural
-            orbit, or a transfer that its window is too short for.
+        InputError: The TLE or date is malformed; a state is not an orbit, has its perigee below the
+            Earth's surface, or has no elements where elements are given; a plan is given with a design
+            that is not one natural orbit; or the window of a transfer is too short.
     """
     target = target_at_epoch(orbit, constants)
     problem = PropagationProblem(orbit_epoch(orbit), target, (), t_s, tle=orbit.tle)
@@ -65,10 +68,10 @@ def resolve(
 
 
 def orbit_epoch(orbit: OrbitConfig) -> Epoch:
-    """The epoch that the orbit's elements or state are given at.
+    """Return the epoch of the orbit's elements or state.
 
     Raises:
-        InputError: a malformed TLE or date.
+        InputError: The TLE or date is malformed.
     """
     if orbit.tle is not None:
         return Tle(orbit.tle).epoch
@@ -78,11 +81,11 @@ def orbit_epoch(orbit: OrbitConfig) -> Epoch:
 
 
 def orbit_period_s(orbit: OrbitConfig, constants: Constants) -> float:
-    """Period of the target: by a TLE's own mean motion, else by the osculating semi-major axis.
+    """Return the target's period, from a TLE's mean motion or else from the osculating semi-major axis.
 
     Raises:
-        InputError: a malformed TLE; the orbit is none, meets the Earth, or is hyperbolic and so has
-            no period.
+        InputError: The TLE is malformed; or the state is not an orbit, has its perigee below the Earth's
+            surface, or is hyperbolic and so has no period.
     """
     if orbit.tle is not None:
         return 2 * math.pi / Tle(orbit.tle).mean.mean_motion_rad_s
@@ -94,10 +97,10 @@ def orbit_period_s(orbit: OrbitConfig, constants: Constants) -> float:
 
 
 def target_at_epoch(orbit: OrbitConfig, constants: Constants) -> Target:
-    """The target's osculating state at the epoch; whether it is an orbit is not checked here.
+    """Return the target's osculating state at the epoch, without checking that it is an orbit.
 
     Raises:
-        InputError: a malformed TLE.
+        InputError: The TLE is malformed.
     """
     if orbit.tle is not None:
         r, v = Tle(orbit.tle).state(np.zeros(1))
@@ -114,11 +117,14 @@ def target_at_epoch(orbit: OrbitConfig, constants: Constants) -> Target:
 
 
 def starts_of(target: Target, relative: RelativeConfig) -> tuple[Start, ...]:
-    """The chaser at the epoch, once for each relative orbit; at the target for a forced design.
+    """Return the chaser's state at the epoch for each relative orbit.
+
+    The chaser of a forced design starts at the target.
 
     Raises:
-        InputError: an orbit is none, meets the Earth, or has no elements where elements are given; or
-            a plan beside a design that is not one natural orbit.
+        InputError: A state is not an orbit, has its perigee below the Earth's surface, or has no
+        elements
+            where elements are given; or a plan is given with a design that is not one natural orbit.
     """
     where = "relative." + next(key for key, value in relative if value is not None and key != "plan")
     by_state = relative.state_rtn is not None or relative.state_eci is not None
@@ -142,8 +148,8 @@ def starts_of(target: Target, relative: RelativeConfig) -> tuple[Start, ...]:
     rows = _natural_roe_m(design)
     if relative.plan is not None and len(rows) != 1:
         raise InputError(
-            f"relative.plan: design {design.name} is not one natural orbit, so there is nothing"
-            " to manoeuvre from"
+            f"relative.plan: design {design.name} is not a single natural orbit, so manoeuvres cannot"
+            " start from it"
         )
     if not len(rows):
         return (Start.from_rtn(target, _AT_TARGET, _AT_TARGET, where=where),)
@@ -151,10 +157,10 @@ def starts_of(target: Target, relative: RelativeConfig) -> tuple[Start, ...]:
 
 
 def planned(plan: PlanConfig, start: Start) -> Transfer:
-    """The impulses of a plan, from the start that it is flown from.
+    """Return the impulses of a plan that begins at a start.
 
     Raises:
-        InputError: a transfer that its window is too short for, or at an inclination of 0° or 180°.
+        InputError: The window of a transfer is too short, or the inclination is 0° or 180°.
     """
     if plan.burns is not None:
         burns = [Burn(burn.t_s, np.array(burn.dv_rtn_m_s)) for burn in plan.burns]
@@ -190,7 +196,7 @@ def _natural_roe_m(design: DesignConfig) -> FloatArray:
 
 
 def _forced(design: DesignConfig, t_s: FloatArray) -> ForcedMotion | None:
-    """The relative motion at (F,) times, or None for a natural design."""
+    """Return the relative motion at (F,) times, or None for a natural design."""
     one_piece = np.zeros(len(t_s), dtype=np.int64)
     match design:
         case HoldPoint():

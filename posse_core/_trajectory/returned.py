@@ -1,4 +1,4 @@
-"""The check of what a propagator returns, so that a fault is named where it was made."""
+"""Checks of what a propagator returns, so that messages name the propagator at fault."""
 
 from __future__ import annotations
 
@@ -16,22 +16,23 @@ from posse_core._plugins.component import failures_named
 def propagated(
     propagator: Propagator, problem: PropagationProblem, name: str, *, own_frames: bool
 ) -> Motion:
-    """The motion by a propagator, checked; see :func:`checked_motion`."""
+    """Run a propagator and check its motion; see :func:`checked_motion`."""
     with failures_named("propagator", name):
         made = propagator.propagate(problem)
     return checked_motion(made, problem.t_s, name, own_frames=own_frames)
 
 
 def checked_motion(made: object, t_s: FloatArray, name: str, *, own_frames: bool) -> Motion:
-    """What a propagator returned: finite numbers, one row for each frame.
+    """Check that a propagator returned a motion of finite numbers with one row per frame.
 
     Args:
-        t_s: (T,) the times that it was asked for: once, or again for each of several relative orbits.
+        made: what it returned.
+        t_s: (T,) the requested times. The motion has them once, or once for each relative orbit.
         name: of the propagator.
-        own_frames: it may have other frames than ``t_s``.
+        own_frames: whether the motion may have other times than ``t_s``.
 
     Raises:
-        ComponentError: one line that names the propagator and what is wrong.
+        ComponentError: The check failed; the message names the propagator.
     """
     who = f"propagator {name!r}"
     if not isinstance(made, Motion):
@@ -58,6 +59,6 @@ def checked_motion(made: object, t_s: FloatArray, name: str, *, own_frames: bool
         raise ComponentError(f"{who} returned no frames")
     if not own_frames and not np.array_equal(made.t_s, np.tile(t_s, frames // len(t_s))):
         raise ComponentError(
-            f"{who}: t_s is not what was asked for; only with the capability 'own-frames' may it differ"
+            f"{who}: t_s differs from the requested times, which only the capability 'own-frames' allows"
         )
     return made

@@ -1,4 +1,4 @@
-"""The state of one frame of a trajectory: what a renderer and the sky need."""
+"""The state of one frame of a trajectory, as renderers and the sky need it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from posse_core._model.trajectory import Trajectory
 
 
 def frame_state(trajectory: Trajectory, index: int, constants: Constants) -> FrameState:
-    """What a renderer and the sky need of frame ``index``, 0 … F−1."""
+    """Return the state of frame ``index``, 0 … F−1."""
     t_s = trajectory.t_s[index]
     epoch = Epoch.from_iso(trajectory.epoch_utc)
     tt = epoch.tt(t_s)
@@ -30,7 +30,7 @@ def frame_state(trajectory: Trajectory, index: int, constants: Constants) -> Fra
         t_s=float(t_s),
         epoch_jd_tt=float(tt[0] + tt[1]),
         R_cam_from_body=R_eci_from_cam.T @ matrix_from_quaternion(trajectory.q_eci_from_body[index]),
-        # Not from the difference of the ECI positions, whose rounding is planetary.
+        # The difference of the ECI positions would have the rounding error of an orbit's radius.
         t_body_cam_m=-R_cam_from_rtn @ r_rtn,
         R_cam_from_eci=R_eci_from_cam.T,
         R_ecef_from_eci=R_itrf_from_gcrf(*tt, *epoch.ut1(t_s)),

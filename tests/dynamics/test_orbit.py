@@ -117,7 +117,7 @@ MANY = {
         ),
         ({"elements": {**ELEMENTS, "i_deg": 0}}, SMALL, "give relative.roe_equinoctial_m"),
         ({"elements": {**ELEMENTS, "i_deg": 180}}, SMALL, "inclination of 180°"),
-        ({"elements": ELEMENTS}, MANY, "nothing to manoeuvre from"),
+        ({"elements": ELEMENTS}, MANY, "manoeuvres cannot start from it"),
     ],
 )
 def test_what_is_no_orbit_is_refused_in_one_line(orbit: Any, relative: Any, words: str) -> None:

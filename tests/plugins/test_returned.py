@@ -320,7 +320,7 @@ def plan(plugins: Plugins, folder: Path, **changes: object) -> None:
         ("short", "r_chaser_rtn_m is float64 of shape (7, 3), and must be floating of shape (8, 3)"),
         ("flat", "v_chaser_rtn_m_s is float64 of shape (8,)"),
         ("nan", "r_target_eci_m has numbers that are not finite"),
-        ("times", "t_s is not what was asked for"),
+        ("times", "t_s differs from the requested times"),
         ("sequence", "sequence is float64 of shape (8,), and must be integer"),
         ("raises", "failed: ValueError: no luck"),
     ],

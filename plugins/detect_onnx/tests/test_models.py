@@ -93,7 +93,7 @@ def test_keypoints_are_those_of_the_class_in_the_image(tmp_path):
 
 
 def test_a_model_for_another_task_is_refused(tmp_path):
-    with pytest.raises(InputError, match="finds boxes, where a model that finds keypoints"):
+    with pytest.raises(InputError, match="finds boxes, but one that finds keypoints"):
         OnnxKeypoints(OnnxOptions()).load(boxes_model(tmp_path / "m.onnx"))
 
 

@@ -164,7 +164,7 @@ def test_a_dataset_and_its_exports_give_the_same_frames(dataset, posse, tmp_path
 def test_parts(dataset, speed_plus, speed):
     assert len(PoseDataset(dataset.folder, "valid")) == len(dataset.part("valid"))
     assert len(PoseDataset(speed_plus / "synthetic", "validation")) == len(POSES)
-    with pytest.raises(InputError, match="name one by part='train'"):
+    with pytest.raises(InputError, match="choose one, such as part='train'"):
         PoseDataset(speed)
 
 
@@ -188,7 +188,7 @@ def test_what_is_wrong_is_said(speed, speed_plus, tmp_path):
         PoseDataset(speed / "train.json")
     with pytest.raises(InputError, match=r"test\.json: not poses of SPEED"):
         PoseDataset(speed / "test.json", camera=CAMERA)
-    with pytest.raises(InputError, match=r"keypoints_body_m: .* shows no aqua .*it shows tango"):
+    with pytest.raises(InputError, match=r"keypoints_body_m: .* has no spacecraft aqua .*it has tango"):
         PoseDataset(speed_plus / "synthetic/train.json", keypoints_body_m={"aqua": POINTS})
     with pytest.raises(InputError, match=r"keypoints_body_m: tango: of shape \(3,\), .* \(K, 3\)"):
         PoseDataset(speed_plus / "synthetic/train.json", keypoints_body_m={"tango": POINTS[0]})
@@ -197,7 +197,7 @@ def test_what_is_wrong_is_said(speed, speed_plus, tmp_path):
         smaller[0]
     labels = tmp_path / "train.json"
     write_labels(labels, ["../a.png", "b.png", "c.png"], "q_vbs2tango")
-    with pytest.raises(InputError, match=r"'\.\./a\.png' is outside of the labels' folder"):
+    with pytest.raises(InputError, match=r"'\.\./a\.png' is outside the labels' folder"):
         PoseDataset(labels, camera=CAMERA)
     write_labels(labels, ["a.png", "b.png", "c.png"], "q_vbs2tango")
     with pytest.raises(InputError, match=r"its image a\.png is in none of"):

@@ -1,4 +1,4 @@
-"""Detectors of POSSE from ONNX files. Importing this module imports no onnxruntime."""
+"""POSSE detectors from ONNX files. Importing this module does not import onnxruntime."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ def posse_detectors() -> list[ComponentSpec]:
     return [
         ComponentSpec(
             "onnx",
-            "finds spacecraft by a .onnx file of 'posse export-onnx'",
+            "finds spacecraft with an .onnx file made by 'posse export-onnx'",
             "posse_detect_onnx.models:OnnxDetector",
             "posse_detect_onnx.options:OnnxOptions",
             capabilities=frozenset({"boxes", ".onnx", "shipped"}),
         ),
         ComponentSpec(
             "onnx-keypoints",
-            "finds keypoints by a .onnx file of 'posse export-onnx'",
+            "finds keypoints with an .onnx file made by 'posse export-onnx'",
             "posse_detect_onnx.models:OnnxKeypoints",
             "posse_detect_onnx.options:OnnxOptions",
             capabilities=frozenset({"keypoints", ".onnx", "shipped"}),

@@ -1,4 +1,4 @@
-"""ONNX files as detectors: the graph decodes, so only pictures go in and pixels come out."""
+"""Detectors from ONNX files. The graph includes the decoding: it takes pictures and returns pixels."""
 
 from __future__ import annotations
 
@@ -24,39 +24,39 @@ from posse_core import (
 )
 from posse_detect_onnx.options import OnnxOptions
 
-_NETS = Path(__file__).parent / "nets"
+_SHIPPED_MODELS = Path(__file__).parent / "nets"
 _BEFORE_REASON = re.compile(r"^.*? failed:(/\S+:\d+ .*?\) (?=[A-Z]))?")
-"""What onnxruntime puts before the reason: its code, the file, and the place in its own source."""
+"""What onnxruntime writes before the reason: its code, the file, and the line of its own source."""
 
 
 def _open(path: Path, task: str, threads: int) -> tuple[onnxruntime.InferenceSession, ModelCard]:
-    """The net and its card.
+    """Open a model and its card.
 
     Raises:
-        InputError: not an ONNX file, without our card, or for another task.
+        InputError: The file is not ONNX, has no POSSE model card, or is for another task.
     """
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
-    # Two nets run in turn: idle threads of the one would hold the cores that the other needs.
+    # Two models run in turn; spinning idle threads of one would occupy the cores that the other needs.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.log_severity_level = 4
     try:
         session = onnxruntime.InferenceSession(
             str(path), sess_options=options, providers=["CPUExecutionProvider"]
         )
-    except Exception as error:  # each fault has a class of its own, which onnxruntime does not name
+    except Exception as error:  # onnxruntime's exception classes are not public
         reason = _BEFORE_REASON.sub("", str(error).strip().splitlines()[0])
         raise InputError(f"{path}: not an ONNX file that onnxruntime can run: {reason}") from None
     card = ModelCard.from_metadata(session.get_modelmeta().custom_metadata_map, path)
     if card.task != task:
-        raise InputError(f"{path}: it finds {card.task}, where a model that finds {task} is needed")
+        raise InputError(f"{path}: this model finds {card.task}, but one that finds {task} is needed")
     return session, card
 
 
 class OnnxDetector(Detector[OnnxOptions]):
-    """Finds spacecraft."""
+    """Finds the boxes of spacecraft with an ONNX model."""
 
-    shipped = _NETS / "boxes.onnx"
+    shipped = _SHIPPED_MODELS / "boxes.onnx"
 
     def load(self, path: Path) -> None:
         self._session, self._card = _open(path, "boxes", self.options.threads)
@@ -74,9 +74,9 @@ class OnnxDetector(Detector[OnnxOptions]):
 
 
 class OnnxKeypoints(KeypointFinder[OnnxOptions]):
-    """Finds keypoints in boxes."""
+    """Finds keypoints in boxes with an ONNX model."""
 
-    shipped = _NETS / "keypoints.onnx"
+    shipped = _SHIPPED_MODELS / "keypoints.onnx"
 
     def load(self, path: Path) -> None:
         self._session, self._card = _open(path, "keypoints", self.options.threads)
@@ -101,5 +101,5 @@ class OnnxKeypoints(KeypointFinder[OnnxOptions]):
 
 
 def _picture(image: AnyArray, square: Square) -> Float32Array:
-    """(1, 1, S, S) as the nets take it."""
+    """Return the model's input (1, 1, S, S)."""
     return square.cut(to_grey(image))[None, None]

@@ -1,4 +1,4 @@
-"""Options of nets in ONNX files."""
+"""Options of detectors from ONNX files."""
 
 from __future__ import annotations
 
@@ -8,6 +8,6 @@ from posse_core import Options
 
 
 class OnnxOptions(Options):
-    """How onnxruntime runs a net."""
+    """How onnxruntime runs a model."""
 
     threads: int = Field(1, ge=1, description="CPU threads")

@@ -1,4 +1,4 @@
-"""What nets that find boxes share as components: pictures, samples, judging, prediction, export."""
+"""Base classes of the detectors that find boxes: samples, evaluation, prediction and export."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ from posse_detect_torch.pictures import Pictures, cut_pictures
 
 OUTPUTS = ("boxes", "scores", "labels", "raw")
 _ZOOM, _SHIFT = (0.7, 1.4), 0.2
-_LEAST_SIDE_PX = 3.0  # that a box must keep after a shift to be learned
+_LEAST_SIDE_PX = 3.0  # boxes that are smaller after a shift are not learned
 
 BoxOptionsT = TypeVar("BoxOptionsT", bound=BoxOptions)
 
 
 class BoxLesson(Lesson):
-    """Whole frames; with augmentation turned by quarters, zoomed and shifted, in other light."""
+    """Learns from whole frames, which augmentation rotates by multiples of 90°, zooms and shifts."""
 
     options: BoxOptions
 
@@ -63,19 +63,19 @@ class BoxLesson(Lesson):
 
     @abstractmethod
     def untrained(self) -> nn.Module:
-        """The net before training."""
+        """Return the network before training."""
 
     @abstractmethod
     def decoded(self, net: nn.Module) -> nn.Module:
-        """``net`` with its decoding."""
+        """Return ``net`` with its decoding."""
 
     def __len__(self) -> int:
         return len(self.train) if any(true_boxes(line) for line in self.train.labels) else 0
 
-    def sample(self, place: int, random: np.random.Generator) -> dict[str, AnyArray]:
+    def sample(self, position: int, random: np.random.Generator) -> dict[str, AnyArray]:
         size = self.options.input_px
-        picture = self.train.linear(place)
-        box, label = self.target(self.train, place)
+        picture = self.train.linear(position)
+        box, label = self.target(self.train, position)
         if self.options.augment:
             angle = np.pi / 2 * random.integers(4) if self.options.turn else 0.0
             view = random_view(random, size, _ZOOM, _SHIFT, angle)
@@ -83,20 +83,20 @@ class BoxLesson(Lesson):
             box = move_boxes(box, view, size)
             if (box[0, 2:] - box[0, :2]).min() < _LEAST_SIDE_PX:
                 label[:] = -1
-        draw = np.array(random.integers(2**31), np.int64)  # a seed for what the losses draw
+        draw = np.array(random.integers(2**31), np.int64)  # a seed for the random choices of the losses
         return {"picture": picture[None], "boxes": box.astype(np.float32), "labels": label, "draw": draw}
 
-    def target(self, pictures: Pictures, place: int) -> tuple[FloatArray, AnyArray]:
-        """The box of a picture and its class, as the net learns them.
+    def target(self, pictures: Pictures, position: int) -> tuple[FloatArray, AnyArray]:
+        """Return the box of a picture and its class, as the network learns them.
 
         Returns:
-            (1, 4) left, top, right, bottom in the picture, and (1,) index of the class, −1 where nothing
-            is seen.
+            (1, 4) left, top, right, bottom in the picture, and the (1,) index of the class, −1 where no
+            spacecraft is visible.
         """
-        truths = true_boxes(pictures.labels[place])
+        truths = true_boxes(pictures.labels[position])
         if not truths:
             return np.zeros((1, 4)), np.array([-1], np.int64)
-        x, y, width, height = pictures.squares[place].boxes_in(truths[0].box_px)
+        x, y, width, height = pictures.squares[position].boxes_in(truths[0].box_px)
         label = np.array([self.classes.index(truths[0].label)], np.int64)
         return np.array([[x, y, x + width, y + height]]), label
 
@@ -109,13 +109,13 @@ class BoxLesson(Lesson):
         size = self.options.input_px
         whole = Square(0, 0, size, size)
         truths, found = [], []
-        for place in range(len(self.valid)):
-            box, label = self.target(self.valid, place)
+        for position in range(len(self.valid)):
+            box, label = self.target(self.valid, position)
             seen = np.concatenate([box[:, :2], box[:, 2:] - box[:, :2]], axis=1)
             truths.append(
                 [TrueBox(self.classes[i], b) for i, b in zip(label, seen, strict=True) if i >= 0]
             )
-            outputs = decoded(torch.from_numpy(self.valid.linear(place))[None, None].to(device))
+            outputs = decoded(torch.from_numpy(self.valid.linear(position))[None, None].to(device))
             boxes, scores, labels = (value[0].cpu().numpy() for value in outputs[:3])
             found.append(whole.detections_out(boxes, scores, labels, self.classes, size, size))
         metrics = coco_metrics(truths, found, self.classes)
@@ -123,21 +123,21 @@ class BoxLesson(Lesson):
 
 
 class BoxDetector(Detector[BoxOptionsT]):
-    """A net that finds boxes, with its lesson."""
+    """A detector that finds boxes with a network."""
 
     name: ClassVar[str]
 
     @abstractmethod
     def lesson(self, dataset: LabelledImages, folder: Path, card: ModelCard) -> BoxLesson:
-        """What the net learns."""
+        """Return the lesson that the network learns."""
 
     @abstractmethod
     def net(self, card: ModelCard) -> nn.Module:
-        """The net that a card describes, whose weights are still to be read."""
+        """Make the network that a card describes, without reading its weights."""
 
     @abstractmethod
     def decoded(self, net: nn.Module) -> nn.Module:
-        """``net`` with its decoding: pictures → boxes, scores, labels, raw."""
+        """Return ``net`` with its decoding: pictures → boxes, scores, labels, raw."""
 
     def compare(self, ours: Outputs, theirs: Outputs) -> Mapping[str, tuple[float, float]]:
         """See :data:`posse_detect_torch.export.Compare`."""
@@ -147,7 +147,7 @@ class BoxDetector(Detector[BoxOptionsT]):
         """See :class:`posse_core.Model`.
 
         Raises:
-            InputError: the dataset was not divided, has no boxes, or shows nothing.
+            InputError: The dataset was not partitioned, has no boxes, or shows no spacecraft.
         """
         card = ModelCard.of_dataset(
             dataset,
@@ -162,7 +162,7 @@ class BoxDetector(Detector[BoxOptionsT]):
     def load(self, path: Path) -> None:
         self._card = ModelCard.read(path)
         if self._card.net != self.name:
-            raise InputError(f"{path}: a model of {self._card.net!r}, not of {self.name!r}")
+            raise InputError(f"{path}: is a model of {self._card.net!r}, not of {self.name!r}")
         self.classes = self._card.classes
         net = self.net(self._card)
         read_weights(path, net)
@@ -181,7 +181,7 @@ class BoxDetector(Detector[BoxOptionsT]):
 
     def export_onnx(self, path: Path, images: Sequence[AnyArray]) -> Mapping[str, float]:
         pictures = np.stack([_picture(image, self._card.input_px)[0] for image in images])
-        # onnxscript, which this imports, is slow to import, and training needs none of it
+        # this imports onnxscript, which is slow and not needed for training
         from posse_detect_torch.regions_onnx import ONNX_TRANSLATIONS
 
         return export(
@@ -194,6 +194,6 @@ class BoxDetector(Detector[BoxOptionsT]):
 
 
 def _picture(image: AnyArray, size_px: int) -> tuple[Float32Array, Square]:
-    """(1, S, S) as the net takes it, and its place in the image."""
+    """Return the network's input (1, S, S), and its square in the image."""
     square = Square.of_image(image.shape[0], image.shape[1], size_px)
     return square.cut(to_grey(image))[None], square

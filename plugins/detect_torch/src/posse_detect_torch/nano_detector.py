@@ -1,4 +1,4 @@
-"""The light detector as a component."""
+"""The component of the light detector ``nano``."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from posse_detect_torch.options import NanoOptions
 
 
 class NanoLesson(BoxLesson):
-    """What :class:`posse_detect_torch.nano.Nano` learns."""
+    """The lesson of :class:`posse_detect_torch.nano.Nano`."""
 
     net: Nano
     options: NanoOptions
@@ -51,17 +51,20 @@ class NanoDetector(BoxDetector[NanoOptions]):
         return Decoded(net, self.options.detections)
 
     def compare(self, ours: Outputs, theirs: Outputs) -> Mapping[str, tuple[float, float]]:
-        """As every detector; but ties decide which places are told."""
+        """Compare the outputs, allowing for detections that a tie between scores decides."""
         logits = ours["raw"][0, : len(self.classes)]
         return compare_detections(ours, theirs, tied_scores(logits, self.options.detections))
 
 
 def tied_scores(logits: AnyArray, count: int) -> list[float]:
-    """Of the maps (C, h, w) the scores of those peaks that have another within 10⁻⁴ beside them, and of
-    all that tie with the last of the ``count`` best when there are more."""
+    """Return the scores of detections that depend on rounding, because cells tie within 10⁻⁴.
+
+    These are the peaks of the maps (C, h, w) beside an almost equal peak, and all peaks that tie with
+    the last of the ``count`` best if there are more.
+    """
     maps = torch.from_numpy(logits).double()
     peak = maps >= F.max_pool2d(maps, 3, stride=1, padding=1) - 1e-4
-    around = 9 * F.avg_pool2d(peak.double(), 3, stride=1, padding=1)  # how many, itself included
+    around = 9 * F.avg_pool2d(peak.double(), 3, stride=1, padding=1)  # number of peaks, including itself
     tied = maps[peak & (around > 1.5)]
     best = maps[peak].sort(descending=True).values
     if len(best) > count and best[count - 1] - best[count] <= 1e-4:

@@ -1,4 +1,4 @@
-"""Frames of a dataset as small grey squares, cut once and kept in a file."""
+"""Frames of a dataset as small grey squares, which are cut once and cached in a file."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from tqdm import tqdm
 from posse_core import AnyArray, Float32Array, LabelledImages, LabelLine, Square, to_grey
 
 Choose = Callable[[LabelLine, int, int], Square]
-"""Label line, height, width → the square to be cut."""
+"""Takes the label line, height and width of an image and returns the square to cut out."""
 
 
 @dataclass(frozen=True)
 class Pictures:
-    """Squares of frames.
+    """Squares cut from frames.
 
     Attributes:
-        labels: label line of each.
-        squares: where each lies in its image.
-        coded: (N, S, S) uint8, the square root of light: dark shades keep more steps.
+        labels: the label line of each.
+        squares: the position of each in its image.
+        coded: (N, S, S) uint8, the square root of linear grey values, which resolves dark shades better.
     """
 
     labels: Sequence[LabelLine]
@@ -34,9 +34,9 @@ class Pictures:
     def __len__(self) -> int:
         return len(self.labels)
 
-    def linear(self, place: int) -> Float32Array:
-        """(S, S) 0 … 1, linear light."""
-        return np.asarray(np.square(self.coded[place].astype(np.float32) / 255))
+    def linear(self, position: int) -> Float32Array:
+        """Return the square at a position: (S, S), 0 … 1, linear in radiance."""
+        return np.asarray(np.square(self.coded[position].astype(np.float32) / 255))
 
 
 def cut_pictures(
@@ -47,7 +47,7 @@ def cut_pictures(
     folder: Path,
     name: str,
 ) -> Pictures:
-    """Cut squares of frames, or map the file in ``folder`` where this was done before."""
+    """Cut squares from frames, or map the file in ``folder`` if they were cut before."""
     labels = [dataset[i] for i in positions]
     squares = [choose(line, *dataset.size_px(i)) for line, i in zip(labels, positions, strict=True)]
     made_of = f"{dataset.sha256} {size_px} {list(positions)} {squares}"

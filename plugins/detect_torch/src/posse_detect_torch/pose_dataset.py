@@ -1,4 +1,4 @@
-"""Frames with their poses as a PyTorch dataset: of POSSE, COCO, SPEED and SPEED+."""
+"""A PyTorch dataset of frames with their poses, for datasets of POSSE, COCO, SPEED and SPEED+."""
 
 from __future__ import annotations
 
@@ -24,26 +24,26 @@ from posse_core import (
 )
 
 TANGO = "tango"
-"""The class of SPEED's and SPEED+'s one spacecraft."""
+"""The class of the only spacecraft of SPEED and SPEED+."""
 
 
 class PoseSample(NamedTuple):
-    """One frame, whose fields PyTorch's default collate stacks into batches. What is not known is NaN.
+    """One frame, whose fields PyTorch's default collate stacks into batches. Unknown values are NaN.
 
     Pixel coordinates have the centre of the top-left pixel at (0, 0), as in OpenCV. P is the largest
     number of keypoints that a class has.
 
     Attributes:
         image: (C, H, W) float32, 0 … 1, C = 1 grey or 3 red-green-blue.
-        name: of the image's file.
+        name: name of the image file.
         K: (3, 3) float32 camera matrix, pixels.
         distortion: (5,) float32 k₁, k₂, p₁, p₂, k₃ of Brown and Conrady, as OpenCV takes them.
         label: () int64 index into :attr:`PoseDataset.classes`; −1 where the labels name no spacecraft.
         q_cam_from_body: (4,) float32, scalar first: x_cam = R(q) x_body + t.
         t_body_cam_m: (3,) float32 position of the body's origin in OpenCV's camera axes.
         keypoints_px: (P, 2) float32, in the order of :attr:`PoseDataset.keypoints_body_m`.
-        visibility: (P,) int64 of the keypoints: 0 outside the image, not labelled or none; 1 hidden;
-            2 seen; −1 inside the image, and not known whether seen.
+        visibility: (P,) int64 of the keypoints: 0 outside the image, not labelled or padding; 1 hidden;
+            2 visible; −1 inside the image, but not known whether visible.
         box_px: (4,) float32 visible box: x, y, width, height.
     """
 
@@ -60,7 +60,8 @@ class PoseSample(NamedTuple):
 
 
 class PoseDataset(torch.utils.data.Dataset[PoseSample]):
-    """Frames with their poses, the same whichever of these ``path`` names:
+    """Frames with their poses. The path can name
+
 
     - the folder of a dataset that ``posse run`` made;
     - a COCO folder with ``train.json``, or one COCO file;
@@ -68,11 +69,11 @@ class PoseDataset(torch.utils.data.Dataset[PoseSample]):
       in ``images/``, in ``images/train/`` (SPEED), or beside the labels; ``camera.json`` is beside the
       labels or one folder above.
 
-    Where labels have no keypoints, those of the craft are projected by pose and camera.
+    Where labels have no keypoints, those of the spacecraft are projected by pose and camera.
 
     Attributes:
         classes: names of the spacecraft.
-        keypoints_body_m: class → (K, 3) keypoints, metres, body frame; (0, 3) where none are known.
+        keypoints_body_m: class → (K, 3) keypoints, metres, body axes; (0, 3) where none are known.
     """
 
     def __init__(
@@ -83,23 +84,26 @@ class PoseDataset(torch.utils.data.Dataset[PoseSample]):
         camera: Camera | None = None,
         keypoints_body_m: Mapping[str, FloatArray] | None = None,
     ) -> None:
-        """Open a dataset; images are read when asked for.
+        """Open a dataset. Images are read when a frame is accessed.
 
         Args:
-            part: ``train``, ``valid``, ``test`` or ``all``; in a folder of SPEED's, the name of the
+            path: a folder or file of one of the kinds above.
+            part: ``train``, ``valid``, ``test`` or ``all``; in a folder of SPEED, the name of the
                 file of labels.
-            camera: of the images, where the dataset has no ``camera.json``, as SPEED:
+            camera: camera of the images, if the dataset has no ``camera.json``. SPEED has none; use
                 ``posse_core.preset_camera("speed")``.
-            keypoints_body_m: class → (K, 3), for crafts whose keypoints the dataset does not have, as
-                SPEED and SPEED+ (their class is ``tango``).
+            keypoints_body_m: class → (K, 3), for spacecraft whose keypoints the dataset does not have,
+                such as that of SPEED and SPEED+, whose class is ``tango``.
 
         Raises:
-            InputError: it is none of these, has no such part, or lacks a camera where it needs one.
+            InputError: The path is none of these, there is no such part, or a camera is missing.
         """
         path = Path(path)
         labels = path if path.suffix == ".json" else path / f"{part}.json"
         if part == "all" and _holds_list(path / "train.json"):
-            raise InputError(f"{path}: has a file of labels for each part; name one by part='train'")
+            raise InputError(
+                f"{path}: has a file of labels for each part; choose one, such as part='train'"
+            )
         self._source: _Source = (
             _Speed(labels, camera) if _holds_list(labels) else _Posse(path, part, camera)
         )
@@ -111,8 +115,8 @@ class PoseDataset(torch.utils.data.Dataset[PoseSample]):
         }
         if given:
             raise InputError(
-                f"keypoints_body_m: {path} shows no {', '.join(given)} whose keypoints are not known; it"
-                f" shows {', '.join(self.classes)}"
+                f"keypoints_body_m: {path} has no spacecraft {', '.join(given)} without keypoints; it"
+                f" has {', '.join(self.classes)}"
             )
         self._count = max(map(len, self.keypoints_body_m.values()))
 
@@ -121,11 +125,11 @@ class PoseDataset(torch.utils.data.Dataset[PoseSample]):
         return len(self._source)
 
     def __getitem__(self, index: int) -> PoseSample:
-        """The frame at a position in the dataset, counted from 0.
+        """Return the frame at a position in the dataset, counted from 0.
 
         Raises:
-            IndexError: there is no such frame.
-            InputError: its image is missing, or of another size than its labels are for.
+            IndexError: There is no such frame.
+            InputError: Its image is missing, or its size is not that of the camera.
         """
         if not -len(self) <= index < len(self):
             raise IndexError(f"frame {index} of {len(self)}")
@@ -153,7 +157,7 @@ class PoseDataset(torch.utils.data.Dataset[PoseSample]):
         )
 
     def _projected(self, labels: _Labels, camera: Camera, height: int, width: int) -> FloatArray:
-        """(K, 3) u, v, visibility of the craft's keypoints."""
+        """Return (K, 3) u, v and visibility of the spacecraft's keypoints."""
         points = np.zeros((0, 3)) if labels.craft is None else self.keypoints_body_m[labels.craft]
         q = np.asarray(labels.q_cam_from_body, np.float64)
         R = Rotation.from_quat(q[[1, 2, 3, 0]]).as_matrix()
@@ -163,7 +167,7 @@ class PoseDataset(torch.utils.data.Dataset[PoseSample]):
 
 
 class _Labels(NamedTuple):
-    """What a source knows of a frame. ``keypoints``: (K, 3) u, v, visibility."""
+    """The labels that a source has for a frame. ``keypoints`` are (K, 3) u, v, visibility."""
 
     name: str
     craft: str | None
@@ -174,7 +178,7 @@ class _Labels(NamedTuple):
 
 
 class _Source(Protocol):
-    """Where frames come from; ``place`` counts them from 0."""
+    """A source of frames; positions count them from 0."""
 
     @property
     def camera(self) -> Camera | None: ...
@@ -184,13 +188,13 @@ class _Source(Protocol):
 
     def __len__(self) -> int: ...
 
-    def labels(self, place: int) -> _Labels: ...
+    def labels(self, position: int) -> _Labels: ...
 
-    def image(self, place: int) -> AnyArray: ...
+    def image(self, position: int) -> AnyArray: ...
 
 
 class _Posse:
-    """A dataset of ``posse run``, or COCO."""
+    """A dataset that ``posse run`` made, or COCO."""
 
     def __init__(self, path: Path, part: str, camera: Camera | None) -> None:
         self._dataset = open_dataset(path)
@@ -207,8 +211,8 @@ class _Posse:
     def __len__(self) -> int:
         return len(self._positions)
 
-    def labels(self, place: int) -> _Labels:
-        line = self._dataset[self._positions[place]]
+    def labels(self, position: int) -> _Labels:
+        line = self._dataset[self._positions[position]]
         boxes = true_boxes(line) if line.has("box_visible_px") else []
         keypoints = None
         if line.has("keypoints"):
@@ -222,19 +226,19 @@ class _Posse:
             box_px=boxes[0].box_px if boxes else None,
         )
 
-    def image(self, place: int) -> AnyArray:
-        return self._dataset.image(self._positions[place])
+    def image(self, position: int) -> AnyArray:
+        return self._dataset.image(self._positions[position])
 
 
 class _Speed:
-    """SPEED or SPEED+: poses by ``labels``, images in a folder near it."""
+    """SPEED or SPEED+: poses from the file ``labels``, images in a folder beside it."""
 
     def __init__(self, labels: Path, camera: Camera | None) -> None:
         self._poses = read_poses(labels)
         found = camera or camera_beside(labels)
         if found is None:
             raise InputError(
-                f"{labels}: has no camera.json beside it or above; put SPEED+'s there, or give a camera,"
+                f"{labels}: has no camera.json beside it or above; put SPEED+'s there, or pass a camera,"
                 " such as posse_core.preset_camera('speed')"
             )
         self.camera = found
@@ -242,7 +246,7 @@ class _Speed:
         names = self._poses.names
         for name in names:
             if PurePath(name).is_absolute() or ".." in PurePath(name).parts:
-                raise InputError(f"{labels}: the image {name!r} is outside of the labels' folder")
+                raise InputError(f"{labels}: the image {name!r} is outside the labels' folder")
         folders = [labels.parent / "images", labels.parent / "images" / labels.stem, labels.parent]
         folder = next((folder for folder in folders if (folder / names[0]).is_file()), None)
         if folder is None:
@@ -254,25 +258,25 @@ class _Speed:
     def __len__(self) -> int:
         return len(self._poses.names)
 
-    def labels(self, place: int) -> _Labels:
+    def labels(self, position: int) -> _Labels:
         poses = self._poses
-        q, t_m = poses.q_cam_from_body[place], poses.t_body_cam_m[place]
-        return _Labels(poses.names[place], TANGO, q, t_m)
+        q, t_m = poses.q_cam_from_body[position], poses.t_body_cam_m[position]
+        return _Labels(poses.names[position], TANGO, q, t_m)
 
-    def image(self, place: int) -> AnyArray:
-        path = self._folder / self._poses.names[place]
+    def image(self, position: int) -> AnyArray:
+        path = self._folder / self._poses.names[position]
         image = read_image(path)
         found, wanted = image.shape[:2], (self.camera.height_px, self.camera.width_px)
         if found != wanted:
             raise InputError(
-                f"{path}: is {found[1]} × {found[0]} pixels, where its camera has"
-                f" {wanted[1]} × {wanted[0]}; give the camera of these images"
+                f"{path}: is {found[1]} × {found[0]} pixels, but its camera has"
+                f" {wanted[1]} × {wanted[0]}; pass the camera of these images"
             )
         return image
 
 
 def _holds_list(path: Path) -> bool:
-    """Whether a JSON file holds a list, as SPEED's, and not an object, as COCO's."""
+    """Say whether a JSON file holds a list, as SPEED's do, and not an object, as COCO's do."""
     if not path.is_file():
         return False
     with open(path, encoding="utf-8") as text:
@@ -282,12 +286,12 @@ def _holds_list(path: Path) -> bool:
 def _points(value: FloatArray, name: str) -> FloatArray:
     points = np.asarray(value, np.float64)
     if points.ndim != 2 or points.shape[1] != 3:
-        raise InputError(f"keypoints_body_m: {name}: of shape {points.shape}, where it must be (K, 3)")
+        raise InputError(f"keypoints_body_m: {name}: has shape {points.shape}, but must have (K, 3)")
     return points
 
 
 def _tensor(values: Sequence[float] | FloatArray | None, *shape: int) -> Tensor:
-    """Float32 of a shape; NaN where there are no values."""
+    """Return a float32 tensor of a shape, filled with NaN if there are no values."""
     if values is None:
         return torch.full(shape, torch.nan)
     return torch.tensor(np.asarray(values), dtype=torch.float32)

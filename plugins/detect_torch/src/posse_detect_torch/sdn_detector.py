@@ -1,4 +1,7 @@
-"""SDN as a component, trained as in the thesis: SGD at one rate, batch norms still in small batches."""
+"""The component of SDN, trained as in the thesis.
+
+It uses SGD at a constant learning rate, and batch norms keep their statistics in small batches.
+"""
 
 from __future__ import annotations
 
@@ -19,11 +22,11 @@ from posse_detect_torch.sdn import PROPOSALS, Decoded, Sdn, proposals
 from posse_detect_torch.sdn_losses import losses
 
 _MOMENTUM = 0.9
-_SMALL_BATCH = 32  # up to here batch norms keep their statistics (thesis, Section 4.1)
+_SMALL_BATCH = 32  # largest batch with which batch norms keep their statistics (thesis, Section 4.1)
 
 
 class SdnLesson(BoxLesson):
-    """What :class:`posse_detect_torch.sdn.Sdn` learns."""
+    """The lesson of :class:`posse_detect_torch.sdn.Sdn`."""
 
     net: Sdn
     options: SdnOptions
@@ -34,8 +37,8 @@ class SdnLesson(BoxLesson):
         self, dataset: LabelledImages, folder: Path, classes: Sequence[str], options: SdnOptions
     ) -> None:
         super().__init__(dataset, folder, classes, options)
-        light = [float(self.train.linear(place).mean()) for place in range(len(self.train))]
-        self.net.mean_pixel.fill_(float(np.mean(light)) if light else 0.0)
+        means = [float(self.train.linear(position).mean()) for position in range(len(self.train))]
+        self.net.mean_pixel.fill_(float(np.mean(means)) if means else 0.0)
 
     def untrained(self) -> Sdn:
         net = _net(len(self.classes), self.options)
@@ -66,7 +69,7 @@ class SdnLesson(BoxLesson):
 
     @torch.inference_mode()
     def judge(self, net: nn.Module) -> dict[str, float]:
-        """Detections, and what of the truth is among the proposals, with and without suppression."""
+        """Return metrics of the detections, and the recall of the proposals with and without NMS."""
         metrics = super().judge(net)
         if not metrics:
             return metrics
@@ -74,12 +77,12 @@ class SdnLesson(BoxLesson):
         device = next(net.parameters()).device
         for suppress, words in ((True, ""), (False, " without NMS")):
             found, true = [], []
-            for place in range(len(self.valid)):
-                picture = torch.from_numpy(self.valid.linear(place))[None, None].to(device)
+            for position in range(len(self.valid)):
+                picture = torch.from_numpy(self.valid.linear(position))[None, None].to(device)
                 _, logits, deltas = net.features(picture)
                 boxes = proposals(logits, deltas, self.options.input_px, PROPOSALS, suppress)[0]
                 found.append(boxes[boxes[:, 2] > boxes[:, 0]].cpu())
-                box, label = self.target(self.valid, place)
+                box, label = self.target(self.valid, position)
                 true.append(torch.from_numpy(box[label >= 0]).float())
             recall = proposal_recall(found, true)
             metrics |= {f"valid {name}{words}": value for name, value in recall.items()}
@@ -87,12 +90,14 @@ class SdnLesson(BoxLesson):
 
 
 def proposal_recall(proposals: Sequence[Tensor], true: Sequence[Tensor]) -> dict[str, float]:
-    """AR100 and AR1k at an overlap of 0.5, as in the thesis' Table 5.2: the share of true boxes that one
-    of the best 100, or 1000, proposals overlaps by so much; 0 where there are no true boxes.
+    """Return AR100 and AR1k at an IoU of 0.5, as in the thesis' Table 5.2.
+
+    They are the shares of true boxes with an IoU of at least 0.5 with one of the best 100, or 1000,
+    proposals; 0 where there are no true boxes.
 
     Args:
         proposals: (K, 4) of each image, left, top, right, bottom, best first.
-        true: (1, 4) of each image, or (0, 4) where it shows nothing.
+        true: (1, 4) of each image, or (0, 4) where it shows no spacecraft.
     """
     shown = [(found, box) for found, box in zip(proposals, true, strict=True) if len(box)]
     return {
@@ -111,7 +116,11 @@ class SdnDetector(BoxDetector[SdnOptions]):
         return SdnLesson(dataset, folder, card.classes, self.options)
 
     def net(self, card: ModelCard) -> Sdn:
-        options = {**card.options, "backbone_weights": None, "start": None}  # their digests alone
+        options = {
+            **card.options,
+            "backbone_weights": None,
+            "start": None,
+        }  # cards record only their digests
         return _net(len(card.classes), SdnOptions.model_validate(options))
 
     def decoded(self, net: nn.Module) -> nn.Module:

@@ -1,4 +1,4 @@
-"""The keypoint net as a component: squares around boxes, turned any way."""
+"""The component of the keypoint network ``simcc``, which sees squares around boxes."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ from posse_detect_torch.pictures import Pictures, cut_pictures
 from posse_detect_torch.simcc import Decoded, SimCC, losses
 
 OUTPUTS = ("points", "sigma", "raw")
-_ZOOM, _SHIFT = (0.8, 1.2), 0.08  # how far the boxes of a detector may be off
+_ZOOM, _SHIFT = (0.8, 1.2), 0.08  # the range of errors of a detector's boxes
 
 
 class SimccLesson(Lesson):
-    """Squares around the labelled boxes."""
+    """Learns from squares around the labelled boxes, rotated by any angle."""
 
     net: SimCC
     options: SimccOptions
@@ -65,9 +65,9 @@ class SimccLesson(Lesson):
     def __len__(self) -> int:
         return len(self._train)
 
-    def sample(self, place: int, random: np.random.Generator) -> dict[str, AnyArray]:
+    def sample(self, position: int, random: np.random.Generator) -> dict[str, AnyArray]:
         size = self.options.input_px
-        picture, points = self._train.linear(place), self._target(self._train, place)
+        picture, points = self._train.linear(position), self._target(self._train, position)
         if self.options.augment:
             angle = random.uniform(0, 2 * np.pi) if self.options.turn else 0.0
             view = random_view(random, size, _ZOOM, _SHIFT, angle)
@@ -80,15 +80,15 @@ class SimccLesson(Lesson):
             "weights": np.asarray(inside[:, 0], np.float32),
         }
 
-    def _target(self, pictures: Pictures, place: int) -> AnyArray:
-        """(P, 2) pixels of the square; NaN for points of other classes and behind the camera.
+    def _target(self, pictures: Pictures, position: int) -> AnyArray:
+        """Return (P, 2) pixels of the square; NaN for points of other classes and behind the camera.
 
-        Hidden points are learned too: the shape around them tells where they are.
+        Hidden points are learned too, since the visible shape determines where they are.
         """
-        line = pictures.labels[place]
+        line = pictures.labels[position]
         points = np.full((self._points, 2), np.nan)
         known = np.array([point[:2] for point in line.keypoints.values()], dtype=np.float64)
-        points[self._ranges[line.spacecraft]] = pictures.squares[place].points_in(known)
+        points[self._ranges[line.spacecraft]] = pictures.squares[position].points_in(known)
         return points
 
     def losses(self, batch: Batch) -> dict[str, Tensor]:
@@ -96,15 +96,15 @@ class SimccLesson(Lesson):
 
     @torch.inference_mode()
     def judge(self, net: nn.Module) -> dict[str, float]:
-        """Median distance of the points, in per cent of the square's side."""
+        """Return the median error of the keypoints in per cent of the square's side."""
         if len(self._valid) == 0:
             return {}
         assert isinstance(net, SimCC)
         decoded, device = Decoded(net).eval(), next(net.parameters()).device
         away: list[float] = []
-        for place in range(len(self._valid)):
-            found = decoded(torch.from_numpy(self._valid.linear(place))[None, None].to(device))[0][0]
-            distance = np.linalg.norm(found.cpu().numpy() - self._target(self._valid, place), axis=1)
+        for position in range(len(self._valid)):
+            found = decoded(torch.from_numpy(self._valid.linear(position))[None, None].to(device))[0][0]
+            distance = np.linalg.norm(found.cpu().numpy() - self._target(self._valid, position), axis=1)
             away += distance[np.isfinite(distance)].tolist()
         return {"valid median error, %": 100 * float(np.median(away)) / self.options.input_px}
 
@@ -116,7 +116,7 @@ class SimccFinder(KeypointFinder[SimccOptions]):
         """See :class:`posse_core.Model`.
 
         Raises:
-            InputError: the dataset was not divided, or lacks boxes or keypoints.
+            InputError: The dataset was not partitioned, or lacks boxes or keypoints.
         """
         card = ModelCard.of_dataset(
             dataset,
@@ -131,7 +131,7 @@ class SimccFinder(KeypointFinder[SimccOptions]):
     def load(self, path: Path) -> None:
         self._card = ModelCard.read(path)
         if self._card.net != "simcc":
-            raise InputError(f"{path}: a model of {self._card.net!r}, not of 'simcc'")
+            raise InputError(f"{path}: is a model of {self._card.net!r}, not of 'simcc'")
         self.classes = self._card.classes
         self.keypoints_body_m = self._card.keypoint_arrays_m
         net = SimCC(sum(map(len, self.keypoints_body_m.values())))
@@ -165,18 +165,18 @@ class SimccFinder(KeypointFinder[SimccOptions]):
 
 
 def _shown(dataset: LabelledImages, part: str) -> Sequence[int]:
-    """Frames of a part that show a spacecraft, with keypoints."""
+    """Return the positions of a part's frames that show a spacecraft; check for keypoints."""
     shown = [i for i in dataset.part(part) if true_boxes(dataset[i])]
     if shown and not dataset[shown[0]].has("keypoints"):
         raise InputError(
             f"{dataset.folder}: the labels have no keypoints; make the dataset with the annotator"
-            " 'keypoints'; to COCO, add spacecraft/NAME.json"
+            " 'keypoints', or add spacecraft/NAME.json to a COCO folder"
         )
     return shown
 
 
 def _picture(image: AnyArray, square: Square) -> Float32Array:
-    """(1, S, S) as the net takes it."""
+    """Return the network's input (1, S, S)."""
     return square.cut(to_grey(image))[None]
 
 

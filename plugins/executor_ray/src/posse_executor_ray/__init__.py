@@ -1,4 +1,4 @@
-"""An executor of POSSE on Ray. Importing this module imports no ray."""
+"""A POSSE executor on Ray. Importing this module does not import ray."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ def posse_executors() -> list[ComponentSpec]:
     return [
         ComponentSpec(
             "ray",
-            "actors of a Ray cluster, each with a renderer of its own",
+            "makes frames in actors of a Ray cluster, each with its own renderer",
             "posse_executor_ray.executor:RayExecutor",
             "posse_core:PoolOptions",
         )

@@ -1,4 +1,4 @@
-"""The executor ``ray``: actors of a Ray cluster, or of this machine where no cluster is named."""
+"""The executor ``ray``: actors of a Ray cluster, or of this machine if no cluster is named."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from posse_core import (
 
 
 class FrameActor:
-    """One worker process, with one frame worker, and so one renderer."""
+    """A worker process with one frame worker, and therefore one renderer."""
 
     def __init__(
         self, make_worker: Callable[[], FrameWorker[Any]], environment: Mapping[str, str]
@@ -36,7 +36,7 @@ class FrameActor:
         self._make_worker = make_worker
 
     def is_ready(self) -> bool:
-        """Answers once the cluster has found a place for the actor."""
+        """Return True; the call is answered once the cluster has started the actor."""
         return True
 
     def make(self, index: int) -> Any:
@@ -46,7 +46,7 @@ class FrameActor:
 
 @dataclass
 class _Task:
-    """What an actor has been asked for: a frame or, at first (None), whether it is ready."""
+    """A call of an actor: for the frame with an index or, at first (None), whether it is ready."""
 
     actor: Any
     index: int | None
@@ -55,9 +55,10 @@ class _Task:
 
 
 class RayExecutor(Executor[PoolOptions]):
-    """As many actors as workers, each with one frame at a time; a dead or hung one is replaced.
+    """Makes frames in one actor per worker; an actor that dies or hangs is replaced.
 
-    A frame is given only to an actor that runs, so a cluster without room for all works with fewer.
+    Every actor makes one frame at a time. Frames are given only to actors that have started, so a
+    cluster without resources for all of them works with fewer.
     """
 
     def run(
@@ -98,7 +99,7 @@ class _Actors:
                     yield result
 
     def _settle(self, reference: Any, *, is_overdue: bool) -> FrameResult[Any] | None:
-        """Take an actor's answer, and give it its next frame, or its frame to another one."""
+        """Handle an actor's answer, then give the actor its next frame or replace it."""
         task = self._tasks.pop(reference)
         index, frames = task.index, task.frames_before
         if index is None:
@@ -122,7 +123,7 @@ class _Actors:
     def _outcome(
         self, reference: Any, index: int, *, is_overdue: bool
     ) -> tuple[bool, FrameResult[Any] | None]:
-        """Whether the actor lives, and the frame's result, or None where it is to be tried again."""
+        """Return whether the actor is alive, and the frame's result or None to try it again."""
         if is_overdue:
             return False, self._attempts.overdue(index)
         try:
@@ -150,7 +151,7 @@ class _Actors:
 
 
 def _connect() -> None:
-    """To the cluster that RAY_ADDRESS names, or to a new one of this machine alone."""
+    """Connect to the cluster that RAY_ADDRESS names, or start one on this machine."""
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     address = os.environ.get("RAY_ADDRESS", "local")
     try:
@@ -161,8 +162,8 @@ def _connect() -> None:
 
 
 def _actor_maker(workers: int, make_worker: Callable[[], FrameWorker[Any]]) -> Callable[[], Any]:
-    """Makes actors that share the cluster's cores and GPUs evenly, spread over its machines."""
-    # of Ray's functions some, as this one, have no types
+    """Return a function that makes actors, which share the cluster's cores and GPUs evenly."""
+    # Ray has no types for this function
     resources = ray.cluster_resources()  # type: ignore[no-untyped-call]
     cores, gpus = resources.get("CPU", 1.0), resources.get("GPU", 0.0)
     environment = {name: value for name, value in os.environ.items() if name.startswith("POSSE_")}

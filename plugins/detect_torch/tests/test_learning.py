@@ -288,7 +288,7 @@ def test_parts_may_be_empty_but_not_the_train_part(make_dataset, posse, tmp_path
     assert posse("partition", folder, "--split", "0/1/1")[0] == 0
     code, _, error = posse(*arguments, tmp_path / "a")
     assert code == 2
-    assert "no spacecraft to learn from" in error
+    assert "no frame of the train part shows a spacecraft" in error
     assert posse("partition", folder, "--split", "1/0/0")[0] == 0
     code, _, error = posse(*arguments, tmp_path / "b")
     assert code == 0, error

@@ -190,7 +190,7 @@ def test_what_is_wrong_is_said(speed, speed_plus, tmp_path):
         PoseDataset(speed / "test.json", camera=CAMERA)
     with pytest.raises(InputError, match=r"keypoints_body_m: .* has no spacecraft aqua .*it has tango"):
         PoseDataset(speed_plus / "synthetic/train.json", keypoints_body_m={"aqua": POINTS})
-    with pytest.raises(InputError, match=r"keypoints_body_m: tango: of shape \(3,\), .* \(K, 3\)"):
+    with pytest.raises(InputError, match=r"keypoints_body_m: tango: has shape \(3,\), .* \(K, 3\)"):
         PoseDataset(speed_plus / "synthetic/train.json", keypoints_body_m={"tango": POINTS[0]})
     smaller = PoseDataset(speed / "train.json", camera=replace(CAMERA, width_px=640, height_px=400))
     with pytest.raises(InputError, match=r"img000000\.png: is 1920 × 1200 pixels, .* 640 × 400"):

@@ -1,4 +1,4 @@
-"""The file of a camera's intrinsics, ``camera.json``, with SPEED+'s keys."""
+"""Reading and writing ``camera.json``, the camera's intrinsics with the keys of SPEED+."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from posse_core._model.distortion import BrownConrady
 def write_camera(camera: Camera, path: Path) -> None:
     """Write the intrinsics with the keys of SPEED+'s ``camera.json``.
 
-    ``ppx``, ``ppy`` are the pixel's width and height and ``fx``, ``fy`` the focal lengths, in metres;
-    ``cameraMatrix`` is in pixels, with the centre of the top-left pixel at (0, 0); ``distCoeffs`` are
-    k₁, k₂, p₁, p₂, k₃. ``lineTime_s`` is ours.
+    ``ppx`` and ``ppy`` are the width and height of a pixel and ``fx`` and ``fy`` the focal lengths, in
+    metres. ``cameraMatrix`` is in pixels, with the centre of the top-left pixel at (0, 0).
+    ``distCoeffs`` are k₁, k₂, p₁, p₂, k₃. ``lineTime_s`` is POSSE's own key.
     """
     pitch_m = camera.pixel_pitch_m
     value = {
@@ -34,10 +34,10 @@ def write_camera(camera: Camera, path: Path) -> None:
 
 
 def read_camera(path: Path) -> Camera:
-    """Read what :func:`write_camera` wrote.
+    """Read a file that :func:`write_camera` wrote.
 
     Raises:
-        InputError: the file is missing, or is not of that kind.
+        InputError: The file is missing or of another kind.
     """
     value = read_json(path)
     try:

@@ -1,4 +1,4 @@
-"""COCO files, and a dataset that is made of them."""
+"""Reading COCO files, and datasets that consist of them."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from posse_core._model.labels import NOT_IN_FRAME
 
 
 def open_dataset(path: str | Path) -> LabelledImages:
-    """A dataset of ``posse run``, or COCO: a ``.json`` file, or a folder with ``train.json``.
+    """Open a dataset of ``posse run``, or COCO: a ``.json`` file, or a folder with ``train.json``.
 
     Raises:
-        InputError: neither, or not laid as it should be.
+        InputError: The path is neither, or does not have the layout of such a dataset.
     """
     path = Path(path)
     if path.suffix == ".json" or (path / "train.json").is_file():
@@ -36,13 +36,13 @@ def open_dataset(path: str | Path) -> LabelledImages:
 
 
 def read_coco(path: Path) -> Iterator[LabelLine]:
-    """The labels of every image of a COCO file, in its order, numbered from 0.
+    """Read the labels of every image of a COCO file, in its order, with indices from 0.
 
     An image without an annotation has the box null and no spacecraft. Keypoints outside the image are
     left out.
 
     Raises:
-        InputError: the file cannot be read, or is not laid as COCO asks.
+        InputError: The file cannot be read, or does not have the structure of COCO.
     """
     return iter(_read(path).lines)
 
@@ -61,17 +61,17 @@ def _read(path: Path) -> _CocoFile:
         sizes = [(int(image["height"]), int(image["width"])) for image in value["images"]]
         return _CocoFile(lines, sizes, {str(category["name"]) for category in value["categories"]})
     except ValidationError as error:
-        raise InputError(f"{path}: not laid as COCO asks: {first_fault(error)}") from None
+        raise InputError(f"{path}: not valid COCO: {first_fault(error)}") from None
     except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path}: not laid as COCO asks: {type(error).__name__}: {error}") from None
+        raise InputError(f"{path}: not valid COCO: {type(error).__name__}: {error}") from None
 
 
 def _labels(value: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Of every image, what :class:`LabelLine` is made of."""
+    """Yield the fields of the :class:`LabelLine` of every image."""
     categories = {category["id"]: category for category in value["categories"]}
     annotation_of = {annotation["image_id"]: annotation for annotation in value["annotations"]}
     if len(annotation_of) < len(value["annotations"]):
-        raise ValueError("an image has several annotations, where one craft an image can be told")
+        raise ValueError("an image has several annotations, but POSSE reads one spacecraft per image")
     for image in value["images"]:
         labels: dict[str, Any] = {"image": str(image["file_name"]), "box_visible_px": None}
         annotation = annotation_of.get(image["id"])
@@ -89,18 +89,18 @@ def _labels(value: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 class CocoDataset(LabelledImages):
-    """Images of one craft each, with boxes and keypoints, by COCO files.
+    """Images of one spacecraft each, with boxes and keypoints from COCO files.
 
     A folder has its parts in ``train.json``, ``valid.json`` and ``test.json``, of which the last two may
-    be missing; a file is a dataset of one part, ``all``. Images are named from that folder. COCO has
-    neither the camera nor the positions of keypoints on the craft: ``camera.json``,
-    ``spacecraft/NAME.json`` and ``spacecraft/NAME.ply`` beside the files do, as in a dataset of
-    ``posse run``; without ``NAME.json`` there are boxes alone.
+    be missing; a single file is a dataset of one part, ``all``. Image paths are relative to the folder.
+    COCO has neither the camera nor the positions of keypoints on the spacecraft. They are read from
+    ``camera.json``, ``spacecraft/NAME.json`` and ``spacecraft/NAME.ply`` beside the COCO files, as in a
+    dataset of ``posse run``; without ``NAME.json`` there are only boxes.
 
     Frames are numbered from 0 in the order of the files, so index and position are the same.
 
     Raises:
-        InputError: a file is missing, or not laid as COCO asks.
+        InputError: A file is missing, or is not valid COCO.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -133,8 +133,11 @@ class CocoDataset(LabelledImages):
         return read_spacecraft(path) if path.is_file() else SpacecraftInfo(name, (), {}, (), ())
 
     def _of_craft(self, index: int, line: LabelLine) -> LabelLine:
-        """With its index in the dataset, and with the keypoints of the craft's own file, in its order:
-        None where COCO has none, and none at all where there is no such file."""
+        """Return a line with its index in the dataset and the keypoints of the spacecraft's file.
+
+        Keypoints are in the order of that file, with None where COCO has none. Without the file they are
+        left out.
+        """
         labels = {name: value for name, value in line if name not in ("index", "keypoints")}
         if line.has("keypoints"):
             none = Keypoint(None, None, 0)
@@ -168,10 +171,10 @@ class CocoDataset(LabelledImages):
 
     @property
     def sha256(self) -> str:
-        """Hexadecimal SHA-256 over the COCO files and the images.
+        """Hexadecimal SHA-256 of the COCO files and the images.
 
         Raises:
-            InputError: one of them cannot be read.
+            InputError: One of them cannot be read.
         """
         files = [str(file.relative_to(self.folder)) for file in self._files.values()]
         paths = [*files, *(line.image for line in self._lines)]

@@ -1,4 +1,4 @@
-"""A dataset on disk: the folder that a run writes, read. ``docs/dataset.md`` describes its layout."""
+"""Reading the folder of a dataset that a run wrote. ``docs/dataset.md`` describes its layout."""
 
 from __future__ import annotations
 
@@ -40,31 +40,31 @@ if TYPE_CHECKING:
 
 
 class Dataset(LabelledImages):
-    """A folder made by ``posse run`` or ``posse collect``: a sequence of label lines.
+    """A dataset made by ``posse run`` or ``posse collect``, as a sequence of label lines.
 
-    ``dataset[i]`` is the :class:`posse_core.LabelLine` of the frame at position ``i``, by ascending
-    index; a line is read when it is asked for.
+    ``dataset[i]`` is the :class:`posse_core.LabelLine` of the frame at position ``i``, in ascending
+    order of indices. A line is read from its file each time.
 
     Attributes:
         folder: the folder.
-        spacecraft_by_name: every spacecraft that the labels name.
-        label_lines: the lines as they stand in the files, damaged or not.
+        spacecraft_by_name: all spacecraft in the dataset by name.
+        label_lines: the unparsed lines of the files, damaged or not.
 
     Raises:
-        InputError: the folder is not a dataset; the message says why.
+        InputError: The folder is not a dataset; the message says why.
     """
 
     def __init__(self, folder: str | Path) -> None:
         super().__init__()
         self.folder = Path(folder)
         if not self.folder.is_dir():
-            raise InputError(f"{folder}: there is no such folder; name one made by 'posse run'")
+            raise InputError(f"{folder}: there is no such folder; give one made by 'posse run'")
         if not (self.folder / LABELS).is_dir():
             within = sorted(path.parent.name for path in self.folder.glob(f"*/{LABELS}"))
             way_out = (
-                f"name one of those in it ({', '.join(within)}), or join them by 'posse collect'"
+                f"give one of those in it ({', '.join(within)}), or join them with 'posse collect'"
                 if within
-                else "name one made by 'posse run'"
+                else "give one made by 'posse run'"
             )
             raise InputError(f"{folder}: not a dataset (no {LABELS}/); {way_out}")
         self._camera = read_camera(self.folder / CAMERA)
@@ -118,12 +118,12 @@ class Dataset(LabelledImages):
 
     @cached_property
     def _lines(self) -> LabelLines:
-        """The lines, where none is damaged and no index is labelled twice."""
+        """The lines, after checking that none is damaged and no index occurs twice."""
         lines = self.label_lines
         if lines.damaged:
             raise InputError(
-                f"{self.folder}/{LABELS}/{lines.damaged[0]}: not a label; restore the file from a copy,"
-                " or make the dataset again"
+                f"{self.folder}/{LABELS}/{lines.damaged[0]}: not a label line; restore the file from a"
+                " copy, or make the dataset again"
             )
         twice = lines.indices[1:][np.diff(lines.indices) == 0]
         if len(twice):
@@ -149,15 +149,15 @@ class Dataset(LabelledImages):
 
     @cached_property
     def manifest(self) -> Manifest:
-        """Versions, seed, digests and state of the run, which writes it last.
+        """Versions, seed, digests and state of the run, which writes this file last.
 
         Raises:
-            InputError: the run has not ended, or the file is damaged.
+            InputError: The run has not ended, or the file is damaged.
         """
         path = self.folder / MANIFEST
         if not path.exists():
             raise InputError(
-                f"{self.folder}: the run has not ended (no {MANIFEST}); end it by 'posse run --resume'"
+                f"{self.folder}: the run has not ended (no {MANIFEST}); use 'posse run --resume'"
             )
         try:
             return Manifest.from_json(path.read_bytes())
@@ -166,7 +166,7 @@ class Dataset(LabelledImages):
 
     @cached_property
     def digests(self) -> Mapping[str, str]:
-        """Image or array file → its SHA-256 when it was written; ``sha256sum`` reads the list too."""
+        """Image or array file → its SHA-256 when it was written; ``sha256sum`` can check the list."""
         path = inside(self.folder, self.manifest.frame_checksums)
         rows = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
         files = (row.partition("  ") for row in rows if not row.startswith("#"))
@@ -174,11 +174,13 @@ class Dataset(LabelledImages):
 
     @property
     def sha256(self) -> str:
-        """Hexadecimal SHA-256 of what the dataset holds: over the digests that the manifest lists, and
-        the division into parts. Images' own digests are in a list of theirs, which is hashed there.
+        """Hexadecimal SHA-256 of the dataset's content.
+
+        It is the digest of the digests in the manifest and of the partition. The manifest includes the
+        digest of the list of the images' digests.
 
         Raises:
-            InputError: the run has not ended.
+            InputError: The run has not ended.
         """
         digests = dict(self.manifest.sha256)
         if self.is_divided:
@@ -191,21 +193,21 @@ class Dataset(LabelledImages):
 
     @cached_property
     def trajectory(self) -> Trajectory:
-        """Motion, attitudes, Sun and light; a frame's row is its index.
+        """Motion, attitudes, Sun and illumination; the row of a frame is its index.
 
         Raises:
-            InputError: the file is missing or damaged.
+            InputError: The file is missing or damaged.
         """
         return load_trajectory(self.folder / TRAJECTORY)
 
     @property
     def is_divided(self) -> bool:
-        """Whether ``posse partition`` has been run on it."""
+        """Whether ``posse partition`` has divided the dataset into parts."""
         return (self.folder / PARTITION_FILE).exists()
 
     def part(self, name: str) -> list[int]:
         if not self.is_divided:
-            raise InputError(f"{self.folder}: not divided into parts; run 'posse partition' on it")
+            raise InputError(f"{self.folder}: not divided into parts; run 'posse partition' on it first")
         parts = read_json(self.folder / PARTITION_FILE)["parts"]
         if name not in parts:
             raise InputError(f"{self.folder}: has no part {name!r}; it has {', '.join(parts)}")
@@ -215,11 +217,11 @@ class Dataset(LabelledImages):
         return self.camera.height_px, self.camera.width_px
 
     def truth(self, i: int) -> dict[str, AnyArray]:
-        """Full-size (H, W, ...) arrays of a frame by name; empty where the run wrote none.
+        """Return the full-size (H, W, ...) arrays of a frame by name; empty if the run wrote none.
 
         Raises:
-            IndexError: there is no such position.
-            InputError: the file is missing or damaged.
+            IndexError: There is no such position.
+            InputError: The file is missing or damaged.
         """
         name = self[i].truth
         return read_arrays(inside(self.folder, name)) if name else {}

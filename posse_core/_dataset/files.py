@@ -14,10 +14,10 @@ from posse_core._errors import InputError
 
 
 def read_image(path: Path) -> AnyArray:
-    """(H, W) or (H, W, 3) red-green-blue, uint8 or uint16.
+    """Read an image: (H, W) or (H, W, 3) red-green-blue, uint8 or uint16.
 
     Raises:
-        InputError: the file is missing, or not an image.
+        InputError: The file is missing, or is not an image.
     """
     image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED) if path.exists() else None
     if image is None:
@@ -26,28 +26,28 @@ def read_image(path: Path) -> AnyArray:
 
 
 def read_arrays(path: Path) -> dict[str, AnyArray]:
-    """Arrays of an ``.npz`` file by name.
+    """Read the arrays of an ``.npz`` file by name.
 
     Raises:
-        InputError: the file is missing or damaged.
+        InputError: The file is missing or damaged.
     """
     try:
         with np.load(path, allow_pickle=False) as arrays:
             return dict(arrays)
-    except Exception as error:  # zipfile, zlib and numpy each raise their own on a damaged file
+    except Exception as error:  # zipfile, zlib and numpy raise various errors for a damaged file
         raise InputError(f"{path}: cannot be read: {error}") from None
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """The JSON object in a file.
+    """Read the JSON object in a file.
 
     Raises:
-        InputError: the file is missing, or holds none.
+        InputError: The file is missing, or does not contain a JSON object.
     """
     try:
         value = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read: {error}") from None
     if not isinstance(value, dict):
-        raise InputError(f"{path}: holds no JSON object")
+        raise InputError(f"{path}: does not contain a JSON object")
     return value

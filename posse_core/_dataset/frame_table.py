@@ -16,10 +16,10 @@ _UNITS = ("_m_s", "_rad_s", "_m", "_px")
 
 
 def frame_table(lines: Iterable[LabelLine]) -> pd.DataFrame:
-    """One row a frame; what a frame lacks, or what is null, is missing.
+    """Return a table with one row per frame; labels that a frame lacks or that are null are missing.
 
-    A vector's component stands before the unit (``t_body_cam_x_m``), a spacecraft's keypoint or part and
-    an annotator's own name in the column's (``keypoint_K1_u_px``, ``part_tank_area_px``,
+    A vector has a column per component, named before the unit (``t_body_cam_x_m``). Names of keypoints,
+    parts and annotators become part of the column's name (``keypoint_K1_u_px``, ``part_tank_area_px``,
     ``nearest.nearest_m``). The run-lengths of the mask are left out.
 
     Raises:
@@ -57,6 +57,6 @@ def _row(line: LabelLine) -> dict[str, Any]:
 
 
 def _with(name: str, component: str) -> str:
-    """A column of a vector: its component before the unit, if its name has one."""
+    """Return the column of a vector's component: the component goes before the unit, if there is one."""
     unit = next((unit for unit in _UNITS if name.endswith(unit)), "")
     return f"{name.removesuffix(unit)}_{component}{unit}"

@@ -1,4 +1,4 @@
-"""What a dataset of POSSE and one of COCO have in common: labelled images of spacecraft."""
+"""The common interface of POSSE and COCO datasets: labelled images of spacecraft."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from posse_core._model.label_line import LabelLine
 class LabelledImages(Sequence[LabelLine]):
     """Images of one spacecraft each, with their labels: a sequence of label lines.
 
-    A position ``i`` counts the images from 0, or from the end where it is negative, in every method. The
-    index of a frame, ``images[i].index``, is another number where frames are missing: it is in the names
-    of the frame's files, and is the frame's row in the trajectory. :meth:`position` leads from an index
-    to the position.
+    In all methods a position ``i`` counts the images from 0, or from the end if it is negative. The
+    index of a frame, ``images[i].index``, differs from its position if frames are missing. The index
+    occurs in the names of the frame's files and is the frame's row in the trajectory. :meth:`position`
+    converts an index to the position.
 
     Attributes:
-        folder: where the files are.
-        spacecraft_by_name: every spacecraft that the labels name.
+        folder: the folder of the files.
+        spacecraft_by_name: all spacecraft in the dataset by name.
     """
 
     folder: Path
@@ -41,78 +41,78 @@ class LabelledImages(Sequence[LabelLine]):
         """The camera's intrinsics.
 
         Raises:
-            InputError: no file has them.
+            InputError: There is no file of intrinsics.
         """
 
     @abstractmethod
     def part(self, name: str) -> list[int]:
-        """Positions of the frames in one part (``train``, ``valid``, ``test``), ascending.
+        """Return the positions of the frames in a part (``train``, ``valid``, ``test``), ascending.
 
         Raises:
-            InputError: there are no parts, or none of this name.
+            InputError: The dataset has no parts, or none of this name.
         """
 
     @abstractmethod
     def position(self, index: int) -> int:
-        """Position of the frame with this index.
+        """Return the position of the frame with this index.
 
         Raises:
-            InputError: there is no such frame.
+            InputError: There is no such frame.
         """
 
     @abstractmethod
     def size_px(self, i: int) -> tuple[int, int]:
-        """Height and width of the image that the labels of a frame are for."""
+        """Return the height and width of the image that a frame's labels refer to."""
 
     @property
     @abstractmethod
     def sha256(self) -> str:
-        """Hexadecimal SHA-256 of what the dataset holds.
+        """Hexadecimal SHA-256 of the dataset's content.
 
         Raises:
-            InputError: the run has not ended, or a file cannot be read.
+            InputError: The run has not ended, or a file cannot be read.
         """
 
     @property
     def scenario_sha256(self) -> str:
-        """Hexadecimal SHA-256 of the scenario; empty where there is none."""
+        """Hexadecimal SHA-256 of the scenario; empty if there is none."""
         return ""
 
     @property
     def spacecraft(self) -> SpacecraftInfo:
-        """The one spacecraft.
+        """The only spacecraft of the dataset.
 
         Raises:
-            InputError: there are several; take :attr:`spacecraft_by_name`.
+            InputError: There are several; use :attr:`spacecraft_by_name`.
         """
         if len(self.spacecraft_by_name) > 1:
             names = ", ".join(self.spacecraft_by_name)
-            raise InputError(f"{self.folder}: has several spacecraft ({names}) where one is needed")
+            raise InputError(f"{self.folder}: has several spacecraft ({names}), but one is needed")
         return next(iter(self.spacecraft_by_name.values()))
 
     def image(self, i: int) -> AnyArray:
-        """(H, W) or (H, W, 3) red-green-blue image of a frame, uint8 or uint16.
+        """Return the image of a frame: (H, W) or (H, W, 3) red-green-blue, uint8 or uint16.
 
         Raises:
-            IndexError: there is no such position.
-            InputError: the file is missing, damaged, or of another size.
+            IndexError: There is no such position.
+            InputError: The file is missing, damaged, or of another size.
         """
         path = inside(self.folder, self[i].image)
         image = read_image(path)
         found, wanted = image.shape[:2], self.size_px(i)
         if found != wanted:
             raise InputError(
-                f"{path}: is {found[1]} × {found[0]} pixels, where its labels are for"
+                f"{path}: is {found[1]} × {found[0]} pixels, but its labels are for"
                 f" {wanted[1]} × {wanted[0]}"
             )
         return image
 
     def mask(self, i: int) -> BoolArray:
-        """(H, W) bool: the pixels whose centre is on the spacecraft.
+        """Return the mask (H, W) bool of the pixels whose centre is on the spacecraft.
 
         Raises:
-            IndexError: there is no such position.
-            InputError: the labels have no mask, or it is damaged.
+            IndexError: There is no such position.
+            InputError: The labels have no mask, or it is damaged.
         """
         labels = self[i]
         try:
@@ -121,10 +121,10 @@ class LabelledImages(Sequence[LabelLine]):
             raise InputError(f"{self.folder}: frame {labels.index}: {error}") from None
 
     def mesh(self, name: str | None = None) -> Mesh:
-        """The triangles of a spacecraft; of the only one, if the name is None.
+        """Return the mesh of a spacecraft, or of the only one if the name is None.
 
         Raises:
-            InputError: there is no such spacecraft, or its file is missing or damaged.
+            InputError: There is no such spacecraft, or its file is missing or damaged.
         """
         name = self.spacecraft.name if name is None else name
         if name not in self.spacecraft_by_name:

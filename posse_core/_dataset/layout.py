@@ -21,22 +21,22 @@ PARTS: Final = ("train", "valid", "test")
 
 
 def spacecraft_file(folder: Path, name: str) -> Path:
-    """Parts, keypoints and symmetries of a spacecraft."""
+    """Return the file of a spacecraft's parts, keypoints and symmetries."""
     return folder / SPACECRAFT / f"{name}.json"
 
 
 def mesh_file(folder: Path, name: str) -> Path:
-    """The triangles of a spacecraft."""
+    """Return the file of a spacecraft's mesh."""
     return folder / SPACECRAFT / f"{name}.ply"
 
 
 def inside(folder: Path, name: str) -> Path:
-    """The file that a label line or a manifest names.
+    """Return the path of a file that a label line or a manifest names.
 
     Raises:
-        InputError: the name leads out of the folder.
+        InputError: The name leads out of the folder.
     """
     path = PurePosixPath(name)
     if path.is_absolute() or ".." in path.parts:
-        raise InputError(f"{folder}: the file {name!r}, which it names, is not in it")
+        raise InputError(f"{folder}: names the file {name!r}, which is outside the folder")
     return folder / name

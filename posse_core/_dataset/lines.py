@@ -1,4 +1,4 @@
-"""The label lines of a dataset, found when it is opened and read when they are asked for."""
+"""The label lines of a dataset: located when the dataset is opened, and read when they are accessed."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ _WHOLE = re.compile(rb'\{"index": ?(\d{1,15})[,}].*\}\n', re.DOTALL)
 
 
 class LabelLines:
-    """The lines of a folder ``labels``, in the order of their frames' indices.
+    """The lines in a folder ``labels``, in ascending order of frame indices.
 
-    Only where each line begins is kept, so memory does not grow with what the labels hold. A last line
-    without its line feed was cut short when a run was killed: that frame was never finished.
+    Only the start of each line is kept in memory. A last line without a line feed was interrupted when a
+    run was killed, so its frame is not complete and is ignored.
 
     Attributes:
-        indices: (F,) int64, ascending; an index that is labelled twice is here twice.
-        damaged: ``"shard, line n"`` of each complete line that is not a label.
+        indices: (F,) int64, ascending; an index that has two lines occurs twice.
+        damaged: ``"shard, line n"`` of each complete line that is not a label line.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -61,10 +61,10 @@ class LabelLines:
 
 
 def _index_of(line: bytes) -> int | None:
-    """Index of a line's frame; None where it is no label.
+    """Return the frame index of a line, or None if it is not a label line.
 
-    A line that begins and ends as a run writes it is not parsed: that would take most of the time that
-    opening a large dataset takes, and a fault within is found when the line is read.
+    A line that begins and ends as a run writes it is not parsed, which makes opening large datasets
+    faster. A fault inside such a line is found when the line is read.
     """
     if match := _WHOLE.fullmatch(line):
         return int(match[1])

@@ -1,4 +1,4 @@
-"""The mesh of a spacecraft as a dataset keeps it: one fixed kind of binary PLY."""
+"""The mesh of a spacecraft in a dataset, stored as a binary PLY file with fixed properties."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ end_header
 
 @dataclass(frozen=True)
 class Mesh:
-    """All triangles of a spacecraft, in its body frame.
+    """All triangles of a spacecraft, in body axes.
 
     Attributes:
         vertices_body_m: (V, 3) float64.
-        faces: (T, 3) int32.
-        part_id: (T,) int16, place in :attr:`posse_core.SpacecraftInfo.parts`.
+        faces: (T, 3) int32 indices of vertices.
+        part_id: (T,) int16 index into :attr:`posse_core.SpacecraftInfo.parts`.
     """
 
     vertices_body_m: FloatArray
@@ -46,13 +46,13 @@ class Mesh:
 
     @cached_property
     def diameter_m(self) -> float:
-        """Largest distance of two vertices; "QJ" lets a flat mesh have a hull too."""
+        """Largest distance between two vertices. ("QJ" makes the hull of a flat mesh possible.)"""
         hull = ConvexHull(self.vertices_body_m, qhull_options="QJ")
         return float(pdist(self.vertices_body_m[hull.vertices]).max())
 
 
 def write_mesh(mesh: Mesh, path: Path) -> None:
-    """Write a mesh as binary PLY: float64 vertices, and ``part_id`` beside each face's vertices."""
+    """Write a mesh as binary PLY with float64 vertices and a ``part_id`` for each face."""
     faces = np.empty(len(mesh.faces), _FACE)
     faces["count"], faces["vertices"], faces["part_id"] = 3, mesh.faces, mesh.part_id
     vertices = np.ascontiguousarray(mesh.vertices_body_m, dtype="<f8")
@@ -61,10 +61,10 @@ def write_mesh(mesh: Mesh, path: Path) -> None:
 
 
 def read_mesh(path: Path) -> Mesh:
-    """Read what :func:`write_mesh` wrote.
+    """Read a file that :func:`write_mesh` wrote.
 
     Raises:
-        InputError: the file is missing, or was written by another program.
+        InputError: The file is missing, incomplete, or written by another program.
     """
     if not path.exists():
         raise InputError(f"{path}: missing; the dataset is incomplete")
@@ -74,10 +74,10 @@ def read_mesh(path: Path) -> Mesh:
         len(counts) != 2
         or _PLY_HEADER.format(vertices=counts[0], faces=counts[1]).encode() != header + mark
     ):
-        raise InputError(f"{path}: not a mesh that POSSE wrote")
+        raise InputError(f"{path}: not a mesh file of POSSE")
     split = counts[0] * _VERTEX.itemsize
     if len(body) != split + counts[1] * _FACE.itemsize:
-        raise InputError(f"{path}: cut short")
+        raise InputError(f"{path}: incomplete")
     faces = np.frombuffer(body[split:], _FACE)
     return Mesh(
         vertices_body_m=np.frombuffer(body[:split], "<f8").reshape(-1, 3).copy(),

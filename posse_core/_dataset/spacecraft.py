@@ -1,4 +1,4 @@
-"""The files of a spacecraft, ``NAME.json`` and ``NAME.ply``."""
+"""Reading and writing the files of a spacecraft, ``NAME.json`` and ``NAME.ply``."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from posse_core._model.spacecraft import Spacecraft
 
 @dataclass(frozen=True)
 class SpacecraftInfo:
-    """A spacecraft as the labels know it; its mesh is read apart, by :meth:`posse_core.Dataset.mesh`.
+    """The names, keypoints and symmetries of a spacecraft; :meth:`posse_core.Dataset.mesh` has its mesh.
 
     Attributes:
         name: the class name.
-        parts: names; a part's id in the labels is its place here.
-        keypoints_body_m: name → (3,) metres, body frame, in the labels' order.
-        skeleton: pairs of keypoint names to draw lines between.
-        symmetries: rotations (3, 3) that leave the looks unchanged, without the identity.
+        parts: names of the parts; the id of a part in the labels is its index here.
+        keypoints_body_m: name → (3,) metres, body axes, in the order of the labels.
+        skeleton: pairs of names of keypoints that drawings connect by lines.
+        symmetries: rotations (3, 3) that leave the appearance unchanged, without the identity.
     """
 
     name: str
@@ -36,7 +36,7 @@ class SpacecraftInfo:
 
 
 def write_spacecraft(spacecraft: Spacecraft, folder: Path) -> None:
-    """Write ``NAME.json`` and ``NAME.ply`` (binary, body frame, metres, float64, a part id a face)."""
+    """Write ``NAME.json`` and ``NAME.ply`` (binary, body axes, metres, float64, a part id per face)."""
     value = {
         "name": spacecraft.name,
         "parts": [part.name for part in spacecraft.parts],
@@ -59,7 +59,7 @@ def read_spacecraft(path: Path) -> SpacecraftInfo:
     """Read the ``NAME.json`` of :func:`write_spacecraft`.
 
     Raises:
-        InputError: the file is missing, or is not of that kind.
+        InputError: The file is missing or of another kind.
     """
     value = read_json(path)
     try:

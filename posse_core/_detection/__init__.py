@@ -1,1 +1,1 @@
-"""What every detector shares, torch or not: pictures as nets see them, model cards, pose, drawing."""
+"""Code that all detectors share: network inputs, model cards, poses, evaluation and drawing."""

@@ -1,4 +1,4 @@
-"""How right a model file is, in a few figures: what is lost from one file to another."""
+"""The accuracy of a model file in a few figures, by which two files can be compared."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from posse_core._plugins.registry import Registry
 def accuracy(
     dataset: LabelledImages, positions: Sequence[int], path: Path, task: str, registry: Registry
 ) -> dict[str, float]:
-    """mAP, mAP50 and mean overlap of a detector; the median error of a keypoint finder's points, px.
+    """Return mAP, mAP50 and mean IoU of a detector, or the median error of a keypoint finder, px.
 
     Raises:
-        InputError: the labels lack what is measured.
+        InputError: The labels lack what is measured.
     """
     if task == "keypoints":
         return _of_keypoints(dataset, positions, open_keypoint_finder(path, registry, {}))
@@ -37,7 +37,7 @@ def accuracy(
 def _of_keypoints(
     dataset: LabelledImages, positions: Sequence[int], finder: KeypointFinder
 ) -> dict[str, float]:
-    """In the labelled boxes."""
+    """Measure a keypoint finder in the labelled boxes."""
     away_px: list[float] = []
     for i in positions:
         labels = dataset[i]

@@ -1,4 +1,4 @@
-"""What is behind the craft in a frame, from the frame's motion: space, the Earth's limb, the Earth."""
+"""The background behind the spacecraft in a frame: space, the Earth's limb, or the Earth."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ _ACROSS = 9  # rays along each side of the box
 
 
 def backgrounds(dataset: Dataset, lines: Sequence[LabelLine]) -> list[str | None]:
-    """One of :data:`BACKGROUNDS` for each frame; None where no scenario tells whether it has an Earth.
+    """Return one of :data:`BACKGROUNDS` for each frame, or None if its scenario is not known.
 
-    Rays through the visible box (the whole image, where the craft is not seen) meet the Earth's
-    ellipsoid, or miss it. Some of both is the limb. Where all meet it, the Sun stands above or below
-    the horizon for most of the places that they meet.
+    Rays are traced through the visible box, or through the whole image if the spacecraft is not visible.
+    If some rays hit the Earth's ellipsoid and others miss it, the background is the limb. If all hit it,
+    the Sun is above or below the horizon at most of the points hit.
 
     Raises:
-        posse_core.InputError: the trajectory or a scenario cannot be read.
+        posse_core.InputError: The trajectory or a scenario cannot be read.
     """
     files = [_scenario_file(dataset, line) for line in lines]
     has_earth = {file: _earth_in(file) for file in set(files) if file is not None}
@@ -41,7 +41,7 @@ def backgrounds(dataset: Dataset, lines: Sequence[LabelLine]) -> list[str | None
         return [None if file is None else BACKGROUNDS[0] for file in files]
     table = read_table(dataset.folder / TRAJECTORY, _FIELDS)
     if table.epoch_utc is None:
-        raise InputError(f"{table.path} has no 'epoch_utc'; those of 'posse run' have")
+        raise InputError(f"{table.path} has no 'epoch_utc'; files made by 'posse run' have it")
     epoch, camera = Epoch.from_iso(table.epoch_utc), dataset.camera
     result: list[str | None] = []
     for line, file in zip(lines, files, strict=True):
@@ -63,11 +63,13 @@ def background(
     camera: Camera,
     box_px: Sequence[float],
 ) -> str:
-    """One of :data:`BACKGROUNDS`: what is behind the box (x, y, width, height).
+    """Return the one of :data:`BACKGROUNDS` that is behind a box.
 
     Args:
-        R_ecef_from_cam: (3, 3).
-        r_camera_ecef_m, r_sun_ecef_m: (3,) geocentric, Earth-fixed axes.
+        R_ecef_from_cam: (3, 3) rotation from camera axes to Earth-fixed axes.
+        r_camera_ecef_m, r_sun_ecef_m: (3,) geocentric positions, Earth-fixed axes.
+        camera: the camera.
+        box_px: x, y, width, height.
     """
     x, y, width, height = box_px
     along = (np.arange(_ACROSS) + 0.5) / _ACROSS
@@ -81,16 +83,16 @@ def background(
     return "Earth by day" if lit > 0.5 else "Earth by night"
 
 
-def _sun_is_up(places_m: FloatArray, r_sun_m: FloatArray) -> float:
-    """Share of places (P, 3) on the ellipsoid where the Sun is above the horizon; ECEF axes."""
-    normals = places_m / SEMI_AXES_M**2
-    return float(np.mean(np.sum(normals * (r_sun_m - places_m), axis=1) > 0))
+def _sun_is_up(points_m: FloatArray, r_sun_m: FloatArray) -> float:
+    """Return the share of points (P, 3) on the ellipsoid where the Sun is up; Earth-fixed axes."""
+    normals = points_m / SEMI_AXES_M**2
+    return float(np.mean(np.sum(normals * (r_sun_m - points_m), axis=1) > 0))
 
 
 def _scenario_file(dataset: Dataset, line: LabelLine) -> Path | None:
-    """The scenario that a frame was made by, where it is there."""
+    """Return the scenario that a frame was made from, if the dataset has it."""
     name = SCENARIO
-    if line.has("origin"):  # of 'posse collect', which keeps the scenario of each source
+    if line.has("origin"):  # made by 'posse collect', which copies the scenario of each source
         sources = [s for s in dataset.manifest.sources or () if s.dataset == line.origin[0]]
         name = (sources[0].scenario if len(sources) == 1 else None) or ""
     path = dataset.folder / name
@@ -98,7 +100,7 @@ def _scenario_file(dataset: Dataset, line: LabelLine) -> Path | None:
 
 
 def _earth_in(scenario: Path) -> bool:
-    """Whether the sky of a scenario has an Earth."""
+    """Say whether the sky of a scenario has an Earth."""
     try:
         return bool(yaml.safe_load(scenario.read_text(encoding="utf-8"))["sky"]["earth"])
     except (OSError, yaml.YAMLError, KeyError, TypeError) as error:

@@ -1,4 +1,4 @@
-"""What a model file says of itself: the net, its classes and input, the data that it learned from."""
+"""Model cards, which describe the network in a model file and the data that it was trained on."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from posse_core._dataset.images import LabelledImages
 from posse_core._errors import InputError
 
 KEY = "posse_model"
-"""The metadata key that holds the card, as JSON, in safetensors and ONNX files alike."""
+"""The metadata key of safetensors and ONNX files under which the card is stored as JSON."""
 _FORMAT = 1
 
 
 @dataclass(frozen=True)
 class ModelCard:
-    """What a model file says of the net in it; it travels in the metadata of safetensors and ONNX files.
+    """The description of a network, stored in the metadata of its safetensors or ONNX file.
 
     Attributes:
-        net: the detector's name, as ``posse train --detector`` takes it.
-        task: ``boxes`` (finds spacecraft in images) or ``keypoints`` (finds their points in boxes).
-        classes: spacecraft names; a net's label is an index into them.
-        input_px: side of the square that the net takes.
-        keypoints_body_m: class → keypoint name → (3,) metres, body frame, in the order of the outputs.
-        symmetries: class → rotations (3, 3) that leave the craft's looks unchanged.
-        dataset_sha256, scenario_sha256: of the training data: :attr:`Dataset.sha256`, and its
-            ``scenario.yaml``, empty where it has none (``posse collect``).
-        options: the net's options.
-        epochs: trained so far.
-        version: of the distribution that trained it.
+        net: name of the detector, as in ``posse train --detector``.
+        task: ``boxes`` (finds spacecraft in images) or ``keypoints`` (finds keypoints in boxes).
+        classes: names of the spacecraft; the network's labels are indices into them.
+        input_px: side of the network's square input.
+        keypoints_body_m: class → keypoint name → (3,) metres, body axes, in the order of the outputs.
+        symmetries: class → rotations (3, 3) that leave the spacecraft's appearance unchanged.
+        dataset_sha256: :attr:`Dataset.sha256` of the training data.
+        scenario_sha256: SHA-256 of its ``scenario.yaml``; empty if it has none (``posse collect``).
+        options: options of the network.
+        epochs: number of epochs trained so far.
+        version: version of the distribution that trained it.
     """
 
     net: str
@@ -61,10 +61,10 @@ class ModelCard:
         version: str,
         options: Mapping[str, Any] | None = None,
     ) -> Self:
-        """The card of a net that learns from ``dataset``; the rest is as of the attributes.
+        """Make the card of a network that learns from ``dataset``; see the attributes.
 
         Raises:
-            InputError: the run that makes the dataset has not ended.
+            InputError: The run that makes the dataset has not ended.
         """
         crafts = sorted(dataset.spacecraft_by_name.items())
         return cls(
@@ -85,10 +85,10 @@ class ModelCard:
 
     @classmethod
     def read(cls, path: Path) -> Self:
-        """The card of a ``.safetensors`` file, from its header alone.
+        """Read the card of a ``.safetensors`` file from its header.
 
         Raises:
-            InputError: missing, not of that format, or without a card.
+            InputError: The file is missing, of another format, or without a card.
         """
         try:
             with open(path, "rb") as stream:
@@ -105,7 +105,7 @@ class ModelCard:
 
     @property
     def keypoint_outputs(self) -> dict[str, slice]:
-        """Class → its keypoints among a net's outputs, which hold those of all classes, in order."""
+        """Class → slice of its keypoints among the outputs, which are ordered by class."""
         outputs, start = {}, 0
         for name in self.classes:
             count = len(self.keypoints_body_m[name])
@@ -115,26 +115,26 @@ class ModelCard:
 
     @property
     def keypoint_arrays_m(self) -> dict[str, FloatArray]:
-        """Class → (K, 3) keypoints, metres, body frame."""
+        """Class → (K, 3) keypoints in metres, body axes."""
         return {
             name: np.array(list(points.values()), np.float64).reshape(-1, 3)
             for name, points in self.keypoints_body_m.items()
         }
 
     def metadata(self) -> dict[str, str]:
-        """For the metadata of a model file."""
+        """Return the card as metadata of a model file."""
         return {KEY: json.dumps({"format": _FORMAT, **asdict(self)})}
 
     @classmethod
     def from_metadata(cls, metadata: Mapping[str, str], path: Path) -> Self:
-        """Read what :meth:`metadata` wrote into the file ``path``.
+        """Read the card from the metadata of the file ``path``.
 
         Raises:
-            InputError: it has no card, or one of another format.
+            InputError: The file has no card, or one of another format.
         """
         if KEY not in metadata:
             raise InputError(
-                f"{path}: has no POSSE metadata; name a model by 'posse train' or 'posse export-onnx'"
+                f"{path}: has no POSSE metadata; give a model of 'posse train' or 'posse export-onnx'"
             )
         try:
             value = json.loads(metadata[KEY])

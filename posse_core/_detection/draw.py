@@ -1,4 +1,4 @@
-"""Detections drawn into an image."""
+"""Drawing detections into an image."""
 
 from __future__ import annotations
 
@@ -15,11 +15,15 @@ _COLOURS = ((80, 220, 80), (60, 160, 255), (255, 120, 80), (220, 80, 220))  # bl
 
 
 def draw(image: AnyArray, detections: Sequence[Detection], classes: Sequence[str]) -> AnyArray:
-    """(H, W, 3) uint8, blue-green-red as OpenCV writes it: boxes, classes, scores, keypoints.
+    """Draw boxes, classes, scores and keypoints into a grey copy of an image.
 
     Args:
         image: (H, W) or (H, W, 3), uint8 or uint16.
-        classes: each has its own colour, by its place here.
+        detections: what to draw.
+        classes: names of all classes; the index of a class determines its colour.
+
+    Returns:
+        (H, W, 3) uint8 in OpenCV's order, blue-green-red.
     """
     canvas = cv2.cvtColor(np.round(255 * to_grey(image)).astype(np.uint8), cv2.COLOR_GRAY2BGR)
     size = max(canvas.shape[:2])

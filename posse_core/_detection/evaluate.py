@@ -1,4 +1,4 @@
-"""Measure a detector, and pose from its keypoints, on frames of a dataset."""
+"""Evaluation of a detector, and of the poses from its keypoints, on frames of a dataset."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from posse_core._model.label_line import LabelLine
 
 @dataclass(frozen=True)
 class PoseErrors:
-    """How far a found pose is off.
+    """The errors of an estimated pose.
 
     Attributes:
-        e_t: error of the place, over the range.
-        e_q_rad: angle between the attitudes; the nearest of the craft's symmetries counts.
-        add, adi: mean distance of the model's points, over the model's diameter.
+        e_t: position error divided by the range.
+        e_q_rad: attitude error, the smallest over the spacecraft's symmetries.
+        add, adi: mean distance of the mesh's vertices (ADD and ADI), divided by its diameter.
     """
 
     e_t: float
@@ -36,13 +36,14 @@ class PoseErrors:
 
 @dataclass(frozen=True)
 class Judged:
-    """What was found in one frame, and how right it is.
+    """The detections in one frame and their errors.
 
     Attributes:
         labels: the frame's label line.
-        truths, detections: what is shown; what was found, best first.
-        overlaps: of each truth with the best detection of its class, 0 if there is none.
-        pose: of the best detection where its class is right and its keypoints gave a pose.
+        truths: the true boxes.
+        detections: what was found, best first.
+        overlaps: IoU of each true box with the best detection of its class, 0 if there is none.
+        pose: errors of the best detection's pose, if its class is right and its keypoints gave a pose.
     """
 
     labels: LabelLine
@@ -53,11 +54,10 @@ class Judged:
 
 
 def frames_of(dataset: LabelledImages, part: str) -> list[int]:
-    """Positions of the frames of a part; all of them where the dataset was not divided and ``part`` is
-    ``all``.
+    """Return the positions of the frames of a part; the part ``all`` has all frames.
 
     Raises:
-        InputError: no such part, or it is empty.
+        InputError: There is no such part, or it is empty.
     """
     positions = list(range(len(dataset))) if part == "all" else dataset.part(part)
     if not positions:
@@ -71,18 +71,19 @@ def evaluate(
     detector: Detector,
     finder: KeypointFinder | None = None,
 ) -> list[Judged]:
-    """What the detector finds in frames, against their labels; with a finder, poses too, each from the
-    best detection where its class is right.
+    """Compare what a detector finds in frames with their labels.
+
+    With a keypoint finder, the pose of the best detection is evaluated too if its class is right.
 
     Raises:
-        InputError: the labels lack what is measured, or the model does not know a class.
+        InputError: The labels lack what is measured, or a model does not know a class.
     """
     for model in (detector, finder):
         missing = sorted(set(dataset.spacecraft_by_name) - set(model.classes)) if model else []
         if model and missing:
             raise InputError(
-                f"the model does not know {', '.join(missing)}, which {dataset.folder} shows; it knows"
-                f" {', '.join(model.classes)}"
+                f"the model does not know {', '.join(missing)}, which {dataset.folder} contains; it"
+                f" knows {', '.join(model.classes)}"
             )
     judged = []
     for i in positions:
@@ -123,9 +124,9 @@ def _errors(dataset: LabelledImages, labels: LabelLine, pose: PoseEstimate) -> P
         )
     name = labels.spacecraft
     R, t = matrix_from_quaternion(np.array(labels.q_cam_from_body)), np.array(labels.t_body_cam_m)
-    told = pose.R_cam_from_body, pose.t_body_cam_m
-    e_t, e_q_rad = pose_errors(R, t, *told, dataset.spacecraft_by_name[name].symmetries)
+    estimated = pose.R_cam_from_body, pose.t_body_cam_m
+    e_t, e_q_rad = pose_errors(R, t, *estimated, dataset.spacecraft_by_name[name].symmetries)
     mesh = dataset.mesh(name)
     points, diameter_m = mesh.vertices_body_m, mesh.diameter_m
-    add, adi = (measure(points, R, t, *told) / diameter_m for measure in (add_m, adi_m))
+    add, adi = (measure(points, R, t, *estimated) / diameter_m for measure in (add_m, adi_m))
     return PoseErrors(e_t, e_q_rad, add, adi)

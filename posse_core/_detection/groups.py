@@ -1,4 +1,4 @@
-"""Metrics of frames that have something in common: class, range, light, what is behind the craft."""
+"""Metrics of groups of frames: by class, range, phase angle and background."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from posse_core._evaluation.metrics import coco_metrics
 from posse_core._evaluation.poses import speed_score
 
 POSES_FOUND = "poses found"
-"""The first of the metrics of poses."""
+"""Name of the first metric of poses."""
 _PHASES_DEG = (0, 30, 60, 90, 120, 180)
 _CORRECT_ADD_DIAMETERS = 0.1
-"""Of the diameter: a pose whose ADD is below counts as right (Hinterstoisser et al. 2012)."""
+"""A pose is correct if its ADD is below this share of the diameter (Hinterstoisser et al. 2012)."""
 
 
 @dataclass(frozen=True)
 class Group:
-    """Metrics of the frames that have something in common."""
+    """A group of frames and its metrics."""
 
     name: str
     frames: int
@@ -32,11 +32,13 @@ class Group:
 
 
 def groups(dataset: LabelledImages, judged: Sequence[Judged], poses: bool) -> list[Group]:
-    """Metrics of all frames, then by class, quarter of range, phase angle and background.
+    """Return the metrics of all frames, then by class, quartile of range, phase angle and background.
 
     Args:
-        poses: keypoints were sought. Then the share of shown craft that got a pose, and the errors of
-            those poses, are metrics too.
+        dataset: of the frames.
+        judged: the evaluated frames.
+        poses: whether keypoints were sought. Then the metrics include the share of spacecraft whose pose
+            was found, and the errors of these poses.
     """
     classes = sorted(dataset.spacecraft_by_name)
     result = []
@@ -54,7 +56,7 @@ def groups(dataset: LabelledImages, judged: Sequence[Judged], poses: bool) -> li
 
 
 def columns(found: Sequence[Group]) -> tuple[list[str], list[str]]:
-    """Names of the metrics of boxes and of those of poses, in their order."""
+    """Return the names of the metrics of boxes, and of those of poses, in order."""
     names = list(dict.fromkeys(name for group in found for name in group.metrics))
     first = names.index(POSES_FOUND) if POSES_FOUND in names else len(names)
     return names[:first], names[first:]
@@ -106,4 +108,4 @@ def _members(dataset: LabelledImages, judged: Sequence[Judged]) -> Iterator[tupl
         behind = backgrounds(dataset, lines)
         for background in BACKGROUNDS:
             if background in behind:
-                yield f"before {background}", [i for i in everything if behind[i] == background]
+                yield f"in front of {background}", [i for i in everything if behind[i] == background]

@@ -1,4 +1,4 @@
-"""Open a model file with the component that reads it."""
+"""Opening a model file with the component that reads it."""
 
 from __future__ import annotations
 
@@ -19,15 +19,16 @@ _TASK_OF = {"boxes": "finds boxes", "keypoints": "finds keypoints"}
 def open_models(
     boxes: Path | None, keypoints: Path | None, registry: Registry, options: Mapping[str, Any]
 ) -> tuple[Detector, KeypointFinder | None]:
-    """A detector and what finds keypoints in its boxes, as a command's user named them.
+    """Open a detector, and a finder of keypoints in its boxes.
 
     Args:
-        boxes: None is the net that a plugin ships.
-        keypoints: None is none, or the shipped one where ``boxes`` is None too.
-        options: as of :func:`open_detector`.
+        boxes: model file; None takes the shipped model of a plugin.
+        keypoints: model file; None means no keypoints, or the shipped model if ``boxes`` is None too.
+        registry: the installed components.
+        options: see :func:`open_detector`.
 
     Raises:
-        InputError: as of :func:`open_detector`, or nothing installed ships a net.
+        InputError: See :func:`open_detector`; or no installed plugin ships a model.
     """
     if boxes is None and keypoints is None:
         keypoints = _shipped("keypoints", registry)
@@ -38,13 +39,16 @@ def open_models(
 
 
 def open_detector(path: Path, registry: Registry, options: Mapping[str, Any]) -> Detector:
-    """The detector of a ``.safetensors`` or ``.onnx`` file, with its weights.
+    """Open the detector in a ``.safetensors`` or ``.onnx`` file.
 
     Args:
+        path: the model file.
+        registry: the installed components.
         options: of the component that reads it, as the user gave them.
 
     Raises:
-        InputError: missing, not a model of POSSE, not one that finds boxes, or nothing here reads it.
+        InputError: The file is missing, is not a POSSE model, does not find boxes, or no installed
+            component reads it.
     """
     name, model = _opened(path, "boxes", registry, options)
     assert isinstance(model, Detector)  # as the capability asks
@@ -52,21 +56,21 @@ def open_detector(path: Path, registry: Registry, options: Mapping[str, Any]) ->
 
 
 def open_keypoint_finder(path: Path, registry: Registry, options: Mapping[str, Any]) -> KeypointFinder:
-    """As :func:`open_detector`, for a model that finds keypoints."""
+    """Open a model that finds keypoints; see :func:`open_detector`."""
     name, model = _opened(path, "keypoints", registry, options)
     assert isinstance(model, KeypointFinder)  # as the capability asks
     return CheckedKeypointFinder(model, name)
 
 
 def open_model(path: Path, task: str, registry: Registry, options: Mapping[str, Any]) -> Model:
-    """The model of a file, which must do ``task``, as its plugin made it; see :func:`open_detector`."""
+    """Open a model that does ``task``, without checks of what it returns; see :func:`open_detector`."""
     return _opened(path, task, registry, options)[1]
 
 
 def _opened(path: Path, task: str, registry: Registry, options: Mapping[str, Any]) -> tuple[str, Model]:
-    """The component that reads a file, by name, with the file's weights."""
+    """Return the name of the component that reads a file, and the component with the file's weights."""
     if not path.is_file():
-        raise InputError(f"{path}: there is no such file; name a model by 'posse train'")
+        raise InputError(f"{path}: there is no such file; give a model made by 'posse train'")
     if path.suffix == ONNX:
         name = _onnx_reader(path, task, registry)
     else:
@@ -74,7 +78,7 @@ def _opened(path: Path, task: str, registry: Registry, options: Mapping[str, Any
         name = card.net
         if card.task != task:
             raise InputError(
-                f"{path}: it {_TASK_OF[card.task]}, where one that {_TASK_OF[task]} is needed"
+                f"{path}: this model {_TASK_OF[card.task]}, but one that {_TASK_OF[task]} is needed"
             )
     model: Model = registry.create(
         "detector", name, registry.options("detector", name, options, where="option")
@@ -93,11 +97,11 @@ def _shipped(task: str, registry: Registry) -> Path:
             )
             if model.shipped is None:
                 raise ComponentError(
-                    f"detector {spec.name!r} has the capability 'shipped', and names no shipped model"
+                    f"detector {spec.name!r} has the capability 'shipped', but names no shipped model"
                 )
             return model.shipped
     raise InputError(
-        "no trained net is installed; name one by --model, or pip install posse-detect-onnx"
+        "no trained model is installed; give one with --model, or pip install posse-detect-onnx"
     )
 
 
@@ -105,4 +109,4 @@ def _onnx_reader(path: Path, task: str, registry: Registry) -> str:
     for spec in registry.specs("detector"):
         if {ONNX, task} <= spec.capabilities:
             return spec.name
-    raise InputError(f"{path}: nothing that is installed reads it; pip install posse-detect-onnx")
+    raise InputError(f"{path}: no installed plugin reads it; pip install posse-detect-onnx")

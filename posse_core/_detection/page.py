@@ -1,4 +1,4 @@
-"""The page of an evaluation: tables, precision by recall, errors by range, the worst frames."""
+"""The page of an evaluation: tables, precision over recall, errors over range, the worst frames."""
 
 from __future__ import annotations
 
@@ -36,10 +36,12 @@ _WHITE = (255, 255, 255)
 def make_page(
     title: str, summary: str, dataset: LabelledImages, judged: Sequence[Judged], groups: Sequence[Group]
 ) -> str:
-    """HTML of an evaluation.
+    """Return the HTML page of an evaluation.
 
     Args:
-        title, summary: plain text: what was measured on what.
+        title, summary: plain text that says what was measured.
+        dataset: of the frames.
+        judged: the evaluated frames.
         groups: of ``judged``, all frames first.
     """
     of_boxes, of_poses = columns(groups)
@@ -79,16 +81,16 @@ def _by_range(judged: Sequence[Judged]) -> Iterator[Markup]:
     found = _by_class(shown, lambda j: j.overlaps[0])
     yield plot("box IoU with the best detection of the class", ranges, Axis("IoU", 0, 1), found)
     measures: dict[str, Callable[[PoseErrors], float]] = {
-        "place, over the range": lambda pose: pose.e_t,
-        "attitude, degrees": lambda pose: float(np.degrees(pose.e_q_rad)),
-        "ADD, over the diameter": lambda pose: pose.add,
+        "position error / range": lambda pose: pose.e_t,
+        "attitude error, degrees": lambda pose: float(np.degrees(pose.e_q_rad)),
+        "ADD / diameter": lambda pose: pose.add,
     }
     posed = [j for j in shown if j.pose is not None]
     for name, measure in measures.items() if posed else ():
 
         def value(j: Judged, measure: Callable[[PoseErrors], float] = measure) -> float:
             assert j.pose is not None
-            return max(measure(j.pose), 1e-6)  # what is exact has its place on the axis too
+            return max(measure(j.pose), 1e-6)  # so that errors of 0 appear on the logarithmic axis
 
         axis = Axis.over("", map(value, posed), log=True)
         yield plot(name, ranges, axis, _by_class(posed, value))
@@ -106,15 +108,17 @@ def _by_class(judged: Sequence[Judged], value: Callable[[Judged], float]) -> lis
 
 
 def _worst(dataset: LabelledImages, judged: Sequence[Judged]) -> Iterator[Markup]:
-    yield paragraph("White: the label. Colour: what was found. Pictures are to the power 1/2.")
+    yield paragraph(
+        "White: the label. Colour: the detection. Pictures show the square root of the grey values."
+    )
     shown = sorted((j for j in judged if j.truths), key=lambda j: min(j.overlaps))
-    yield _strip(dataset, "least overlap", shown[:_WORST], lambda j: f"IoU {min(j.overlaps):.2f}")
+    yield _strip(dataset, "smallest overlap", shown[:_WORST], lambda j: f"IoU {min(j.overlaps):.2f}")
     empty = [j for j in judged if not j.truths and j.detections]
     empty.sort(key=lambda j: -j.detections[0].score)
     if empty:
         yield _strip(
             dataset,
-            "highest score where nothing is shown",
+            "highest score without a spacecraft",
             empty[:_WORST],
             lambda j: f"score {j.detections[0].score:.2f}",
         )
@@ -123,7 +127,7 @@ def _worst(dataset: LabelledImages, judged: Sequence[Judged]) -> Iterator[Markup
     if posed:
         adds = {j.labels.index: add for add, j in posed}
         worst = [j for _, j in posed[:_WORST]]
-        yield _strip(dataset, "greatest ADD", worst, lambda j: f"ADD {adds[j.labels.index]:.2g} d")
+        yield _strip(dataset, "largest ADD", worst, lambda j: f"ADD {adds[j.labels.index]:.2g} d")
 
 
 def _strip(

@@ -1,4 +1,4 @@
-"""Pose from keypoints and their uncertainties: a closed-form start, then weighted least squares."""
+"""Poses from keypoints and their uncertainties: a closed-form start, then weighted least squares."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from posse_core._interfaces.detector import Detection
 from posse_core._model.camera import Camera
 
 MIN_POINTS = 4
-"""Three points leave several poses."""
-_HUBER = 2.0  # standard deviations beyond which a point's pull no longer grows
+"""Smallest number of points; three allow several poses."""
+_HUBER = 2.0  # standard deviations beyond which a point's influence no longer grows
 _STEPS = 30
 
 
@@ -25,11 +25,12 @@ class PoseEstimate:
 
     Attributes:
         R_cam_from_body: (3, 3).
-        t_body_cam_m: (3,) place of the body's origin in camera axes.
-        covariance: (6, 6) of a small turn in camera axes (rad) and of the place (m), in this order.
+        t_body_cam_m: (3,) position of the body's origin in camera axes.
+        covariance: (6, 6) of a small rotation in camera axes (rad) and of the position (m), in this
+            order.
         inliers: (K,) points within three standard deviations.
         residual: root mean square of the inliers' residuals, in standard deviations.
-        detection: what the keypoints belong to, where they were found in an image.
+        detection: the detection that the keypoints belong to, if they were found in an image.
     """
 
     R_cam_from_body: FloatArray
@@ -58,19 +59,20 @@ class PoseEstimate:
 def solve_pose(
     points_body_m: FloatArray, points_px: FloatArray, sigma_px: FloatArray, camera: Camera
 ) -> PoseEstimate | None:
-    """The pose that brings points of the body to pixels.
+    """Estimate the pose that projects points of the body to pixels.
 
-    RANSAC by P3P (Ke and Roumeliotis 2017) tells which points agree, and OpenCV's closed forms start
-    from those; then Levenberg-Marquardt, each point weighted by its deviation, with Huber's weights.
-    Keypoints of one plane are no special case.
+    RANSAC with P3P (Ke and Roumeliotis 2017) finds the points that agree on a pose, and OpenCV's closed
+    forms give initial poses from these. Levenberg–Marquardt then minimises the residuals, each divided
+    by its standard deviation, with Huber weights. Coplanar keypoints are handled like any others.
 
     Args:
-        points_body_m: (K, 3).
-        points_px: (K, 2).
+        points_body_m: (K, 3) points in body axes.
+        points_px: (K, 2) their pixels.
         sigma_px: (K,) standard deviation of each coordinate.
+        camera: the camera.
 
     Returns:
-        None where fewer than four points are given or agree on a pose.
+        The pose, or None if fewer than four points are given or agree on a pose.
     """
     points_body_m = np.asarray(points_body_m, np.float64)
     points_px, sigma_px = np.asarray(points_px, np.float64), np.asarray(sigma_px, np.float64)
@@ -111,13 +113,13 @@ def solve_pose(
 def _start(
     points_body_m: FloatArray, points_px: FloatArray, sigma_px: FloatArray, camera: Camera
 ) -> tuple[FloatArray, FloatArray, BoolArray] | None:
-    """Attitude, place, and (K,) the points that agree on them."""
+    """Return an initial attitude and position, and which points (K,) agree with them."""
     if len(points_px) < MIN_POINTS:
         return None
-    cv2.setRNGSeed(0)  # RANSAC draws; the same points give the same pose
+    cv2.setRNGSeed(0)  # so that RANSAC gives the same pose for the same points
     threshold_px = float(3.0 * np.median(sigma_px) + 1.0)
     try:
-        found, _, _, places = cv2.solvePnPRansac(
+        found, _, _, indices = cv2.solvePnPRansac(
             points_body_m,
             points_px,
             camera.matrix,
@@ -126,11 +128,11 @@ def _start(
             reprojectionError=threshold_px,
             iterationsCount=200,
         )
-    except cv2.error:  # raised where no three points fix a pose
+    except cv2.error:  # raised if no three points determine a pose
         return None
-    if not found or len(places) < MIN_POINTS:
+    if not found or len(indices) < MIN_POINTS:
         return None
-    chosen = places[:, 0]
+    chosen = indices[:, 0]
     starts = [
         (float(np.median(_distance_px(R, t, points_body_m, points_px, camera)[chosen])), i, R, t)
         for i, (R, t) in enumerate(_closed_forms(points_body_m[chosen], points_px[chosen], camera))
@@ -139,14 +141,20 @@ def _start(
         return None
     _, _, R, t = min(starts)
     distance_px = _distance_px(R, t, points_body_m, points_px, camera)
-    agree = distance_px < threshold_px + 5.0 * sigma_px  # the unsure have a say too, by their weight
+    agree = (
+        distance_px < threshold_px + 5.0 * sigma_px
+    )  # uncertain points contribute with their low weight
     return (R, t, agree) if agree.sum() >= MIN_POINTS else None
 
 
 def _closed_forms(
     points_body_m: FloatArray, points_px: FloatArray, camera: Camera
 ) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """SQPnP (Terzakis and Lourakis 2020) errs on some planes; DLT or homography on some noise."""
+    """Yield poses by two methods, since each fails in some cases.
+
+    SQPnP (Terzakis and Lourakis 2020) fails for some coplanar points, and OpenCV's iterative method,
+    which starts from a DLT or a homography, for some noise.
+    """
     for method in (cv2.SOLVEPNP_SQPNP, cv2.SOLVEPNP_ITERATIVE):
         try:
             found, rotation, t = cv2.solvePnP(
@@ -166,7 +174,7 @@ def _distance_px(
     R: FloatArray, t: FloatArray, points_body_m: FloatArray, points_px: FloatArray, camera: Camera
 ) -> FloatArray:
     away = camera.project(points_body_m @ R.T + t) - points_px
-    # NaN behind the camera, or beyond its lens
+    # NaN where a point is behind the camera or outside the domain of its lens
     return np.asarray(np.nan_to_num(np.linalg.norm(away, axis=1), nan=np.inf))
 
 
@@ -178,16 +186,19 @@ def _linearised(
     sigma_px: FloatArray,
     camera: Camera,
 ) -> tuple[float, FloatArray, FloatArray, FloatArray]:
-    """Huber cost, (2K, 6) Jacobian by turn and place, (2K,) residuals in deviations, (2K,) weights."""
+    """Return Huber cost, Jacobian (2K, 6) by rotation and position, residuals (2K,), weights (2K,).
+
+    Residuals are in standard deviations.
+    """
     turned = points_body_m @ R.T
     away_px = camera.project(turned + t) - points_px
     z = (turned + t)[:, 2]
     if np.isnan(away_px).any():
         return np.inf, np.zeros((2 * len(z), 6)), np.zeros(2 * len(z)), np.zeros(2 * len(z))
-    by_place = camera.project_jacobian(turned + t)
-    # A turn by w moves a point p by w × p = −p × w.
-    by_turn = by_place @ -cross_matrix(turned)
-    J = np.concatenate([by_turn, by_place], axis=2) / sigma_px[:, None, None]
+    by_position = camera.project_jacobian(turned + t)
+    # A rotation by w moves a point p by w × p = −p × w.
+    by_rotation = by_position @ -cross_matrix(turned)
+    J = np.concatenate([by_rotation, by_position], axis=2) / sigma_px[:, None, None]
     r = away_px / sigma_px[:, None]
     distance = np.linalg.norm(r, axis=1)
     weights = np.minimum(1.0, _HUBER / np.maximum(distance, 1e-12))

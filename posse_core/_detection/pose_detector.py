@@ -1,4 +1,4 @@
-"""From an image to the pose of the spacecraft in it: a net for boxes, one for keypoints, and PnP."""
+"""Pose of the spacecraft in an image: a model for boxes, one for keypoints, and PnP."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from posse_core._interfaces.detector import Detection, Detector, KeypointFinder
 from posse_core._model.camera import Camera
 
 LEAST_SCORE = 0.3
-"""Detections below this score are left out, if nothing else is asked for."""
+"""Detections below this score are dropped by default."""
 
 
 class PoseDetector:
-    """Finds spacecraft in images and, with a net for keypoints, their poses.
+    """Finds spacecraft in images and, with a model for keypoints, their poses.
 
-    Open one by :func:`posse_core.detector`.
+    :func:`posse_core.detector` opens one.
 
     Attributes:
         classes: names of the spacecraft that it knows.
@@ -33,7 +33,7 @@ class PoseDetector:
         self._least_score = least_score
 
     def detect(self, image: AnyArray) -> Sequence[Detection]:
-        """Spacecraft in an image, best first, with their keypoints where there is a net for them.
+        """Return the spacecraft in an image, best first, with keypoints if there is a model for them.
 
         Args:
             image: (H, W) or (H, W, 3) red-green-blue, uint8 or uint16.
@@ -42,29 +42,31 @@ class PoseDetector:
         return found if self._keypoints is None else self._keypoints.find(image, found)
 
     def pose(self, image: AnyArray, camera: Camera) -> PoseEstimate | None:
-        """Pose of the spacecraft in an image: of the best detection whose keypoints agree on one.
+        """Return the pose of the spacecraft in an image.
+
+        It is that of the best detection whose keypoints agree on a pose.
 
         Args:
             image: (H, W) or (H, W, 3) red-green-blue, uint8 or uint16.
-            camera: that took the image.
+            camera: the camera that took the image.
 
         Returns:
-            None where nothing is found, or no pose agrees with what is.
+            The pose, or None if no spacecraft is found or no pose fits its keypoints.
 
         Raises:
-            InputError: there is no net for keypoints.
+            InputError: There is no model for keypoints.
         """
         poses = (self.pose_of(detection, camera) for detection in self.detect(image))
         return next((pose for pose in poses if pose is not None), None)
 
     def pose_of(self, detection: Detection, camera: Camera) -> PoseEstimate | None:
-        """Pose of one detection; None where fewer than four of its keypoints agree on one.
+        """Return the pose of a detection, or None if fewer than four of its keypoints agree on one.
 
         Raises:
-            InputError: there is no net for keypoints.
+            InputError: There is no model for keypoints.
         """
         if self._keypoints is None:
-            raise InputError("a pose needs keypoints; name a model that finds them")
+            raise InputError("a pose needs keypoints; give a model that finds them")
         if detection.keypoints_px is None or detection.keypoints_sigma_px is None:
             return None
         points_body_m = self._keypoints.keypoints_body_m[detection.label]

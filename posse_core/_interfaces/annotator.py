@@ -1,4 +1,4 @@
-"""Annotators: labels from exact geometry."""
+"""Interface of annotators, which make labels from exact geometry."""
 
 from __future__ import annotations
 
@@ -10,9 +10,12 @@ from posse_core._plugins.component import Component, OptionsT
 
 
 class Annotator(Component[OptionsT]):
-    """Makes one kind of label. It sees geometry, never rendered pixels, so labels are the same to the
-    bit whichever renderer is chosen."""
+    """Makes one kind of label.
+
+    An annotator sees geometry and never rendered pixels, so labels are equal to the bit for any
+    renderer.
+    """
 
     @abstractmethod
     def annotate(self, scene: Scene, frame: FrameState, view: View) -> Labels:
-        """The labels of one frame. The names of arrays must not be another annotator's."""
+        """Return the labels of one frame. Names of arrays must differ from those of other annotators."""

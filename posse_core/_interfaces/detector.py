@@ -1,4 +1,4 @@
-"""Detectors: learn from a dataset, find the spacecraft in an image."""
+"""Interfaces of detectors, which learn from a dataset and find spacecraft in images."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from typing import TYPE_CHECKING
 from posse_core._arrays import AnyArray, FloatArray
 from posse_core._plugins.component import Component, OptionsT
 
-if TYPE_CHECKING:  # plugins that name this interface beside their hooks are loaded by every command
+if TYPE_CHECKING:  # at run time this import would slow down every command that loads plugins
     from posse_core._dataset.images import LabelledImages
 
 
 @dataclass(frozen=True)
 class Detection:
-    """One found spacecraft.
+    """One detected spacecraft.
 
     Attributes:
         label: the class, such as ``aqua``.
-        score: 0 … 1.
-        box_px: (4,) x, y, width, height; x and y are of the first pixel column and row.
-        keypoints_px: (K, 2) in the order of the class's keypoints, or None where none were sought.
-        keypoints_sigma_px: (K,) standard deviation of each, or None.
+        score: confidence, 0 … 1.
+        box_px: (4,) x, y, width, height; x and y are the indices of the first pixel column and row.
+        keypoints_px: (K, 2) u, v in the order of the class's keypoints, or None if none were sought.
+        keypoints_sigma_px: (K,) standard deviation of each coordinate, or None.
     """
 
     label: str
@@ -38,41 +38,49 @@ class Model(Component[OptionsT]):
     """A network that is trained, or read from a file. Its capabilities say what it can do."""
 
     shipped: Path | None = None
-    """Model file of the trained net that comes with the plugin."""
+    """Model file of the trained network that the plugin ships, or None."""
 
     classes: Sequence[str] = ()
-    """What it can find; known once it is loaded."""
+    """The classes that it can find, available after :meth:`load`."""
 
     @abstractmethod
     def load(self, path: Path) -> None:
-        """Take the weights from a model file.
+        """Load the weights from a model file.
 
         Raises:
-            posse_core.InputError: not a file of this net.
+            posse_core.InputError: The file is not a model of this network.
         """
 
     def train(self, dataset: LabelledImages, folder: Path) -> Path:
-        """Train on the dataset's train part; checkpoints and curves go to ``folder``, and a training
-        cut short goes on from the last one. Returns the trained model's file."""
+        """Train on the dataset's train part.
+
+        Checkpoints and learning curves are written to ``folder``; an interrupted training resumes from
+        the last checkpoint.
+
+        Returns:
+            The file of the trained model.
+        """
         raise NotImplementedError
 
     def export_onnx(self, path: Path, images: Sequence[AnyArray]) -> Mapping[str, float]:
-        """Write the net as ONNX and hold it against the net itself on ``images``.
+        """Write the network as ONNX and compare its outputs on ``images`` with those of the network.
 
         Returns:
-            Name → greatest difference found.
+            Name of an output → largest difference found.
 
         Raises:
-            posse_core.ComponentError: they differ by more than they may; no file is left.
+            posse_core.ComponentError: A difference is larger than allowed; no file is written.
         """
         raise NotImplementedError
 
     def write_int8(self, path: Path, out: Path, seen: Sequence[tuple[AnyArray, FloatArray]]) -> None:
-        """Write what :meth:`export_onnx` wrote to ``path`` in eight bits to ``out``.
+        """Write an 8-bit version of the file ``path`` of :meth:`export_onnx` to ``out``.
 
         Args:
-            seen: images with the box (4,) x, y, width, height of what each shows: what the net sees of
-                them tells how far its activations reach.
+            path: the ONNX file.
+            out: the file to write.
+            seen: images, each with the box (4,) x, y, width, height of the spacecraft in it. The network
+                is run on them to find the ranges of its activations.
         """
         raise NotImplementedError
 
@@ -82,15 +90,22 @@ class Detector(Model[OptionsT]):
 
     @abstractmethod
     def predict(self, images: Sequence[AnyArray]) -> Sequence[Sequence[Detection]]:
-        """Detections by image, best first. Images: (H, W) or (H, W, 3), uint8 or uint16."""
+        """Return the detections in each image, best first.
+
+        Args:
+            images: (H, W) or (H, W, 3) red-green-blue, uint8 or uint16.
+        """
 
 
 class KeypointFinder(Model[OptionsT]):
-    """Finds the keypoints of a spacecraft in the box around it."""
+    """Finds the keypoints of a spacecraft inside its box."""
 
     keypoints_body_m: Mapping[str, FloatArray]
-    """Class → (K, 3) metres, body frame, in the order of what it finds; known once it is loaded."""
+    """Class → (K, 3) keypoints in metres, body axes, in the order in which they are found.
+
+    It is available after :meth:`load`.
+    """
 
     @abstractmethod
     def find(self, image: AnyArray, detections: Sequence[Detection]) -> Sequence[Detection]:
-        """The detections, with their keypoints."""
+        """Return the detections with their keypoints."""

@@ -1,4 +1,4 @@
-"""Executors: where frames are made."""
+"""Interface of executors, which make the frames of a run in workers."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ MadeBy = TypeVar("MadeBy", covariant=True)
 
 @dataclass(frozen=True)
 class FrameMade:
-    """What the worker of a run returns of a frame whose files are complete.
+    """The result of a run's worker for a frame whose files are complete.
 
     Attributes:
-        labels: its line.
-        sha256: path of each of its files in the dataset → SHA-256.
+        labels: the frame's label line.
+        sha256: path of each of the frame's files in the dataset → SHA-256.
     """
 
     labels: LabelLine
@@ -29,11 +29,13 @@ class FrameMade:
 
 
 class FrameWorker(Protocol[MadeBy]):
-    """Makes frames in one worker process, as long as the process lives."""
+    """Makes frames in one worker process, for the lifetime of the process."""
 
     def make(self, index: int) -> MadeBy:
-        """Make frame ``index``, write its files, and return a picklable record of it: in a run, a
-        :class:`FrameMade`."""
+        """Make frame ``index``, write its files, and return a picklable record of it.
+
+        In a run the record is a :class:`FrameMade`.
+        """
         ...
 
     def close(self) -> None:
@@ -43,7 +45,7 @@ class FrameWorker(Protocol[MadeBy]):
 
 @dataclass(frozen=True)
 class FrameResult(Generic[Made]):
-    """What became of one frame: what its worker returned, or the error that ended the last try."""
+    """The outcome of one frame: what its worker returned, or the error that ended the last try."""
 
     index: int
     made: Made | None
@@ -51,22 +53,23 @@ class FrameResult(Generic[Made]):
 
 
 class WorkerSetupError(ComponentError):
-    """A worker could not be made, so no frame can."""
+    """A worker could not be made, so no frame can be made."""
 
 
 class Executor(Component[OptionsT]):
-    """Spreads frames over workers. A frame whose worker dies is tried again in a new one."""
+    """Distributes frames over workers. A frame whose worker dies is tried again in a new one."""
 
     @abstractmethod
     def run(
         self, make_worker: Callable[[], FrameWorker[Made]], indices: Iterable[int]
     ) -> Iterator[FrameResult[Made]]:
-        """Make the frames, in any order; yield each as it is done.
+        """Make the frames in any order, and yield the result of each when it is done.
 
         Args:
-            make_worker: picklable; called once in each worker.
+            make_worker: picklable function, called once in each worker.
+            indices: of the frames.
 
         Raises:
-            WorkerSetupError: ``make_worker`` failed; no frame can be made.
-            OSError: a worker could not write, as when the disk is full.
+            WorkerSetupError: ``make_worker`` failed, so no frame can be made.
+            OSError: A worker could not write, for instance because the disk is full.
         """

@@ -1,4 +1,4 @@
-"""Writers: a finished dataset's labels in a format that other tools load."""
+"""Interface of writers, which export a finished dataset to a format that other tools load."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from posse_core._plugins.component import Component, OptionsT
 
-if TYPE_CHECKING:  # plugins that name this interface beside their hooks are loaded by every command
+if TYPE_CHECKING:  # at run time this import would slow down every command that loads plugins
     from posse_core._dataset.dataset import Dataset
 
 
@@ -18,10 +18,10 @@ class Writer(Component[OptionsT]):
 
     @abstractmethod
     def write(self, dataset: Dataset, folder: Path) -> Sequence[Path]:
-        """Write the files into ``folder`` (it exists), atomically; return their paths.
+        """Write the files into an existing folder atomically, and return their paths.
 
-        Image paths in the files are relative to the dataset's own folder.
+        Image paths in the files are relative to the dataset's folder.
 
         Raises:
-            posse_core.InputError: the dataset lacks labels that the format needs.
+            posse_core.InputError: The dataset lacks labels that the format needs.
         """

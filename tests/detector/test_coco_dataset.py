@@ -129,9 +129,9 @@ def change(folder, make):
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda v: v.clear(), "train.json: not laid as COCO asks: KeyError"),
+        (lambda v: v.clear(), "train.json: not valid COCO: KeyError"),
         (lambda v: v["annotations"].append(v["annotations"][0]), "several annotations"),
-        (lambda v: v["annotations"][0].update(category_id=9), "not laid as COCO asks"),
+        (lambda v: v["annotations"][0].update(category_id=9), "not valid COCO"),
     ],
 )
 def test_what_is_not_coco_is_refused(folder, make, words):

@@ -152,7 +152,7 @@ def test_truth_is_full_size_and_never_unpickled(dataset_folder, tmp_path):
         (lambda d: shutil.rmtree(d / "labels"), "not a dataset"),
         (lambda d: (d / "camera.json").unlink(), "camera.json"),
         (lambda d: (d / "camera.json").write_text('{"Nu": 3}'), "not a camera file"),
-        (lambda d: (d / "camera.json").write_text("[]"), "holds no JSON object"),
+        (lambda d: (d / "camera.json").write_text("[]"), "does not contain a JSON object"),
         (lambda d: (d / "spacecraft/brick.json").unlink(), "no NAME.json"),
         (lambda d: (d / "spacecraft/brick.json").write_text("{}"), "not a spacecraft file"),
     ],
@@ -176,10 +176,10 @@ def test_a_mesh_that_is_cut_or_foreign_is_refused(dataset_folder, tmp_path):
     shutil.copytree(dataset_folder, tmp_path / "d")
     path = tmp_path / "d/spacecraft/brick.ply"
     path.write_bytes(path.read_bytes()[:-1])
-    with pytest.raises(InputError, match="cut short"):
+    with pytest.raises(InputError, match="incomplete"):
         Dataset(tmp_path / "d").mesh()
     trimesh.creation.box().export(path)
-    with pytest.raises(InputError, match="not a mesh that POSSE wrote"):
+    with pytest.raises(InputError, match="not a mesh file of POSSE"):
         Dataset(tmp_path / "d").mesh()
     path.unlink()
     with pytest.raises(InputError, match="missing"):

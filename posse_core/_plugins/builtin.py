@@ -1,4 +1,4 @@
-"""The core's own components, registered through the same hooks as a third party's."""
+"""The built-in components, registered through the same hooks as those of third parties."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ def posse_propagators() -> list[ComponentSpec]:
     return [
         ComponentSpec(
             "file",
-            "a trajectory computed elsewhere: NPZ, CSV, or CCSDS OEM; its own frames",
+            "a trajectory from a file: NPZ, CSV or CCSDS OEM, with its own frames",
             "posse_core._propagators.file:FilePropagator",
             options="posse_core._propagators.options:FileOptions",
             capabilities=frozenset({"own-frames"}),
@@ -29,7 +29,7 @@ def posse_propagators() -> list[ComponentSpec]:
         ),
         ComponentSpec(
             "nonlinear",
-            "integrated: two-body or J2, drag, solar pressure, Sun and Moon; the reference",
+            "numerical integration: two-body or J2, drag, solar pressure, Sun and Moon; the reference",
             "posse_core._propagators.nonlinear:NonlinearPropagator",
             options="posse_core._propagators.options:NonlinearOptions",
         ),
@@ -51,7 +51,7 @@ def posse_propagators() -> list[ComponentSpec]:
         ),
         ComponentSpec(
             "thesis",
-            "the thesis' own propagation, literally: N instances x H relative orbits",
+            "the thesis' propagation, literally: N instants x H relative orbits",
             "posse_core._propagators.thesis:ThesisPropagator",
             options="posse_core._propagators.options:ThesisOptions",
             capabilities=frozenset({"own-frames"}),
@@ -66,37 +66,37 @@ def posse_propagators() -> list[ComponentSpec]:
 
 @hookimpl
 def posse_scenes() -> list[ComponentSpec]:
-    place = "posse_core._spacecraft"
+    package = "posse_core._spacecraft"
     return [
         ComponentSpec(
             "aqua",
             "Aqua-like: a bus with one long solar wing, 8.0 × 16.7 × 4.8 m",
-            f"{place}.aqua:Aqua",
-            f"{place}.options:AquaOptions",
+            f"{package}.aqua:Aqua",
+            f"{package}.options:AquaOptions",
         ),
         ComponentSpec(
             "cluster",
             "Cluster-like: a spinning drum 2.9 m across with two 5 m booms",
-            f"{place}.cluster:Cluster",
-            f"{place}.options:ClusterOptions",
+            f"{package}.cluster:Cluster",
+            f"{package}.options:ClusterOptions",
         ),
         ComponentSpec(
             "cubesat",
             "a 3U CubeSat with two wings, 10 × 10 × 34 cm",
-            f"{place}.cubesat:Cubesat",
-            f"{place}.cubesat:CubesatOptions",
+            f"{package}.cubesat:Cubesat",
+            f"{package}.cubesat:CubesatOptions",
         ),
         ComponentSpec(
             "mesh",
             "a mesh file of your own: glTF, OBJ, PLY, STL",
-            f"{place}.mesh:MeshFile",
-            f"{place}.options:MeshOptions",
+            f"{package}.mesh:MeshFile",
+            f"{package}.options:MeshOptions",
         ),
         ComponentSpec(
             "package",
             "a spacecraft package made by 'posse import'",
-            f"{place}.package:Package",
-            f"{place}.options:PackageOptions",
+            f"{package}.package:Package",
+            f"{package}.options:PackageOptions",
         ),
     ]
 
@@ -106,10 +106,10 @@ def posse_annotators() -> list[ComponentSpec]:
     return [
         ComponentSpec(
             "box",
-            "tight box of the visible pixels, and the box of all vertices",
+            "tight box of the visible pixels, and box of all projected vertices",
             "posse_core._annotators.exact:BoxAnnotator",
         ),
-        ComponentSpec("depth", "planar depth by pixel", "posse_core._annotators.exact:DepthAnnotator"),
+        ComponentSpec("depth", "planar depth per pixel", "posse_core._annotators.exact:DepthAnnotator"),
         ComponentSpec(
             "keypoints",
             "keypoints with visibility: 0 out of frame, 1 occluded, 2 visible",
@@ -117,17 +117,17 @@ def posse_annotators() -> list[ComponentSpec]:
         ),
         ComponentSpec(
             "mask",
-            "the mask as COCO run-lengths; its area, visible and lit fraction",
+            "mask as COCO run-lengths; its area, visible and lit fraction",
             "posse_core._annotators.exact:MaskAnnotator",
         ),
         ComponentSpec(
             "normals",
-            "geometric normal by pixel, camera axes",
+            "geometric normal per pixel, camera axes",
             "posse_core._annotators.exact:NormalsAnnotator",
         ),
         ComponentSpec(
             "parts",
-            "part by pixel, and the visible area of each",
+            "part per pixel, and the visible area of each part",
             "posse_core._annotators.exact:PartsAnnotator",
         ),
         ComponentSpec(
@@ -158,7 +158,7 @@ def posse_writers() -> list[ComponentSpec]:
         ),
         ComponentSpec(
             "posse",
-            "the thesis' own four files",
+            "the four files of the thesis",
             "posse_core._formats.thesis:ThesisWriter",
             capabilities=_LABELS_ONLY,
         ),
@@ -190,50 +190,60 @@ def posse_executors() -> list[ComponentSpec]:
 def posse_subcommands() -> list[ComponentSpec]:
     return [
         ComponentSpec(
-            "collect", "join datasets, drop frames by rules", "posse_core._cli.collect:command"
+            "collect", "join datasets and drop frames by rules", "posse_core._cli.collect:command"
         ),
         ComponentSpec(
             "crosscheck",
-            "renderers held against geometry and each other",
+            "compare renderers with exact geometry and with each other",
             "posse_core._cli.crosscheck:command",
         ),
         ComponentSpec(
-            "describe", "keys of a scenario, options of a component", "posse_core._cli.describe:command"
+            "describe",
+            "list keys of a scenario and options of a component",
+            "posse_core._cli.describe:command",
         ),
         ComponentSpec("detect", "find spacecraft in images", "posse_core._cli.detect:command"),
         ComponentSpec(
-            "doctor", "what works on this machine, and how to mend it", "posse_core._cli.doctor:command"
+            "doctor",
+            "check what works on this machine, and how to fix it",
+            "posse_core._cli.doctor:command",
         ),
-        ComponentSpec("eval", "how right a detector is", "posse_core._cli.eval:command"),
-        ComponentSpec("export", "the labels in another format", "posse_core._cli.export:command"),
+        ComponentSpec("eval", "measure the accuracy of a detector", "posse_core._cli.eval:command"),
+        ComponentSpec("export", "export the labels to another format", "posse_core._cli.export:command"),
         ComponentSpec(
-            "export-onnx", "a trained net as ONNX, checked", "posse_core._cli.export_onnx:command"
+            "export-onnx",
+            "export a trained model to ONNX and check it",
+            "posse_core._cli.export_onnx:command",
         ),
         ComponentSpec(
-            "import", "a spacecraft package from a mesh", "posse_core._cli.import_mesh:command"
+            "import", "make a spacecraft package from a mesh", "posse_core._cli.import_mesh:command"
         ),
         ComponentSpec(
             "import-poses",
-            "a scenario from the labels of another dataset",
+            "make a scenario from the labels of another dataset",
             "posse_core._cli.import_poses:command",
         ),
         ComponentSpec(
-            "manoeuvres", "impulses of a scenario's plan", "posse_core._cli.manoeuvres:command"
+            "manoeuvres", "list the impulses of a scenario's plan", "posse_core._cli.manoeuvres:command"
         ),
         ComponentSpec(
             "model-errors",
-            "how far each model of relative motion is off",
+            "compute the errors of the models of relative motion",
             "posse_core._cli.model_errors:command",
         ),
-        ComponentSpec("partition", "train, valid and test lists", "posse_core._cli.partition:command"),
         ComponentSpec(
-            "plugins", "what is installed, and what became of it", "posse_core._cli.plugins:command"
+            "partition",
+            "divide a dataset into train, valid and test",
+            "posse_core._cli.partition:command",
         ),
         ComponentSpec(
-            "propagate", "the trajectory of a scenario, alone", "posse_core._cli.propagate:command"
+            "plugins", "list installed plugins and their state", "posse_core._cli.plugins:command"
         ),
-        ComponentSpec("run", "scenario to labelled dataset", "posse_core._cli.run:command"),
-        ComponentSpec("train", "a detector learns from a dataset", "posse_core._cli.train:command"),
-        ComponentSpec("validate", "prove the labels", "posse_core._cli.validate:command"),
-        ComponentSpec("view", "a page to look at a dataset with", "posse_core._cli.view:command"),
+        ComponentSpec(
+            "propagate", "compute the trajectory of a scenario", "posse_core._cli.propagate:command"
+        ),
+        ComponentSpec("run", "make a labelled dataset from a scenario", "posse_core._cli.run:command"),
+        ComponentSpec("train", "train a detector on a dataset", "posse_core._cli.train:command"),
+        ComponentSpec("validate", "check the labels of a dataset", "posse_core._cli.validate:command"),
+        ComponentSpec("view", "write an HTML page that shows a dataset", "posse_core._cli.view:command"),
     ]

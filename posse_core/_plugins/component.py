@@ -1,4 +1,4 @@
-"""The base class of every component: it is made from its options, and keeps them."""
+"""The base class of all components, which are made from their options."""
 
 from __future__ import annotations
 
@@ -13,20 +13,19 @@ from typing_extensions import TypeVar
 from posse_core._errors import ComponentError, PosseError
 
 OptionsT = TypeVar("OptionsT", bound=BaseModel, default=Any)
-"""The options of a component. A subclass that names none, such as ``class Grey(Renderer)``, has options
-of any type."""
+"""The type of a component's options; a class without it, such as ``class Grey(Renderer)``, takes any."""
 
 
 class Component(ABC, Generic[OptionsT]):
-    """What the interfaces of all kinds share.
+    """The base class of all interfaces.
 
-    A component declares the type of its options where it names its interface, so that type checkers
-    know ``self.options``::
+    A component gives the type of its options as the argument of its interface, so that type checkers
+    know the type of ``self.options``::
 
         class WireRenderer(Renderer[WireOptions]): ...
 
     Attributes:
-        options: as the user gave them, checked against the model that the component's record names.
+        options: the user's options, validated by the model that the component's record names.
     """
 
     def __init__(self, options: OptionsT) -> None:
@@ -35,14 +34,14 @@ class Component(ABC, Generic[OptionsT]):
 
 @contextlib.contextmanager
 def failures_named(kind: str, name: str) -> Iterator[None]:
-    """Name the component whose code runs in the block in any error that is not meant for the user.
+    """Turn unexpected errors in the block into a ComponentError that names the component.
 
-    Errors of POSSE and of the system (a full disk) pass as they are.
+    Errors of POSSE and of the operating system, such as a full disk, pass unchanged.
     """
     try:
         yield
     except (PosseError, OSError):
         raise
-    except Exception as error:  # any code of a third party
+    except Exception as error:  # third-party code can raise anything
         text = " ".join(str(error).split())
         raise ComponentError(f"{kind} {name!r} failed: {type(error).__name__}: {text}") from error

@@ -1,4 +1,4 @@
-"""Every extension point of POSSE, on one page.
+"""All extension points of POSSE.
 
 A plugin is an installed distribution with an entry point in the group ``posse`` whose object (a
 module, usually) has functions marked with ``@posse_core.hookimpl``::
@@ -14,10 +14,10 @@ module, usually) has functions marked with ``@posse_core.hookimpl``::
     def posse_renderers():
         return [ComponentSpec("wire", "wire frames", "posse_render_wire.wire:WireRenderer")]
 
-The collecting hooks, one for each kind of component (``posse_core/_plugins/kinds.py``), return lists of
-:class:`~posse_core.ComponentSpec`. They are called once, when plugins are loaded, so they must be cheap
-and must not import what the component needs. The observers are called as a run goes on, in the process
-that runs the command line; what they raise is reported as a warning, and the run continues.
+Each kind of component (``posse_core/_plugins/kinds.py``) has a hook that returns a list of
+:class:`~posse_core.ComponentSpec`. These hooks are called once, when plugins are loaded, so they must be
+fast and must not import what the component needs. The observer hooks are called during a run, in the
+process of the command line. An error in an observer is reported as a warning, and the run continues.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def posse_propagators() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
 
 @hookspec
 def posse_scenes() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
-    """Classes of :class:`posse_core.SceneSource`: spacecraft by name. Since 0.1."""
+    """Classes of :class:`posse_core.SceneSource`, which make spacecraft. Since 0.1."""
 
 
 @hookspec
@@ -70,7 +70,7 @@ def posse_writers() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
 
 @hookspec
 def posse_executors() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
-    """Classes of :class:`posse_core.Executor`: where frames are made. Since 0.1."""
+    """Classes of :class:`posse_core.Executor`, which make frames in workers. Since 0.1."""
 
 
 @hookspec
@@ -88,7 +88,7 @@ def posse_run_started(dataset: Path, frames: int) -> None:
 
 @hookspec
 def posse_frame_completed(index: int, labels: LabelLine) -> None:
-    """A frame's files are complete on disk; ``labels`` is its line in the shard. Since 0.1."""
+    """A frame's files are complete on disk; ``labels`` is its label line. Since 0.1."""
 
 
 @hookspec

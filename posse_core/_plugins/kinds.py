@@ -1,8 +1,8 @@
-"""The kinds of component: all that POSSE knows of each kind stands in one table.
+"""The kinds of component, in one table with everything that POSSE knows of each kind.
 
-Loading, the registry, ``posse describe``, ``posse plugins``, ``posse doctor``, the documentation and the
-conformance kit read it. Classes are named by strings and imported when they are first needed, so that
-listing what is installed stays cheap.
+The table is read by loading, the registry, ``posse describe``, ``posse plugins``, ``posse doctor``, the
+documentation and the conformance kit. It names classes by strings, which are imported when they are
+first needed, so that listing what is installed is fast.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from posse_core._plugins.options import nearest
 
 @dataclass(frozen=True)
 class Capability:
-    """What a component of a kind may claim in its record.
+    """A capability that components of a kind may declare in their records.
 
     Attributes:
         claim: one line of documentation.
-        interface: ``"module:Class"`` that the claim asks for, where the kind's own is not enough.
+        interface: ``"module:Class"`` that such components must implement, if not just the kind's own.
     """
 
     claim: str
@@ -35,11 +35,11 @@ class Kind:
 
     Attributes:
         name: as in ``posse describe renderer``.
-        hook: the function by which a plugin hands in its records of this kind.
-        interface: ``"module:Class"``; a component's class is a subclass of it. A subcommand's
-            factory is an instance of it instead.
+        hook: the function by which a plugin returns its records of this kind.
+        interface: ``"module:Class"``, of which a component's class is a subclass. The factory of a
+            subcommand is an instance of it instead.
         summary: one line of documentation.
-        capabilities: what a record may claim, by word.
+        capabilities: the capabilities that a record may declare, by name.
         conformance: ``"module:Class"`` of the tests that every component of the kind must pass.
     """
 
@@ -51,7 +51,7 @@ class Kind:
     conformance: str | None = None
 
     def unknown_capability(self, claimed: Iterable[str]) -> str | None:
-        """What is wrong with the first claim that this kind does not have, or None."""
+        """Return a message about the first capability that this kind does not have, or None."""
         for word in sorted(set(claimed) - self.capabilities.keys()):
             known = ", ".join(self.capabilities) or "none"
             hint = nearest(word, self.capabilities)
@@ -59,7 +59,7 @@ class Kind:
         return None
 
     def class_fault(self, found: object, claimed: Iterable[str] = ()) -> str | None:
-        """Why what a record's factory names cannot be a component with these capabilities, or None."""
+        """Return why an object cannot be a component with these capabilities, or None."""
         demands = {self.interface: ""}
         for word in sorted(claimed):
             demands.setdefault(self.capabilities[word].interface or self.interface, word)
@@ -78,13 +78,13 @@ class Kind:
 
 
 def import_target(target: str) -> Any:
-    """What ``"module:Name"`` names; whatever its import raises."""
+    """Import the object that ``"module:Name"`` names; errors of the import are passed on."""
     module_name, _, attribute = target.partition(":")
     return getattr(importlib.import_module(module_name), attribute)
 
 
 def shown(target: str) -> str:
-    """``"module:Class"`` as Python names it."""
+    """Return ``"module:Class"`` as Python writes it, ``module.Class``."""
     return target.replace(":", ".")
 
 
@@ -96,7 +96,7 @@ _KINDS = (
         "computes the motion of target and chaser",
         {
             "exact-two-body": Capability("agrees with Kepler motion to rounding"),
-            "own-frames": Capability("its motion may have other times than those asked for"),
+            "own-frames": Capability("its motion may have other times than the requested ones"),
         },
         "posse_core.testing:PropagatorConformance",
     ),
@@ -110,13 +110,13 @@ _KINDS = (
         "renderer",
         "posse_renderers",
         "posse_core:Renderer",
-        "makes the light that comes from the spacecraft",
+        "computes the radiance of the spacecraft",
         {
-            "path-traced": Capability("light is reflected between parts as often as it is in nature"),
-            "deterministic": Capability("the same request gives the same bits"),
+            "path-traced": Capability("includes all reflections between parts"),
+            "deterministic": Capability("the same request gives images equal to the bit"),
             "environment": Capability("the environment map lights the spacecraft"),
-            "depth": Capability("gives the depth of each pixel too"),
-            "gpu": Capability("works on a graphics card where there is one"),
+            "depth": Capability("returns the depth of each pixel too"),
+            "gpu": Capability("uses a GPU if there is one"),
         },
         "posse_core.testing:RendererConformance",
     ),
@@ -135,10 +135,10 @@ _KINDS = (
             "boxes": Capability("finds boxes", "posse_core:Detector"),
             "keypoints": Capability("finds keypoints in a box", "posse_core:KeypointFinder"),
             "train": Capability("can be trained on a dataset"),
-            "onnx": Capability("can be exported as ONNX"),
-            "int8": Capability("can be exported in eight bits too"),
+            "onnx": Capability("can be exported to ONNX"),
+            "int8": Capability("can also be exported to 8-bit ONNX"),
             ".onnx": Capability("reads ONNX files"),
-            "shipped": Capability("a trained model comes with it"),
+            "shipped": Capability("its plugin ships a trained model"),
         },
     ),
     Kind(
@@ -147,7 +147,7 @@ _KINDS = (
         "posse_core:Writer",
         "exports a dataset to a format that other tools read",
         {
-            "pinhole-only": Capability("the format cannot describe a lens that distorts"),
+            "pinhole-only": Capability("the format cannot describe lens distortion"),
             "labels-only": Capability(
                 "reads neither images nor arrays, so a run to a network store can use it"
             ),
@@ -157,7 +157,7 @@ _KINDS = (
         "executor",
         "posse_executors",
         "posse_core:Executor",
-        "spreads the frames of a run over workers",
+        "distributes the frames of a run over workers",
     ),
     Kind(
         "subcommand",
@@ -168,7 +168,7 @@ _KINDS = (
 )
 
 KINDS: Final[Mapping[str, Kind]] = {kind.name: kind for kind in _KINDS}
-"""Every kind, by its name."""
+"""All kinds by name."""
 
 RESERVED: Final[Mapping[str, Mapping[str, tuple[str, ...]]]] = {
     "posse-detect-onnx": {"plugin": ("detect_onnx",), "detector": ("onnx", "onnx-keypoints")},
@@ -178,12 +178,12 @@ RESERVED: Final[Mapping[str, Mapping[str, tuple[str, ...]]]] = {
     "posse-render-mitsuba": {"plugin": ("render_mitsuba",), "renderer": ("mitsuba",)},
     "posse-render-raster": {"plugin": ("render_raster",), "renderer": ("raster",)},
 }
-"""Official distribution → the names that it alone may have: its plugin's, and its components' by kind.
-The core's own names need no entry, since the core is loaded before every plugin."""
+"""Official distribution → the names reserved for it, of its plugin and of its components by kind.
+The built-in components need no entry, since the core is loaded before all plugins."""
 
 
 def reserved_for(kind: str, name: str) -> str | None:
-    """The official distribution that alone may have a component (or a "plugin") of this name."""
+    """Return the official distribution that a component's (or a "plugin"'s) name is reserved for."""
     for distribution, names in RESERVED.items():
         if name in names.get(kind, ()):
             return distribution

@@ -1,8 +1,8 @@
-"""Finding plugins, and keeping a bad one from harming the others.
+"""Loading plugins so that a faulty one does not affect the others.
 
-pluggy leaves this to its host: loading all entry points dies at the first ImportError, a failed
-registration leaves half a plugin behind, and one hook that raises loses the results of all. So each
-entry point is loaded alone, rolled back when it fails, and its hooks are called one at a time.
+With pluggy alone, loading all entry points stops at the first ImportError, a failed registration leaves
+a plugin half registered, and one hook that raises loses the results of all. Therefore each entry point
+is loaded on its own and removed again if it fails, and its hooks are called one at a time.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ State = Literal["ok", "disabled", "broken", "incompatible", "duplicate"]
 
 @dataclass(frozen=True)
 class PluginStatus:
-    """What became of one plugin."""
+    """The state of one plugin after loading."""
 
     dist: str
     version: str
@@ -40,7 +40,7 @@ class PluginStatus:
     state: State
     error: str = ""
     components: tuple[str, ...] = ()
-    """``"kind:name"`` of each component that it brought."""
+    """``"kind:name"`` of each of its components."""
 
 
 class _Refused(Exception):
@@ -50,7 +50,7 @@ class _Refused(Exception):
 
 
 class Plugins:
-    """All plugins of this process: the registry that they filled and what became of each."""
+    """All plugins of this process: the registry of their components, and the state of each."""
 
     def __init__(self, entry_points: Sequence[metadata.EntryPoint]) -> None:
         self.registry = Registry()
@@ -66,11 +66,11 @@ class Plugins:
                 if status.state not in ("ok", "disabled"):
                     raise ComponentError(
                         f"plugin {status.name!r} of {status.dist} is {status.state}: {status.error}"
-                        " (POSSE_STRICT_PLUGINS=1; disable it by POSSE_DISABLE_PLUGINS)"
+                        " (POSSE_STRICT_PLUGINS=1; disable it with POSSE_DISABLE_PLUGINS)"
                     )
 
     def notify(self, hook: str, **arguments: Any) -> None:
-        """Call all observers of ``hook``; what one raises is a warning, and the next is called."""
+        """Call all observers of ``hook``. An error in one becomes a warning, and the next is called."""
         for implementation in getattr(self._manager.hook, hook).get_hookimpls():
             wanted = {name: arguments[name] for name in implementation.argnames}
             try:
@@ -91,10 +91,10 @@ class Plugins:
             _refuse_reserved("plugin", name, dist_name)
             if self._manager.has_plugin(name):
                 other = next(s.dist for s in self.statuses if s.name == name)
-                raise _Refused("duplicate", f"{other} has a plugin of this name already")
+                raise _Refused("duplicate", f"{other} already has a plugin of this name")
             try:
                 plugin = entry_point.load()
-            except (Exception, SystemExit) as error:  # an import runs any code of a third party
+            except (Exception, SystemExit) as error:  # imported third-party code can raise anything
                 raise _Refused("broken", _described(error)) from error
             self._take(plugin, name, dist_name, version)
         except _Refused as refusal:
@@ -104,11 +104,11 @@ class Plugins:
                 self.registry.broken[name] = f"{refusal.state}: {refusal}"
 
     def _take(self, plugin: Any, name: str, dist: str, version: str) -> None:
-        """Register a plugin and its components, or leave no trace of it."""
+        """Register a plugin and its components, or leave the registry unchanged."""
         try:
             self._manager.register(plugin, name)
             _refuse_wrong_marks(plugin)
-        except (Exception, SystemExit) as error:  # a module's __getattr__ runs any code, too
+        except (Exception, SystemExit) as error:  # a module's __getattr__ can raise anything
             if self._manager.has_plugin(name):
                 self._manager.unregister(name=name)
             if isinstance(error, ValueError | pluggy.PluginValidationError):
@@ -133,7 +133,7 @@ class Plugins:
                     continue
                 try:
                     specs = list(implementation.function())
-                except (Exception, SystemExit) as error:  # any code of a third party
+                except (Exception, SystemExit) as error:  # third-party code can raise anything
                     raise _Refused("broken", f"{kind.hook}: {_described(error)}") from error
                 for spec in specs:
                     self._check(spec, kind)
@@ -162,8 +162,8 @@ class Plugins:
         if spec.api != API_VERSION:
             raise _Refused(
                 "incompatible",
-                f"{kind.name} {spec.name!r} was written for version {spec.api} of the interfaces, and"
-                f" this core has version {API_VERSION}; install releases of the two that go together",
+                f"{kind.name} {spec.name!r} was written for version {spec.api} of the interfaces, but"
+                f" this core has version {API_VERSION}; install matching releases of the two",
             )
         unknown = kind.unknown_capability(spec.capabilities)
         if unknown:
@@ -177,7 +177,7 @@ def _refuse_reserved(kind: str, name: str, dist: str) -> None:
 
 
 def _refuse_wrong_marks(plugin: Any) -> None:
-    """pluggy would ignore a marked function that no hook has, and a hook's function without a mark."""
+    """Refuse marked functions that are no hooks, and hooks without a mark; pluggy would ignore them."""
     known = [name for name in vars(hookspecs) if name.startswith("posse_")]
     marked = 0
     for name in dir(plugin):
@@ -210,5 +210,5 @@ def _names(text: str) -> set[str]:
 
 @cache
 def load_plugins() -> Plugins:
-    """The plugins of this process, loaded once."""
+    """Load the plugins of this process once, and return them."""
     return Plugins(tuple(metadata.entry_points(group=GROUP)))

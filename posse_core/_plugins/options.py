@@ -1,4 +1,4 @@
-"""Options of components: pydantic models that forbid unknown keys, and how their errors are told."""
+"""Options of components, which are pydantic models without unknown keys, and their error messages."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from posse_core._errors import InputError
 
 
 class Options(BaseModel):
-    """Base of every component's options: frozen, unknown keys forbidden, NaN and infinity refused."""
+    """Base class of options: frozen, without unknown keys, NaN and infinity."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class NoOptions(Options):
-    """For a component without options."""
+    """The options of a component that has none."""
 
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """A hint such as ``; did you mean 'spp'?``, or the empty string when nothing is near."""
+    """Return a hint such as ``; did you mean 'spp'?``, or an empty string if no name is similar."""
     close = difflib.get_close_matches(name, list(known), n=1, cutoff=0.5)
     return f"; did you mean {close[0]!r}?" if close else ""
 
@@ -35,13 +35,13 @@ def validated(
     raw: Mapping[str, Any],
     where: Callable[[tuple[int | str, ...]], str],
 ) -> ModelT:
-    """Check ``raw`` against ``model``.
+    """Validate ``raw`` by ``model``.
 
-    ``where`` turns the path of a key, such as ``("orbit", "tle")``, into words for the message
-    ("s.yaml, line 3: orbit.tle").
+    ``where`` converts the path of a key, such as ``("orbit", "tle")``, to text for the message, such as
+    "s.yaml, line 3: orbit.tle".
 
     Raises:
-        InputError: one line for the first thing that is wrong, with the way out.
+        InputError: A value is wrong; the message is one line about the first fault and its remedy.
     """
     try:
         return model.model_validate(raw)
@@ -55,7 +55,7 @@ def _explain(
     error: ValidationError,
     where: Callable[[tuple[int | str, ...]], str],
 ) -> str:
-    # An unknown key is the likelier cause of whatever else is wrong beside it.
+    # An unknown key is reported first, since it is often the cause of the other faults.
     first = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
     path = tuple(first["loc"])
     if first["type"] == "extra_forbidden":
@@ -77,13 +77,13 @@ def _short(value: Any) -> str:
 
 
 def _known_keys(model: type[BaseModel], path: tuple[int | str, ...]) -> list[str]:
-    """Keys that the model at ``path`` below ``model`` accepts."""
+    """Return the keys that the model at ``path`` inside ``model`` accepts."""
     models = [model]
     for step in path:
         fields = [m.model_fields[str(step)] for m in models if str(step) in m.model_fields]
         if fields:
             models = [inner for field in fields for inner in _models_in(field.annotation)] or models
-        else:  # pydantic puts the tag that chose a member of a union into the path
+        else:  # pydantic includes the tag that selects a member of a union in the path
             models = [
                 m for m in models if step in (f.default for f in m.model_fields.values())
             ] or models

@@ -1,7 +1,7 @@
-"""Components by kind and name: records that plugins hand in, and how one is made from its record.
+"""The registry of components by kind and name: the records of plugins, and making a component from one.
 
 A record names its class by a string, ``"module:Class"``, which is imported when the component is
-first made. So listing what is installed imports no renderer and no deep-learning library.
+first made. Listing what is installed therefore imports no renderer and no deep-learning library.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from posse_core._plugins.kinds import KINDS, import_target, shown
 from posse_core._plugins.options import nearest, validated
 
 API_VERSION: Final = 2
-"""Version of the interfaces of :mod:`posse_core`; a record for another one is refused.
+"""Version of the interfaces of :mod:`posse_core`; records for another version are refused.
 
 Version 2 came with ``Component[Options]``, ``PropagationProblem``, ``LabelLine``, and a
 ``RenderRequest`` that holds the craft's state alone.
@@ -33,17 +33,16 @@ _TARGET = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 
 @dataclass(frozen=True)
 class ComponentSpec:
-    """What a plugin says of one component.
+    """The record by which a plugin describes one component.
 
     Attributes:
-        name: what the user writes (``--renderer mitsuba``); lower case, digits, ``.``, ``_``, ``-``.
-        summary: one line for ``posse plugins`` and ``posse describe``.
-        factory: ``"module:Class"``; the class is called with one argument, its options. For a
+        name: the name that users write (``--renderer mitsuba``): lower case, digits, ``.``, ``_``,
+        ``-``. summary: one line for ``posse plugins`` and ``posse describe``. factory:
+        ``"module:Class"``; the class is called with one argument, its options. For a
             subcommand it is a :class:`click.Command`.
-        options: ``"module:Model"``, a subclass of :class:`posse_core.Options`. Its module must be cheap
-            to import.
-        capabilities: what the component can do beyond its interface, in the words that
-            ``posse describe KIND`` lists.
+        options: ``"module:Model"``, a subclass of :class:`posse_core.Options`. Importing its module must
+            be fast.
+        capabilities: capabilities of the component, out of those that ``posse describe KIND`` lists.
         api: the :data:`API_VERSION` that the component was written for.
     """
 
@@ -55,7 +54,7 @@ class ComponentSpec:
     api: int = API_VERSION
 
     def problem(self) -> str | None:
-        """What is wrong with this record, or None."""
+        """Return what is wrong with this record, or None."""
         if not isinstance(self.name, str) or not _NAME.fullmatch(self.name):
             return f"the name {self.name!r} is not lower-case letters, digits, '.', '_', '-'"
         for key in ("factory", "options"):
@@ -69,20 +68,20 @@ class ComponentSpec:
 
 @dataclass
 class Registry:
-    """Records by kind and name, each with the plugin that it came from."""
+    """The records of all components by kind and name, with the plugin of each."""
 
     _specs: dict[str, dict[str, tuple[ComponentSpec, str]]] = field(
         default_factory=lambda: {kind: {} for kind in KINDS}
     )
     broken: dict[str, str] = field(default_factory=dict)
-    """Cause by name of each plugin that could not be loaded: quoted when a name is not found."""
+    """Name of each plugin that could not be loaded → the cause, which messages quote."""
 
     def add(self, kind: str, spec: ComponentSpec, plugin: str) -> None:
-        """Enter a record; the caller has made sure that the name is free."""
+        """Add a record, whose name must be free."""
         self._specs[kind][spec.name] = (spec, plugin)
 
     def owner(self, kind: str, name: str) -> str | None:
-        """The plugin that a component came from, or None if there is no such component."""
+        """Return the plugin of a component, or None if there is no such component."""
         entry = self._specs[kind].get(name)
         return entry[1] if entry else None
 
@@ -96,15 +95,15 @@ class Registry:
             yield self._specs[kind][name][0]
 
     def names(self, kind: str) -> list[str]:
-        """The names of a kind, sorted."""
+        """Return the sorted names of a kind."""
         return sorted(self._specs[kind])
 
     def spec(self, kind: str, name: str) -> ComponentSpec:
-        """The record of a component.
+        """Return the record of a component.
 
         Raises:
-            InputError: no such name; the message has the nearest one, what is installed, and the
-                cause where a broken plugin may have been meant.
+            InputError: There is no such name. The message has the most similar name, the installed ones,
+                and the error of a broken plugin that may have been meant.
         """
         entry = self._specs[kind].get(name)
         if entry is not None:
@@ -118,7 +117,7 @@ class Registry:
         raise InputError(message)
 
     def options_model(self, kind: str, name: str) -> type[BaseModel]:
-        """The pydantic model of a component's options."""
+        """Return the pydantic model of a component's options."""
         spec = self.spec(kind, name)
         model = self._import(spec.options, kind, name)
         if not (isinstance(model, type) and issubclass(model, BaseModel)):
@@ -128,25 +127,26 @@ class Registry:
     def options(
         self, kind: str, name: str, raw: Mapping[str, Any], where: str | None = None
     ) -> BaseModel:
-        """Check options given by the user.
+        """Validate options that the user gave.
 
         Args:
+            kind, name: of the component.
             raw: key → value, without ``name``.
-            where: how the message names the place; ``"renderer"`` gives ``renderer.spp: ...``.
+            where: prefix of keys in messages; ``"renderer"`` gives ``renderer.spp: ...``.
         """
-        place = where or kind
+        prefix = where or kind
         return validated(
             self.options_model(kind, name),
             raw,
-            lambda path: ".".join([place, *(str(step) for step in path)]),
+            lambda path: ".".join([prefix, *(str(step) for step in path)]),
         )
 
     def create(self, kind: str, name: str, options: BaseModel | None = None) -> Any:
-        """Import a component's class and call it with its options (the defaults, if None).
+        """Import a component's class and make the component with options (the defaults if None).
 
         Raises:
-            InputError: no such name.
-            ComponentError: its class cannot be imported, is not of this kind, or cannot be made; the
+            InputError: There is no such name.
+            ComponentError: The class cannot be imported, is not of this kind, or cannot be made; the
                 message names plugin, component and cause.
         """
         factory = self.load(kind, name)
@@ -155,17 +155,17 @@ class Registry:
             return factory(given)
         except PosseError:
             raise
-        except (Exception, SystemExit) as error:  # any code of a third party
+        except (Exception, SystemExit) as error:  # third-party code can raise anything
             raise ComponentError(
                 f"{self._called(kind, name)} cannot be made: {type(error).__name__}: {error}"
             ) from error
 
     def load(self, kind: str, name: str) -> Any:
-        """Import what a record's ``factory`` names, without calling it.
+        """Import the object that a record's ``factory`` names, without calling it.
 
         Raises:
-            InputError: no such name.
-            ComponentError: as of :meth:`create`.
+            InputError: There is no such name.
+            ComponentError: See :meth:`create`.
         """
         spec = self.spec(kind, name)
         found = self._import(spec.factory, kind, name)
@@ -177,7 +177,7 @@ class Registry:
     def _import(self, target: str, kind: str, name: str) -> Any:
         try:
             return import_target(target)
-        except (Exception, SystemExit) as error:  # an import runs any code of a third party
+        except (Exception, SystemExit) as error:  # imported third-party code can raise anything
             raise ComponentError(
                 f"{self._called(kind, name)} cannot be loaded: {type(error).__name__}: {error}"
                 " (see 'posse doctor')"

@@ -39,7 +39,7 @@ BAD = {
         "incompatible",
         "renderer 'earlier' was written for version 1 of the interfaces, and this core has version 2;",
     ),
-    "posse-same-entry": ("duplicate", "posse-plain has a plugin of this name already"),
+    "posse-same-entry": ("duplicate", "posse-plain already has a plugin of this name"),
     "posse-raises": ("broken", "posse_writers: RuntimeError: no luck"),
     "posse-misspelt": (
         "incompatible",

@@ -145,7 +145,7 @@ def test_bad_input_is_told_in_one_line(folder):
     with pytest.raises(InputError, match="has no part 'test'; it has all"):
         coco.part("test")
     change(folder, lambda v: v["images"][1].update(width=320))
-    with pytest.raises(InputError, match=r"000001.png: is 160 × 120 pixels, where .* 320 × 120"):
+    with pytest.raises(InputError, match=r"000001.png: is 160 × 120 pixels, but .* 320 × 120"):
         open_dataset(folder).image(1)
     (folder / "valid.json").unlink()
     assert open_dataset(folder).part("valid") == []

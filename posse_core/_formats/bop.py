@@ -17,14 +17,14 @@ from posse_core._dataset.mesh import Mesh
 from posse_core._errors import InputError
 from posse_core._files.atomic import write_bytes, write_json
 from posse_core._files.text import text_file, write_members
-from posse_core._formats.images import place, write_png
+from posse_core._formats.images import link_or_copy, write_png
 from posse_core._formats.needs import labels_with
 from posse_core._interfaces.writer import Writer
 from posse_core._model.label_line import Box, LabelLine
 
 NEEDS = ("q_cam_from_body", "t_body_cam_m", "mask_rle", "box_visible_px", "box_whole_px")
 DEPTH_STEPS = 65535
-"""Largest number of a 16-bit depth image; 0 stands for no depth."""
+"""Largest value of a 16-bit depth image; 0 means no depth."""
 _FOLDERS = dict(zip(PARTS, ("train", "val", "test"), strict=True))
 _NO_BOX = [-1, -1, -1, -1]
 _PLY_HEADER = """ply
@@ -41,23 +41,24 @@ end_header
 
 
 class BopWriter(Writer):
-    """Writes ``bop/``: ``camera.json``, ``models/``, and one scene ``000000`` in each of ``train/``,
-    ``val/`` and ``test/`` (all in ``train/`` where the dataset has not been divided).
+    """Writes ``bop/``: ``camera.json``, ``models/`` and the scenes.
 
-    An image's id is its frame's index, an object's id the place of its name in alphabetical order, from
-    1. The model's origin is the centre of mass, not the middle of its box. Each depth image has a scale
-    of its own, so that the farthest depth the craft can have in it is the largest number.
+    There is one scene ``000000`` in each of ``train/``, ``val/`` and ``test/``; without a partition all
+    frames are in ``train/``. The id of an image is the index of its frame. The id of an object is its
+    number in alphabetical order, counted from 1. The origin of the model is the centre of mass, not the
+    centre of its box. Each depth image has its own scale, by which the largest possible depth of the
+    spacecraft becomes the largest value.
     """
 
     def write(self, dataset: Dataset, folder: Path) -> Sequence[Path]:
         """Write the folder ``bop``.
 
         Raises:
-            InputError: the camera's lens distorts, or a frame lacks a label.
+            InputError: The camera's lens has distortion, or a frame lacks a label.
         """
         if dataset.camera.distortion is not None:
             raise InputError(
-                f"{dataset.folder}: BOP knows pinholes only, and camera.distortion is"
+                f"{dataset.folder}: BOP supports pinhole cameras only, but camera.distortion is"
                 f" {dataset.camera.distortion_coefficients.tolist()}; export coco or speed, or make the"
                 " dataset without distortion"
             )
@@ -124,7 +125,7 @@ def _write_scene(dataset: Dataset, objects: dict[str, int], positions: list[int]
         (scene / part).mkdir(parents=True, exist_ok=True)
     for labels in labels_with(dataset, "BOP", NEEDS, positions):
         index = labels.index
-        place(dataset.folder / labels.image, scene / pictures / f"{index:06d}.png")
+        link_or_copy(dataset.folder / labels.image, scene / pictures / f"{index:06d}.png")
         mask = labels.mask_rle.mask().astype(np.uint8) * 255
         for part in ("mask", "mask_visib"):
             write_png(scene / part / f"{index:06d}_000000.png", mask)
@@ -150,7 +151,7 @@ def _members(
 
 
 def _depth_scale_mm(dataset: Dataset, labels: LabelLine) -> float:
-    """Millimetres a step, so that the sphere about the craft fits."""
+    """Return the millimetres per step, so that the sphere about the spacecraft fits the values."""
     vertices = dataset.mesh(labels.spacecraft).vertices_body_m
     radius_m = float(np.sqrt((vertices**2).sum(axis=1).max()))
     farthest_m = max(labels.t_body_cam_m[2], 0.0) + radius_m
@@ -201,7 +202,7 @@ def _info_record(dataset: Dataset, labels: LabelLine, objects: dict[str, int]) -
 
 
 def _pixels_of(box_px: Box | None) -> list[int]:
-    """Whole pixels whose centres are in a box of projections."""
+    """Return the box of the pixels whose centres are inside a box of projected vertices."""
     if box_px is None:
         return _NO_BOX
     x, y, width, height = box_px
@@ -210,9 +211,10 @@ def _pixels_of(box_px: Box | None) -> list[int]:
 
 
 def read_bop(folder: Path) -> Iterator[tuple[LabelLine, dict[str, FloatArray | BoolArray]]]:
-    """Labels and arrays of every image below a folder ``bop``, as a dataset has them.
+    """Read the labels and arrays of every image in a folder ``bop``, in the form of a dataset's own.
 
-    Arrays: ``mask`` (H, W) bool; ``depth_m`` (H, W), NaN where none; ``depth_step_m`` () its resolution.
+    The arrays are ``mask`` (H, W) bool, ``depth_m`` (H, W), which is NaN without depth, and
+    ``depth_step_m`` (), the resolution of the depth.
     """
     infos = read_json(folder / "models" / "models_info.json")
     for scene in sorted(path.parent for path in folder.glob("*/*/scene_gt.json")):

@@ -1,6 +1,6 @@
 """COCO: boxes, segmentation and keypoints in one ``coco.json`` (Lin et al. 2014, and cocodataset.org).
 
-A keypoint that is outside the image is unlabelled in COCO's sense: 0, 0, 0.
+A keypoint outside the image is written as COCO's unlabelled keypoint: 0, 0, 0.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from posse_core._interfaces.writer import Writer
 from posse_core._model.labels import NOT_IN_FRAME
 
 KEYPOINT_SIGMA = 0.025
-"""Of the object keypoint similarity, for every keypoint: that of COCO's best placed one, the eye."""
+"""Sigma of the object keypoint similarity for all keypoints: that of the eye, COCO's smallest."""
 
 NEEDS = ("box_visible_px",)
 
 
 class CocoWriter(Writer):
-    """Writes ``coco.json``; pycocotools loads it as it is.
+    """Writes ``coco.json``, which pycocotools loads.
 
-    An image's id is its frame's index. A frame in which nothing of the craft is seen has an image and
-    no annotation. Without the annotators ``mask`` and ``keypoints`` those members are left out, and
-    the area is the box's.
+    The id of an image is the index of its frame. A frame in which the spacecraft is not visible has an
+    image but no annotation. Without the annotators ``mask`` and ``keypoints`` these members are left
+    out, and the area is that of the box.
     """
 
     def write(self, dataset: Dataset, folder: Path) -> Sequence[Path]:
@@ -86,12 +86,12 @@ def _annotations(dataset: Dataset, category: dict[str, int]) -> Iterator[dict[st
 
 
 def _category(craft: SpacecraftInfo, id_: int) -> dict[str, Any]:
-    place = {name: i for i, name in enumerate(craft.keypoints_body_m, 1)}
+    number = {name: i for i, name in enumerate(craft.keypoints_body_m, 1)}
     return {
         "id": id_,
         "name": craft.name,
         "supercategory": "spacecraft",
-        "keypoints": list(place),
-        "skeleton": [[place[a], place[b]] for a, b in craft.skeleton],
-        "sigmas": [KEYPOINT_SIGMA] * len(place),
+        "keypoints": list(number),
+        "skeleton": [[number[a], number[b]] for a, b in craft.skeleton],
+        "sigmas": [KEYPOINT_SIGMA] * len(number),
     }

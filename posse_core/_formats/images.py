@@ -1,4 +1,4 @@
-"""Images placed where a format wants them, without taking the disk a second time where that can be."""
+"""Writing images to the paths that a format prescribes, by hard links where possible."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from posse_core._arrays import AnyArray
 from posse_core._files.atomic import write_bytes
 
 
-def place(source: Path, target: Path) -> None:
-    """Make ``target`` the same file as ``source``: a hard link, or a copy where there are none."""
+def link_or_copy(source: Path, target: Path) -> None:
+    """Make ``target`` a hard link to ``source``, or a copy if links are not possible."""
     if target.exists() and target.samefile(source):
         return
     target.unlink(missing_ok=True)
@@ -26,6 +26,6 @@ def place(source: Path, target: Path) -> None:
 
 
 def write_png(path: Path, image: AnyArray) -> None:
-    """Write (H, W) uint8 or uint16 as PNG, atomically."""
+    """Write an image (H, W), uint8 or uint16, as PNG atomically."""
     _, data = cv2.imencode(".png", image)
     write_bytes(path, data.tobytes())

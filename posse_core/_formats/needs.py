@@ -1,4 +1,4 @@
-"""The labels that a format needs, frame by frame."""
+"""Checks that frames have the labels that a format needs."""
 
 from __future__ import annotations
 
@@ -12,14 +12,16 @@ from posse_core._model.label_line import LabelLine, annotator_of
 def labels_with(
     dataset: Dataset, format_name: str, needs: Sequence[str], positions: Iterable[int] | None = None
 ) -> Iterator[LabelLine]:
-    """Every frame's labels, each checked to have what the format needs.
+    """Yield the labels of frames after checking that they have what the format needs.
 
     Args:
-        needs: names of labels.
-        positions: of the frames; all, if None.
+        dataset: the dataset.
+        format_name: name of the format, for the message.
+        needs: names of the labels.
+        positions: of the frames; all if None.
 
     Raises:
-        InputError: a label is missing; the message names its annotator.
+        InputError: A label is missing; the message names its annotator.
     """
     for labels in dataset if positions is None else map(dataset.__getitem__, positions):
         for name in needs:

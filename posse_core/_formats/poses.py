@@ -1,4 +1,4 @@
-"""Poses from the labels of other datasets: SPEED, SPEED+ and URSO."""
+"""Reading poses from the labels of other datasets: SPEED, SPEED+ and URSO."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from posse_core._model.camera import Camera
 from posse_core._model.poses import Poses
 
 _QUATERNION_LENGTH_ERROR = 1e-3
-"""Largest difference of a quaternion's length from 1."""
+"""Largest allowed difference of a quaternion's length from 1."""
 
 
 def read_poses(path: Path) -> Poses:
-    """Read SPEED's or SPEED+'s JSON, or URSO's ``PART_poses_gt.csv``.
+    """Read the JSON labels of SPEED or SPEED+, or ``PART_poses_gt.csv`` of URSO.
 
     Raises:
-        InputError: the file is missing or of another kind, or an entry is not a pose.
+        InputError: The file is missing or of another kind, or an entry is not a pose.
     """
     try:
         entries = list(read_urso(path) if is_urso(path) else read_speed(path))
@@ -46,10 +46,10 @@ def read_poses(path: Path) -> Poses:
 
 
 def camera_beside(labels: Path) -> Camera | None:
-    """The camera by SPEED+'s ``camera.json``, in the labels' folder or the one above; None without one.
+    """Read SPEED+'s ``camera.json`` in the labels' folder or the one above; None if there is none.
 
     Raises:
-        InputError: it cannot be read.
+        InputError: The file cannot be read.
     """
     for folder in (labels.parent, labels.absolute().parent.parent):
         if (folder / "camera.json").exists():

@@ -19,7 +19,7 @@ NEEDS = ("q_cam_from_body", "t_body_cam_m")
 
 
 class SpeedWriter(Writer):
-    """Writes ``speed.json`` with SPEED+'s keys; ``camera.json`` of the dataset is its other half."""
+    """Writes ``speed.json`` with the keys of SPEED+; the dataset's ``camera.json`` complements it."""
 
     def write(self, dataset: Dataset, folder: Path) -> Sequence[Path]:
         """Write ``speed.json``."""
@@ -39,7 +39,7 @@ class SpeedWriter(Writer):
 
 
 def read_speed(path: Path) -> Iterator[NamedPose]:
-    """Image and pose of every entry of SPEED or SPEED+."""
+    """Read the image name and pose of every entry of SPEED or SPEED+."""
     for entry in json.loads(path.read_text(encoding="utf-8")):
         q = entry["q_vbs2tango_true"] if "q_vbs2tango_true" in entry else entry["q_vbs2tango"]
         yield NamedPose(entry["filename"], q, entry["r_Vo2To_vbs_true"])

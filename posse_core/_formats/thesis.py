@@ -1,6 +1,6 @@
-"""The files of the thesis (Sections 3.2, 3.4.2, 3.4.3 and 3.5): what its tools and networks read.
+"""The files of the thesis (Sections 3.2, 3.4.2, 3.4.3 and 3.5), which its tools and networks read.
 
-Where the thesis leaves a frame or a unit open, it stands in the column's name here.
+Where the thesis does not state axes or units, the names of the columns do.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ POINTS_COLUMNS = (
     *("earth_eci_x_m", "earth_eci_y_m", "earth_eci_z_m"),
     *("earth_reflected_w_m2", "earth_rotation_rad"),
 )
-"""The eight outputs of the thesis' propagator, in its order; vectors start at the target."""
+"""The eight outputs of the thesis' propagator in its order; vectors are relative to the target."""
 POSE_COLUMNS = (
     *("camera_body_x_m", "camera_body_y_m", "camera_body_z_m"),
     *("q_body_from_cam_w", "q_body_from_cam_x", "q_body_from_cam_y", "q_body_from_cam_z"),
@@ -61,7 +61,7 @@ class ThesisWriter(Writer):
 
 
 def points_rows(trajectory: Trajectory, indices: Iterable[int]) -> Iterator[list[float]]:
-    """Rows of ``points.csv`` for these frames."""
+    """Yield the rows of ``points.csv`` for these frames."""
     for i in indices:
         r_lvlh_m = frames.R_LVLH_FROM_RTN @ trajectory.r_chaser_rtn_m[i]
         r_target_m = trajectory.r_target_eci_m[i]
@@ -80,7 +80,7 @@ def points_rows(trajectory: Trajectory, indices: Iterable[int]) -> Iterator[list
 
 
 def camera_pose(labels: LabelLine) -> list[float]:
-    """Camera's place (metres) and attitude (scalar first) in the body frame, as in ``POSE_COLUMNS``."""
+    """Return the camera's position (m) and attitude (scalar first), body axes, as ``POSE_COLUMNS``."""
     R_cam_from_body = frames.matrix_from_quaternion(np.array(labels.q_cam_from_body))
     r_camera_body_m = -R_cam_from_body.T @ np.array(labels.t_body_cam_m)
     w, x, y, z = labels.q_cam_from_body
@@ -92,7 +92,7 @@ def _labels(dataset: Dataset) -> Iterator[LabelLine]:
 
 
 def _anchors(labels: LabelLine) -> list[list[float]] | None:
-    """Top-left and bottom-right pixel of the box; None where the craft is not seen."""
+    """Return the top-left and bottom-right pixel of the box; None if the spacecraft is not visible."""
     if labels.box_visible_px is None:
         return None
     x, y, width, height = labels.box_visible_px

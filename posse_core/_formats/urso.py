@@ -1,9 +1,10 @@
 """URSO's poses: ``PART_poses_gt.csv`` with columns x, y, z, q1 … q4, and ``PART_images.csv`` beside it
 (Proença and Gao 2020, doi:10.1109/ICRA40945.2020.9197244).
 
-As UrsoNet, by the same authors, draws a pose: place and attitude are in left-handed axes, the camera's x
-right, y up, z forward, the craft's those of the Unreal Engine, whose y is that of the mesh reversed; the
-quaternion has its scalar last, and the matrix of a turn of axes (JPL's convention).
+The conventions are those by which UrsoNet, of the same authors, draws a pose. Position and attitude are
+in left-handed axes. The camera's axes are x right, y up, z forward. Those of the spacecraft are the
+Unreal Engine's, whose y is opposite to the mesh's. The quaternion has its scalar last and describes a
+rotation of axes (JPL's convention).
 """
 
 from __future__ import annotations
@@ -18,15 +19,15 @@ _POSES = "_poses_gt.csv"
 
 
 def is_urso(path: Path) -> bool:
-    """Whether a file's name is one of URSO's lists of poses."""
+    """Say whether a file's name is that of a list of poses of URSO."""
     return path.name.endswith(_POSES)
 
 
 def read_urso(path: Path) -> Iterator[NamedPose]:
-    """Image and pose of every row.
+    """Read the image name and pose of every row.
 
-    With F = diag(1, −1, 1) between the left-handed axes and ours, on both sides, JPL's matrix of
-    (q1, q2, q3, q4) becomes that of the quaternion (q4, q1, −q2, q3), and the place F r.
+    F = diag(1, −1, 1) converts between the left-handed axes and ours on both sides. JPL's matrix of (q1,
+    q2, q3, q4) thereby becomes that of the quaternion (q4, q1, −q2, q3), and the position becomes F r.
     """
     images = path.with_name(path.name.removesuffix(_POSES) + "_images.csv")
     names = images.read_text(encoding="utf-8").splitlines() if images.exists() else None

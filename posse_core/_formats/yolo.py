@@ -1,6 +1,6 @@
-"""YOLO-pose: a text file an image, ``class cx cy w h (x y visibility) …``, as shares of the image.
+"""YOLO-pose: a text file per image with ``class cx cy w h (x y visibility) …`` as shares of the image.
 
-A share of 0 is the image's left or upper border, so a pixel's centre u is at (u + ½)/width.
+The share 0 is the image's left or upper border, so the centre u of a pixel is at (u + ½)/width.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.layout import PARTS
 from posse_core._errors import InputError
 from posse_core._files.atomic import write_bytes
-from posse_core._formats.images import place
+from posse_core._formats.images import link_or_copy
 from posse_core._formats.needs import labels_with
 from posse_core._interfaces.writer import Writer
 from posse_core._model.camera import Camera
@@ -25,18 +25,18 @@ from posse_core._model.labels import NOT_IN_FRAME
 NEEDS = ("box_visible_px", "keypoints")
 
 _HEADER = """\
-# Train with fliplr=0 and flipud=0: a mirrored spacecraft is another one, and flip_idx exchanges nothing.
+# Train with fliplr=0 and flipud=0: a mirror image is another spacecraft, and flip_idx exchanges nothing.
 """
 _UNDIVIDED = """\
-# Not divided: all frames serve all three uses. Run 'posse partition', and export again.
+# Not divided: each part has all frames. Run 'posse partition' and export again.
 """
 
 
 class YoloWriter(Writer):
     """Writes ``yolo/`` with ``data.yaml``, ``images/``, ``labels/`` and a list of images for each part.
 
-    A frame that shows nothing of the craft has an empty file. Of two spacecraft with unlike numbers of
-    keypoints, the one with fewer is filled up with keypoints outside the image.
+    A frame in which the spacecraft is not visible has an empty file. Spacecraft with fewer keypoints
+    than others are padded with keypoints outside the image.
     """
 
     def write(self, dataset: Dataset, folder: Path) -> Sequence[Path]:
@@ -51,7 +51,7 @@ class YoloWriter(Writer):
         classes = {craft.name: i for i, craft in enumerate(crafts)}
         for labels in labels_with(dataset, "YOLO-pose", NEEDS):
             image = dataset.folder / labels.image
-            place(image, out / "images" / image.name)
+            link_or_copy(image, out / "images" / image.name)
             row = _row(dataset, labels, classes[labels.spacecraft], count)
             write_bytes(out / "labels" / f"{image.stem}.txt", row.encode())
         parts = {part: dataset.part(part) if dataset.is_divided else None for part in PARTS}
@@ -95,9 +95,9 @@ def _row(dataset: Dataset, labels: LabelLine, class_: int, count: int) -> str:
 
 
 def read_yolo(folder: Path, camera: Camera) -> Iterator[LabelLine]:
-    """The labels of every text file beside a ``data.yaml``, numbered from 0.
+    """Read the labels of every text file beside a ``data.yaml``, with indices from 0.
 
-    An empty file has the box null. Keypoints outside the image are left out.
+    The box of an empty file is null. Keypoints outside the image are left out.
     """
     data = yaml.safe_load((folder / "data.yaml").read_text(encoding="utf-8"))
     size = (camera.width_px, camera.height_px)

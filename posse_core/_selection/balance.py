@@ -1,4 +1,4 @@
-"""Frames thinned until bins hold alike many: of classes, ranges, viewing directions."""
+"""Balancing of frames, so that bins of class, range and viewing direction have equal numbers."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from posse_core._randomness import random_generator
 
 RANGES_PER_OCTAVE = 2
 BANDS, SECTORS = 4, 8
-"""Of the sphere of viewing directions: bands of equal height along body z, hence of equal area, and
-sectors about it."""
+"""Bins of viewing directions: bands of equal height along body z, which have equal areas, and sectors
+about that axis."""
 
 
 Bin = tuple[int | str, ...]
@@ -28,8 +28,15 @@ Bin = tuple[int | str, ...]
 
 @dataclass(frozen=True)
 class Axis:
-    """``bin_of`` gives the bin of a frame by its labels, of which it needs some; ``name_of`` says which
-    it is."""
+    """A property of frames that is divided into bins.
+
+    Attributes:
+        name: of the axis.
+        why: one line of documentation.
+        bin_of: returns the bin of a frame from its labels.
+        name_of: returns the name of a bin.
+        needs: names of the labels that ``bin_of`` needs.
+    """
 
     name: str
     why: str
@@ -86,17 +93,17 @@ AXES = {
         ),
     )
 }
-"""By name, in the order in which a bin names them."""
+"""All axes by name, in the order of a bin's elements."""
 
 
 @dataclass(frozen=True)
 class Balance:
-    """What is balanced, and to what number of frames.
+    """How frames are balanced.
 
     Attributes:
-        axes: their bins are crossed.
-        frames: how many to keep; None for as many as leave all bins exactly alike.
-        seed: of the choice within a bin.
+        axes: axes whose bins are combined.
+        frames: number of frames to keep; None for the largest number with equal bins.
+        seed: of the random choice within a bin.
     """
 
     axes: Sequence[Axis]
@@ -105,46 +112,47 @@ class Balance:
 
     @property
     def why(self) -> str:
-        """For the manifest."""
+        """Description of the balance for the manifest."""
         even = "even" if self.frames is None else f"{self.frames} frames, as even as possible"
         return f"{even} over {', '.join(axis.name for axis in self.axes)} (seed {self.seed})"
 
-    def bin_of(self, place: str, labels: LabelLine) -> Bin:
-        """The bin of a frame, one of each axis.
+    def bin_of(self, location: str, labels: LabelLine) -> Bin:
+        """Return the bin of a frame, with an element for each axis.
 
         Args:
-            place: of the dataset, for the message.
+            location: of the dataset, for the message.
+            labels: of the frame.
 
         Raises:
-            InputError: the labels lack what an axis asks for.
+            InputError: The labels lack what an axis needs.
         """
         for axis in self.axes:
             for key in axis.needs:
                 if not labels.has(key):
                     raise InputError(
-                        f"{place}: frame {labels.index} has no {key!r}, which balancing by"
-                        f" {axis.name} asks for"
+                        f"{location}: frame {labels.index} has no {key!r}, which balancing by"
+                        f" {axis.name} needs"
                     )
         return tuple(axis.bin_of(labels) for axis in self.axes)
 
     def counts(self, bins: Sequence[Bin], kept: Sequence[int]) -> Iterator[dict[str, str | int]]:
-        """Of each bin, for the manifest: its names, the frames there were, and those kept.
+        """Yield the names, the number of frames and the number of kept frames of each bin.
 
         Args:
-            bins: of every frame.
-            kept: places in ``bins``.
+            bins: the bin of every frame.
+            kept: positions in ``bins``.
         """
-        there, left = Counter(bins), Counter(bins[place] for place in kept)
+        there, left = Counter(bins), Counter(bins[position] for position in kept)
         for bin_ in sorted(there):
             names = {a.name: a.name_of(part) for a, part in zip(self.axes, bin_, strict=True)}
             yield {**names, "frames": there[bin_], "kept": left[bin_]}
 
 
 def axes_named(names: Sequence[str]) -> list[Axis]:
-    """The axes of these names, in the order of :data:`AXES`.
+    """Return the axes of these names, in the order of :data:`AXES`.
 
     Raises:
-        InputError: there is none of that name.
+        InputError: There is no axis of a name.
     """
     for name in names:
         if name not in AXES:
@@ -153,19 +161,19 @@ def axes_named(names: Sequence[str]) -> list[Axis]:
 
 
 def balanced(bins: Sequence[Bin], frames: int | None, seed: int) -> list[int]:
-    """Places of the frames to keep, ascending.
+    """Return the positions of the frames to keep, ascending.
 
-    Bins are filled evenly: no bin holds over one frame more than another that has any to spare. Which
-    bins hold the one more, and which frames of a bin are kept, is drawn.
+    Bins are filled evenly: a bin gets at most one frame more than another that still has frames left.
+    Which bins get one more, and which frames of a bin are kept, is random.
 
     Args:
-        bins: of each frame.
-        frames: how many to keep, or all if there are fewer; None for as many as leave all bins alike.
-        seed: of the draws. The same arguments give the same places.
+        bins: the bin of each frame.
+        frames: number of frames to keep, at most all; None for the largest number with equal bins.
+        seed: of the random choices. The same arguments give the same result.
     """
     random = random_generator(seed, -1, "balance")
-    order = sorted(random.permutation(len(bins)).tolist(), key=lambda place: bins[place])
-    queues = [list(members) for _, members in groupby(order, key=lambda place: bins[place])]
+    order = sorted(random.permutation(len(bins)).tolist(), key=lambda position: bins[position])
+    queues = [list(members) for _, members in groupby(order, key=lambda position: bins[position])]
     if frames is None:
         frames = len(queues) * min(map(len, queues), default=0)
     left = [queues[i] for i in random.permutation(len(queues))]

@@ -1,5 +1,7 @@
-"""One dataset out of several, less the frames that rules drop (the thesis' ``generator.py``), and
-balanced."""
+"""Joining datasets into one, without the frames that rules drop (the thesis' ``generator.py``).
+
+The joined dataset can be balanced.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,7 @@ from posse_core._environment.time import SECONDS_PER_DAY, Epoch
 from posse_core._errors import InputError
 from posse_core._files.atomic import sha256, write_json
 from posse_core._files.trajectory import save_trajectory
-from posse_core._formats.images import place
+from posse_core._formats.images import link_or_copy
 from posse_core._model.label_line import LabelLine
 from posse_core._model.manifest import (
     CHECKSUMS,
@@ -47,20 +49,20 @@ from posse_core._selection.balance import Balance, Bin, balanced
 from posse_core._selection.rules import Rule, first_that_drops
 
 Progress = Callable[[Iterable[LabelLine], int], Iterable[LabelLine]]
-"""Wraps the labels of a dataset's frames to show how far it is: (labels, how many)."""
+"""Wraps the labels of a dataset's frames to show the progress: (labels, number of frames)."""
 
 
 BALANCE, KEPT = "balance", "kept"
-"""Among the counts by rule: frames dropped for balance' sake, and those that are left."""
+"""Keys among the counts by rule: frames dropped by balancing, and frames kept."""
 
 
 @dataclass(frozen=True)
 class Choice:
-    """Which frames are kept.
+    """The frames that are kept.
 
     Attributes:
-        kept: for each source, indices of its frames, ascending.
-        dropped: by rule, and by balance.
+        kept: for each source, the indices of its kept frames, ascending.
+        dropped: number of frames dropped by each rule and by balancing.
         selection: the same for the manifest, with reasons and bins.
     """
 
@@ -76,28 +78,33 @@ def collect(
     out: Path,
     progress: Progress,
 ) -> dict[str, int]:
-    """Write the frames that no rule drops as one dataset, numbered anew in the order of the sources.
+    """Write the frames that no rule drops as one dataset, with new indices in the order of the sources.
 
-    Times count from the first source's epoch; sequences are numbered on. A label line keeps where it
-    came from as ``origin: [folder, index]``. Files are linked where that can be done.
+    Times count from the first source's epoch; sequences are numbered consecutively. A label line has its
+    origin as ``origin: [folder, index]``. Files are hard links where possible.
 
     Args:
-        balance: of the frames that the rules leave; None for all of these.
+        sources: the datasets.
+        rules: by which frames are dropped.
+        balance: applied to the frames that the rules leave; None keeps all of these.
+        out: the new folder.
+        progress: shows the progress.
 
     Returns:
-        Frames by rule that dropped them, and :data:`KEPT`.
+        The number of frames dropped by each rule, and of those kept (:data:`KEPT`).
 
     Raises:
-        InputError: the folder exists, the sources' cameras or spacecraft differ, a file is not as it
-            was written, or no frame is left; nothing is written then.
+        InputError: The folder exists, the sources' cameras or spacecraft differ, a file has changed
+        since
+            it was written, or no frame is left. Nothing is written then.
     """
     if out.exists():
-        raise InputError(f"{out}: exists already; name a new folder")
+        raise InputError(f"{out}: exists already; choose a new folder")
     _check_alike(sources)
     choice = _choose(sources, rules, balance, progress)
     kept = sum(map(len, choice.kept))
     if kept == 0:
-        raise InputError(f"{out}: no frame is left by {', '.join(rule.name for rule in rules)}")
+        raise InputError(f"{out}: no frame is left after {', '.join(rule.name for rule in rules)}")
     out.parent.mkdir(parents=True, exist_ok=True)
     building = Path(tempfile.mkdtemp(dir=out.parent, prefix=f".{out.name}."))
     try:
@@ -127,11 +134,11 @@ def _choose(
                 bins.append(balance.bin_of(str(dataset.folder), labels))
     selection = [Selection(rule=r.name, why=r.why, dropped=dropped[r.name]) for r in rules]
     if balance is not None:
-        places = balanced(bins, balance.frames, balance.seed)
-        dropped[BALANCE] = len(left) - len(places)
-        counts = list(balance.counts(bins, places))
+        positions = balanced(bins, balance.frames, balance.seed)
+        dropped[BALANCE] = len(left) - len(positions)
+        counts = list(balance.counts(bins, positions))
         selection.append(Selection(rule=BALANCE, why=balance.why, dropped=dropped[BALANCE], bins=counts))
-        left = [left[place] for place in places]
+        left = [left[position] for position in positions]
     kept = [[index for source, index in left if source == number] for number in range(len(sources))]
     return Choice(kept, dropped, selection)
 
@@ -201,10 +208,12 @@ def _take(
         if name is not None:
             source = inside(dataset.folder, name)
             if not source.is_file() or dataset.digests.get(name) != sha256(source):
-                raise InputError(f"{source}: missing, or not as it was written; see 'posse validate'")
+                raise InputError(
+                    f"{source}: missing, or changed since it was written; see 'posse validate'"
+                )
             changed[key] = f"{Path(name).parent}/{index:06d}{source.suffix}"
             digests[changed[key]] = dataset.digests[name]
-            place(source, folder / changed[key])
+            link_or_copy(source, folder / changed[key])
     log.append(labels.model_copy(update=changed), digests)
 
 
@@ -215,7 +224,7 @@ def _seconds_between(start: Epoch, end: Epoch) -> float:
 
 
 def _joined(trajectories: Sequence[Trajectory]) -> Trajectory:
-    """One trajectory of all frames, with those of the extras that every one of them has."""
+    """Join trajectories into one, with those extras that all of them have."""
     first, *others = trajectories
     arrays = {
         name: np.concatenate([each.arrays()[name] for each in trajectories]) for name in first.arrays()
@@ -229,7 +238,7 @@ def _joined(trajectories: Sequence[Trajectory]) -> Trajectory:
 
 
 def _record(dataset: Dataset, number: int, folder: Path) -> Source:
-    """Copy what a source was made from; returns what the manifest says of it."""
+    """Copy the spacecraft and scenario of a source, and return its record for the manifest."""
     for name in dataset.spacecraft_by_name:
         for file_of in (spacecraft_file, mesh_file):
             shutil.copyfile(file_of(dataset.folder, name), file_of(folder, name))

@@ -1,4 +1,4 @@
-"""Division of a dataset into parts for training, validation and test (thesis, Section 3.5.1)."""
+"""Partition of a dataset into parts for training, validation and test (thesis, Section 3.5.1)."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ def partition(
 
     Args:
         indices: (F,) of the frames.
-        sequences: (F,) number of the continuous motion that each frame is of.
-        shares: of train, valid and test; their sum is taken as the whole.
-        seed: of the shuffle.
+        sequences: (F,) number of the continuous motion that each frame belongs to.
+        shares: of train, valid and test, which are normalised by their sum.
+        seed: of the random order.
         by: ``frame`` shuffles frames; ``sequence`` shuffles sequences and keeps each within one part,
-            so that near-alike neighbours of a training image are not in the test.
+            so that the test part has no frames that are similar to training frames.
 
     Returns:
-        Part → ascending indices. By frame, sizes are within one frame of the shares; by sequence, each
-        goes to the part that has the least of its share.
+        Part → ascending indices. By frame, sizes are within one frame of the shares. By sequence, each
+        sequence goes to the part that is furthest below its share.
     """
     random = random_generator(seed, -1, "partition")
     wanted = np.array(shares) / np.sum(shares) * len(indices)
@@ -60,15 +60,15 @@ def partition(
 def write_partition(
     dataset: Dataset, shares: Sequence[float], seed: int, by: By
 ) -> dict[str, list[int]]:
-    """Divide a dataset and write ``partition/``: the indices, and the thesis' six lists.
+    """Divide a dataset and write ``partition/`` with the indices and the thesis' six lists.
 
-    ``{train,valid,test}_images.csv`` hold image names, ``..._pose.csv`` the camera's poses.
+    ``{train,valid,test}_images.csv`` have the names of images, ``..._pose.csv`` the camera's poses.
 
     Returns:
         Part → ascending indices.
 
     Raises:
-        InputError: by sequence, there are fewer sequences than parts with a share.
+        InputError: There are fewer sequences than parts with a share, if divided by sequence.
     """
     indices = dataset.indices
     sequences = np.array([labels.sequence for labels in dataset], dtype=np.int64)

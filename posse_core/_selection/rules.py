@@ -1,4 +1,4 @@
-"""Rules by which frames are dropped (thesis, Section 3.5): each names why."""
+"""Rules by which frames are dropped (thesis, Section 3.5)."""
 
 from __future__ import annotations
 
@@ -17,16 +17,23 @@ if TYPE_CHECKING:
     from posse_core._dataset.dataset import Dataset
 
 ECLIPSE_DISC_SHARE = 0.5
-"""Share of the Sun's disc below which a frame is in eclipse."""
+"""Visible share of the Sun's disc below which a frame is in eclipse."""
 DARK_PIXEL_SHARE, DARK_LEVEL_SHARE = 0.9, 0.05
-"""A craft is dark when so large a share of its pixels is below so much of the full scale; one of which
-no pixel is seen is dark too."""
+"""A spacecraft is dark if this share of its pixels is below this share of the full scale, or if none of
+its pixels is visible."""
 ENOUGH_KEYPOINTS = 3
 
 
 @dataclass(frozen=True)
 class Rule:
-    """``drops`` is asked of every frame, given its dataset and labels, of which it needs some."""
+    """A rule that drops frames.
+
+    Attributes:
+        name: of the rule.
+        why: the condition, in words.
+        drops: says whether a frame is dropped, from its dataset and labels.
+        needs: names of the labels that ``drops`` needs.
+    """
 
     name: str
     why: str
@@ -75,14 +82,14 @@ RULES = {
         ),
     )
 }
-"""By name, the cheap ones first: a frame counts for the first rule that drops it."""
+"""All rules by name, fast ones first. A frame is counted for the first rule that drops it."""
 
 
 def named(names: Sequence[str]) -> list[Rule]:
-    """The rules of these names, in the order of :data:`RULES`.
+    """Return the rules of these names, in the order of :data:`RULES`.
 
     Raises:
-        InputError: there is none of that name.
+        InputError: There is no rule of a name.
     """
     for name in names:
         if name not in RULES:
@@ -91,17 +98,17 @@ def named(names: Sequence[str]) -> list[Rule]:
 
 
 def first_that_drops(rules: Sequence[Rule], dataset: Dataset, labels: LabelLine) -> Rule | None:
-    """The rule that a frame counts for, or None where it is kept.
+    """Return the first rule that drops a frame, or None if the frame is kept.
 
     Raises:
-        InputError: the labels lack what a rule asks for.
+        InputError: The labels lack what a rule needs.
     """
     for rule in rules:
         for key in rule.needs:
             if not labels.has(key):
                 raise InputError(
                     f"{dataset.folder}: frame {labels.index} has no {key!r}, which the rule"
-                    f" {rule.name!r} asks for"
+                    f" {rule.name!r} needs"
                 )
         if rule.drops(dataset, labels):
             return rule

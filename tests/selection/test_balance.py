@@ -153,7 +153,7 @@ def test_refusals(crafts, tmp_path):
     for options, words in (
         (("--balance", "clas"), "cannot balance by 'clas'; did you mean 'class'?"),
         (("--frames", 3), "--frames is for --balance only"),
-        (("--balance", "range"), "frame 2 has no 'range_m', which balancing by range asks for"),
+        (("--balance", "range"), "frame 2 has no 'range_m', which balancing by range needs"),
     ):
         result = run(brick, "--out", tmp_path / "new", *options)
         assert isinstance(result.exception, InputError)

@@ -37,7 +37,7 @@ BAD = {
     "posse-taken-name": ("duplicate", "the propagator name 'roe' is taken by plugin 'core'"),
     "posse-other-api": (
         "incompatible",
-        "renderer 'earlier' was written for version 1 of the interfaces, and this core has version 2;",
+        "renderer 'earlier' was written for version 1 of the interfaces, but this core has version 2;",
     ),
     "posse-same-entry": ("duplicate", "posse-plain already has a plugin of this name"),
     "posse-raises": ("broken", "posse_writers: RuntimeError: no luck"),

@@ -151,9 +151,9 @@ def test_refusals_leave_nothing_behind(two, tmp_path):
 def test_a_damaged_file_is_not_signed_anew(two, tmp_path):
     path = two[0] / "images/000003.png"
     path.write_bytes(path.read_bytes()[:-1] + b"x")
-    assert_refused(run(two[0], "--out", tmp_path / "new"), "000003.png: missing, or not as", tmp_path)
+    assert_refused(run(two[0], "--out", tmp_path / "new"), "000003.png: missing, or changed", tmp_path)
     path.unlink()
-    assert_refused(run(two[0], "--out", tmp_path / "new"), "000003.png: missing, or not as", tmp_path)
+    assert_refused(run(two[0], "--out", tmp_path / "new"), "000003.png: missing, or changed", tmp_path)
 
 
 def test_two_crafts_of_one_name_are_refused(two, tmp_path):

@@ -100,9 +100,9 @@ def test_a_file_that_a_line_names_is_in_the_folder(folder, tmp_path):
     lines[0]["image"], lines[1]["truth"] = "../secret.png", str(tmp_path / "secret.npz")
     cuboid.write_lines(tmp_path / "d", lines)
     dataset = posse.Dataset(tmp_path / "d")
-    with pytest.raises(posse.InputError, match="is not in it"):
+    with pytest.raises(posse.InputError, match="is outside the folder"):
         dataset.image(0)
-    with pytest.raises(posse.InputError, match="is not in it"):
+    with pytest.raises(posse.InputError, match="is outside the folder"):
         dataset.truth(1)
 
 

@@ -29,7 +29,7 @@ from posse_core._model.camera import Camera
 from posse_core._plugins.loading import load_plugins
 from posse_detect_torch import box_detector, nano, sdn, simcc, simcc_finder
 from posse_detect_torch.export import export
-from posse_detect_torch.regions import onnx_translations
+from posse_detect_torch.regions_onnx import ONNX_TRANSLATIONS
 
 CLASSES = ("aqua", "cluster")
 POINTS = 11
@@ -113,7 +113,7 @@ def _write(
     )
     picture = np.random.default_rng(1).uniform(0, 1, (1, 1, size, size)).astype(np.float32)
     with torch.no_grad():
-        export(decoded, outputs, picture, card, path, lambda a, b: {}, onnx_translations())
+        export(decoded, outputs, picture, card, path, lambda a, b: {}, ONNX_TRANSLATIONS)
 
 
 def _count(net: nn.Module) -> int:

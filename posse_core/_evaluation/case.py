@@ -52,7 +52,7 @@ class Case:
 
     @cached_property
     def truth(self) -> dict[str, AnyArray]:
-        """The arrays that are fit to be compared; the check ``files`` tells of the others."""
+        """The arrays that are fit to be compared; the check ``files`` reports the others."""
         try:
             return {name: a for name, a in self.arrays.items() if not self.array_fault(name, a)}
         except InputError:

@@ -1,6 +1,6 @@
 """Labels of another origin, in COCO, SPEED, BOP or YOLO-pose: what can be proven of them by themselves.
 
-A frame's number in a fault is the image's id; where a format has none, its place in the list, from 0
+A frame's number in a fault is the image's id; where a format has none, its position in the list, from 0
 (SPEED), or among all images by name (YOLO). Masks and depths that another program made are allowed to
 differ from the model at the outline.
 """
@@ -310,7 +310,7 @@ def _yolo_box_faults(box: FloatArray) -> Iterator[str]:
 
 
 def _yolo_point_faults(points: FloatArray) -> Iterator[str]:
-    """(K, 2) or (K, 3) places as shares of the image, and visibilities; (0, 0) is no place."""
+    """(K, 2) or (K, 3) points as shares of the image, and visibilities; (0, 0) is no point."""
     labelled = points[:, 2] != NOT_IN_FRAME if points.shape[1] == 3 else points.any(axis=1)
     if np.any(np.abs(points[labelled, :2] - 0.5) > 0.5 + ROUNDED_NUMBER_ERROR):
         yield "a labelled keypoint is outside the image"

@@ -81,9 +81,9 @@ def coco_metrics(
         "mAR": _mean(evaluation.eval["recall"][:, :, 0, -1]),
     }
     shown = {truth.label for image in truths for truth in image}
-    for place, name in enumerate(classes):
+    for column, name in enumerate(classes):
         if name in shown:
-            metrics[f"AP.{name}"] = _mean(precision[:, :, place, 0, -1])
+            metrics[f"AP.{name}"] = _mean(precision[:, :, column, 0, -1])
     return metrics
 
 
@@ -111,8 +111,8 @@ def precision_by_recall(
     precision = _coco(truths, detections, classes).eval["precision"]
     shown = {truth.label for image in truths for truth in image}
     return {
-        name: {iou: precision[row, :, place, 0, -1] for iou, row in ((0.5, 0), (0.75, 5), (0.9, 8))}
-        for place, name in enumerate(classes)
+        name: {iou: precision[row, :, column, 0, -1] for iou, row in ((0.5, 0), (0.75, 5), (0.9, 8))}
+        for column, name in enumerate(classes)
         if name in shown
     }
 
@@ -134,7 +134,7 @@ def _coco(
         raise ComponentError(
             f"COCO's metrics need faster-coco-eval ({error}): pip install faster-coco-eval"
         ) from None
-    number = {name: place for place, name in enumerate(classes, 1)}
+    number_of = {name: number for number, name in enumerate(classes, 1)}
     annotations: list[Mapping[str, object]] = []
     results: list[Mapping[str, object]] = []
     for image, (wanted, found) in enumerate(zip(truths, detections, strict=True)):
@@ -144,7 +144,7 @@ def _coco(
                 {
                     "id": len(annotations) + 1,
                     "image_id": image,
-                    "category_id": number[truth.label],
+                    "category_id": number_of[truth.label],
                     "bbox": box,
                     "area": box[2] * box[3],
                     "iscrowd": 0,
@@ -153,7 +153,7 @@ def _coco(
         results += [
             {
                 "image_id": image,
-                "category_id": number[d.label],
+                "category_id": number_of[d.label],
                 "bbox": [float(v) for v in d.box_px],
                 "score": float(d.score),
             }
@@ -164,7 +164,7 @@ def _coco(
         coco.dataset = {
             "images": [{"id": image} for image in range(len(truths))],
             "annotations": annotations,
-            "categories": [{"id": place, "name": name} for name, place in number.items()],
+            "categories": [{"id": number, "name": name} for name, number in number_of.items()],
         }
         coco.createIndex()
         found_coco = coco.loadRes(results)

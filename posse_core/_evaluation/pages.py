@@ -55,7 +55,7 @@ def paragraph(text: str, *, broken: bool = False) -> Markup:
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]], broken: Collection[int] = ()) -> Markup:
-    """A table; the rows whose places are ``broken`` stand out."""
+    """A table; the rows whose indices are ``broken`` are highlighted."""
     return _part("table", header=header, rows=rows, broken=broken)
 
 
@@ -160,7 +160,7 @@ def plot(title: str, x: Axis, y: Axis, series: Sequence[Series]) -> Markup:
         columns=[(across(value), value) for value in x.ticks()],
         rows=[(down(value), value) for value in y.ticks()],
         drawn=[
-            (one, COLOURS[place % len(COLOURS)], [(across(u), down(v)) for u, v in one.points])
-            for place, one in enumerate(series)
+            (one, COLOURS[i % len(COLOURS)], [(across(u), down(v)) for u, v in one.points])
+            for i, one in enumerate(series)
         ],
     )

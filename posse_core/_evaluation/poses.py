@@ -52,7 +52,7 @@ def speed_score(e_t: FloatArray, e_q_rad: FloatArray, version: SpeedVersion) -> 
     calibration counts as none by itself (Park et al. 2023).
 
     Args:
-        e_t: (N,) relative error of the place.
+        e_t: (N,) relative position error.
         e_q_rad: (N,) error of the attitude.
     """
     e_t, e_q = np.asarray(e_t, np.float64), np.asarray(e_q_rad, np.float64)

@@ -56,9 +56,9 @@ def depth_of_mesh(camera: Camera, vertices_cam_m: FloatArray, faces: IntArray) -
     for block in _blocks(count):
         triangle = np.repeat(np.arange(block.start, block.stop), count[block])
         start = np.cumsum(count[block]) - count[block]
-        place = np.arange(len(triangle)) - np.repeat(start, count[block])
-        column = first[triangle, 0] + place % np.maximum(size[triangle, 0], 1)
-        row = first[triangle, 1] + place // np.maximum(size[triangle, 0], 1)
+        cell = np.arange(len(triangle)) - np.repeat(start, count[block])
+        column = first[triangle, 0] + cell % np.maximum(size[triangle, 0], 1)
+        row = first[triangle, 1] + cell // np.maximum(size[triangle, 0], 1)
         x, y = rays[row, column].T
         n = normals[triangle]
         sides = n[..., 0] * x[:, None] + n[..., 1] * y[:, None] + n[..., 2]
@@ -108,7 +108,7 @@ def extent_px(camera: Camera, corners_cam_m: FloatArray) -> tuple[FloatArray, Fl
 
 
 def _outline_px(camera: Camera, corners: FloatArray) -> FloatArray:
-    """(T, 3, 3) triangles → (T, n, 2) places around each one's image: its corners, or its box;
+    """(T, 3, 3) triangles → (T, n, 2) points around each one's image: its corners, or its box;
     NaN behind the camera and beyond its lens."""
     if camera.distortion is None:
         return camera.project(corners)

@@ -23,7 +23,7 @@ from posse_core._model.label_line import LabelLine
 from posse_core._model.manifest import Manifest
 
 Progress = Callable[[Iterable[int], int], Iterable[int]]
-"""Wraps the places of the frames to show how far it is: (places, how many)."""
+"""Wraps the positions of the frames to show progress: (positions, how many)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -65,7 +65,7 @@ class LabelLine(BaseModel):
     """The labels of one frame; ``docs/labels.md`` explains each of them.
 
     A label that is null, such as the box of a spacecraft outside the image, is None. A label that was
-    not made is absent: reading it raises :class:`LabelNotMade`, and :meth:`has` tells whether it is
+    not made is absent: reading it raises :class:`LabelNotMade`, and :meth:`has` says whether it is
     present. The labels of plugins' annotators are in :attr:`extras`.
 
     A line of JSON has the labels in the order of their declaration here.

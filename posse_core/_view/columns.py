@@ -45,7 +45,7 @@ def label_columns(lines: Iterable[LabelLine]) -> dict[str, list[Any]]:
 
 
 def motion_columns(trajectory: Trajectory, index: IntArray) -> dict[str, list[list[float]]]:
-    """Directions and places of the frames ``index`` (F,), each (F, 3), as lists.
+    """Directions and positions of the frames ``index`` (F,), each (F, 3), as lists.
 
     ``r_chaser_rtn_m``; ``sun_rtn``, the unit vector from the target to the Sun, target's RTN axes;
     ``view_body``, ``sun_body``: unit vectors from the target to the camera and to the Sun, body axes.

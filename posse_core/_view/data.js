@@ -17,9 +17,9 @@ const QUANTITIES = [
   { name: "sequence", title: "Sequence", unit: "", scale: 1, whole: true },
 ].filter((quantity) => columns[quantity.name].some((value) => value !== null));
 
-// {labels, preview: {jpeg, depth} or null} of the frame at a place in the columns.
-function frameAt(place) {
-  return JSON.parse(document.getElementById(`frame-${columns.index[place]}`).textContent);
+// {labels, preview: {jpeg, depth} or null} of the frame at a position in the columns.
+function frameAt(position) {
+  return JSON.parse(document.getElementById(`frame-${columns.index[position]}`).textContent);
 }
 
 // The frame's image in the dataset's folder, from where the page was written.
@@ -30,14 +30,14 @@ function imageUrl(labels) {
 // Places of the frames that pass: filters is {quantity: [low, high]}, in the label's unit, both
 // ends included; crafts is a Set of names. A frame without the label does not pass its filter.
 function passing(filters, crafts) {
-  const places = [];
+  const positions = [];
   const tests = Object.entries(filters).map(([name, limits]) => [columns[name], ...limits]);
-  for (let place = 0; place < count; place++) {
-    if (!crafts.has(columns.spacecraft[place])) continue;
+  for (let position = 0; position < count; position++) {
+    if (!crafts.has(columns.spacecraft[position])) continue;
     if (tests.every(([column, low, high]) =>
-      column[place] !== null && column[place] >= low && column[place] <= high)) places.push(place);
+      column[position] !== null && column[position] >= low && column[position] <= high)) positions.push(position);
   }
-  return places;
+  return positions;
 }
 
 // COCO's compressed run lengths → Uint8Array of H × W, by rows.

@@ -26,14 +26,14 @@ function refilter() {
   else drawAll();
 }
 
-function select(place) {
-  state.current = place;
-  history.replaceState(null, "", `#${columns.index[place]}`);
-  picture.show(place);
+function select(position) {
+  state.current = position;
+  history.replaceState(null, "", `#${columns.index[position]}`);
+  picture.show(position);
   const frame = picture.frame;
   for (const overlay of OVERLAYS) overlay.label.classList.toggle("off", !overlay.has(frame));
   byId("labels").textContent = JSON.stringify(frame.labels, null, 1);
-  byId("go").value = columns.index[place];
+  byId("go").value = columns.index[position];
   showFacts(frame.labels);
   drawAll();
 }
@@ -76,14 +76,14 @@ function drawStrip() {
 }
 
 function makeThumb(at) {
-  const place = state.kept[at], { preview, labels } = frameAt(place);
+  const position = state.kept[at], { preview, labels } = frameAt(position);
   const thumb = Object.assign(document.createElement("button"), { className: "thumb", type: "button" });
-  const number = Object.assign(document.createElement("span"), { textContent: columns.index[place] });
+  const number = Object.assign(document.createElement("span"), { textContent: columns.index[position] });
   const image = Object.assign(document.createElement("img"), { alt: "" });
   image.src = preview ? `data:image/jpeg;base64,${preview.jpeg}` : imageUrl(labels);
   thumb.dataset.at = at;
   thumb.style.left = `${6 + at * THUMB}px`;
-  thumb.onclick = () => select(place);
+  thumb.onclick = () => select(position);
   thumb.append(image, number);
   return thumb;
 }
@@ -151,8 +151,8 @@ byId("play").onclick = () => {
 };
 
 function selectIndex(index) {
-  const place = columns.index.indexOf(index);
-  select(place < 0 ? state.current : place);
+  const position = columns.index.indexOf(index);
+  select(position < 0 ? state.current : position);
 }
 
 document.onkeydown = (event) => {
@@ -192,8 +192,8 @@ orbit.canvas.onwheel = (event) => {
   orbit.draw(state.kept, state.current);
 };
 dragged(sphere.canvas, { move: () => {}, click: (x, y) => {
-  const place = sphere.nearest(state.kept, x, y);
-  if (place !== undefined) select(place);
+  const position = sphere.nearest(state.kept, x, y);
+  if (position !== undefined) select(position);
 } });
 window.onresize = drawAll;
 

@@ -6,7 +6,7 @@ const orbit = {
   radius_m: columns.r_chaser_rtn_m.reduce((most, r) => Math.max(most, Math.hypot(...r)), 1e-3),
 
   // RTN metres → screen; R points up, T to the side, as orbits are drawn.
-  place([R, T, N]) {
+  toCanvas([R, T, N]) {
     const { clientWidth: W, clientHeight: H } = this.canvas;
     const scale = 0.42 * Math.min(W, H) * this.zoom / this.radius_m;
     const [c, s] = [Math.cos(this.yaw), Math.sin(this.yaw)];
@@ -26,18 +26,18 @@ const orbit = {
     context.strokeStyle = "#5b6a7a";
     context.lineWidth = 1;
     context.beginPath();
-    for (let place = 0; place < count; place++) {
-      const goesOn = place > 0 && columns.sequence[place] === columns.sequence[place - 1];
-      goesOn ? context.lineTo(...this.place(r[place])) : context.moveTo(...this.place(r[place]));
+    for (let position = 0; position < count; position++) {
+      const goesOn = position > 0 && columns.sequence[position] === columns.sequence[position - 1];
+      goesOn ? context.lineTo(...this.toCanvas(r[position])) : context.moveTo(...this.toCanvas(r[position]));
     }
     context.stroke();
     context.fillStyle = ACCENT;
-    for (const place of kept) dot(context, this.place(r[place]));
+    for (const position of kept) dot(context, this.toCanvas(r[position]));
     context.fillStyle = TEXT;
     context.fillRect(this.canvas.clientWidth / 2 - 3, this.canvas.clientHeight / 2 - 3, 6, 6);
     this.scaleBar(context);
     if (current === undefined) return;
-    const middle = this.place([0, 0, 0]), camera = this.place(r[current]);
+    const middle = this.toCanvas([0, 0, 0]), camera = this.toCanvas(r[current]);
     context.strokeStyle = "#ffffff66";
     stroke(context, middle, camera);
     this.arrow(context, columns.sun_rtn[current].map((x) => x * 0.8 * this.radius_m), "Sun", SUN);
@@ -45,7 +45,7 @@ const orbit = {
   },
 
   arrow(context, tip_m, name, colour) {
-    const from = this.place([0, 0, 0]), tip = this.place(tip_m);
+    const from = this.toCanvas([0, 0, 0]), tip = this.toCanvas(tip_m);
     context.strokeStyle = context.fillStyle = colour;
     context.lineWidth = 1.5;
     stroke(context, from, tip);

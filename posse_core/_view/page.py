@@ -23,7 +23,7 @@ from posse_core._view.columns import label_columns, motion_columns
 from posse_core._view.previews import preview
 
 Progress = Callable[[Iterable[int], int], Iterable[int]]
-"""Wraps the places of the frames to show how far it is: (places, how many)."""
+"""Wraps the positions of the frames to show progress: (positions, how many)."""
 SCRIPTS = ("data.js", "picture.js", "plots.js", "orbit.js", "main.js")
 LEFT_OUT = ("part_area_px",)
 """Labels that the page does not carry: long, and nothing is drawn from them."""
@@ -56,23 +56,23 @@ def write_page(
     """
     if not len(dataset):
         raise InputError(f"{dataset.folder}: has no frames to show")
-    places = evenly_spread(len(dataset), len(dataset) if frames is None else frames).tolist()
-    blocks = [len(_frame_block(dataset[place], None)) for place in places]
-    head, tail = _page_halves(_dataset_block(dataset, out, places))
+    positions = evenly_spread(len(dataset), len(dataset) if frames is None else frames).tolist()
+    blocks = [len(_frame_block(dataset[position], None)) for position in positions]
+    head, tail = _page_halves(_dataset_block(dataset, out, positions))
     room = max_bytes - len(head) - len(tail) - sum(blocks)
     if room < 0:
         need = (max_bytes - room) / 2**20
         raise InputError(
-            f"{dataset.folder}: a page of {len(places)} frames takes {need:.1f} MiB without a preview,"
+            f"{dataset.folder}: a page of {len(positions)} frames takes {need:.1f} MiB without previews,"
             f" over {max_bytes / 2**20:g}; show fewer by --frames, or raise --max-mib"
         )
-    chosen = _previewed(dataset, places, room)
+    chosen = _previewed(dataset, positions, room)
     previews, size = 0, len(head) + len(tail)
     with atomic_file(out) as stream:
         stream.write(head)
-        for place, bare in zip(progress(places, len(places)), blocks, strict=True):
-            labels = dataset[place]
-            block = _frame_block(labels, preview(dataset, place) if place in chosen else None)
+        for position, bare in zip(progress(positions, len(positions)), blocks, strict=True):
+            labels = dataset[position]
+            block = _frame_block(labels, preview(dataset, position) if position in chosen else None)
             if len(block) - bare > room:
                 block = _frame_block(labels, None)
             previews += len(block) > bare
@@ -80,18 +80,18 @@ def write_page(
             size += len(block)
             stream.write(block)
         stream.write(tail)
-    return Page(len(places), previews, size)
+    return Page(len(positions), previews, size)
 
 
-def _previewed(dataset: Dataset, places: list[int], room: int) -> set[int]:
-    """Places of as many evenly spread frames as have room for previews, by the mean of a few."""
-    sample = [places[i] for i in evenly_spread(len(places), _SAMPLES)]
-    mean = np.mean([len(json.dumps(preview(dataset, place))) for place in sample])
-    return {places[i] for i in evenly_spread(len(places), int(room / mean))}
+def _previewed(dataset: Dataset, positions: list[int], room: int) -> set[int]:
+    """Positions of as many evenly spread frames as have room for previews, by the mean of a few."""
+    sample = [positions[i] for i in evenly_spread(len(positions), _SAMPLES)]
+    mean = np.mean([len(json.dumps(preview(dataset, position))) for position in sample])
+    return {positions[i] for i in evenly_spread(len(positions), int(room / mean))}
 
 
-def _dataset_block(dataset: Dataset, out: Path, places: list[int]) -> bytes:
-    index: IntArray = dataset.indices[places]
+def _dataset_block(dataset: Dataset, out: Path, positions: list[int]) -> bytes:
+    index: IntArray = dataset.indices[positions]
     trajectory = dataset.trajectory
     ended = (dataset.folder / MANIFEST).exists()
     relative = Path(os.path.relpath(dataset.folder.resolve(), out.resolve().parent)).as_posix()
@@ -109,7 +109,7 @@ def _dataset_block(dataset: Dataset, out: Path, places: list[int]) -> bytes:
         },
         "spacecraft": {name: _spacecraft(dataset, name) for name in dataset.spacecraft_by_name},
         "columns": {
-            **label_columns(dataset[place] for place in places),
+            **label_columns(dataset[position] for position in positions),
             **motion_columns(trajectory, index),
         },
         "manifest": dataset.manifest.as_json() if ended else None,

@@ -18,8 +18,8 @@ const picture = {
   zoom: 1, x: 0, y: 0,   // zoom over the fitted size, and the shift of the image's middle, screen px
   turn: 0,               // counts frames, so that an image which arrives late is not drawn
 
-  show(place) {
-    const turn = ++this.turn, frame = frameAt(place), note = document.getElementById("note");
+  show(position) {
+    const turn = ++this.turn, frame = frameAt(position), note = document.getElementById("note");
     Object.assign(this, { frame, image: null, depth: null, mask: null });
     const preview = frame.preview;
     note.textContent = "";
@@ -72,7 +72,7 @@ const picture = {
   },
 };
 
-// A canvas's context, with as many pixels as the screen has in its place.
+// A canvas's context, with as many pixels as the screen has in its area.
 function fitted(canvas) {
   const width = Math.round(canvas.clientWidth * devicePixelRatio);
   const height = Math.round(canvas.clientHeight * devicePixelRatio);

@@ -21,7 +21,7 @@ class Histogram {
       this.low -= room;
       this.high += room;
     }
-    this.all = this.counts(this.column.map((_, place) => place));
+    this.all = this.counts(this.column.map((_, position) => position));
     this.build();
   }
 
@@ -54,10 +54,10 @@ class Histogram {
     this.changed([limit(low, -Infinity), limit(high, Infinity)]);
   }
 
-  counts(places) {
+  counts(positions) {
     const bins = new Array(this.bins).fill(0);
-    for (const place of places) {
-      const value = this.column[place];
+    for (const position of positions) {
+      const value = this.column[position];
       if (value === null) continue;
       const bin = Math.floor((value - this.low) / (this.high - this.low) * this.bins);
       bins[Math.min(Math.max(bin, 0), this.bins - 1)]++;
@@ -70,7 +70,7 @@ class Histogram {
     return this.low + Math.min(Math.max(share, 0), 1) * (this.high - this.low);
   }
 
-  draw(kept, place, limits) {
+  draw(kept, position, limits) {
     const context = fitted(this.canvas), ratio = devicePixelRatio;
     context.scale(ratio, ratio);
     const width = this.canvas.clientWidth - 2 * MARGIN, height = this.canvas.clientHeight - 18;
@@ -88,7 +88,7 @@ class Histogram {
       context.fillStyle = "#4fb3ff26";
       context.fillRect(from, 0, to - from, height);
     }
-    const value = this.column[place];
+    const value = this.column[position];
     context.fillStyle = TEXT;
     if (value !== undefined && value !== null) context.fillRect(at(value) - 0.75, 0, 1.5, height);
     context.fillStyle = MUTED;
@@ -136,7 +136,7 @@ function dragged(canvas, { start = () => {}, move, click = () => {} }) {
 const sphere = {
   canvas: document.getElementById("sphere"),
 
-  place([x, y]) {
+  toCanvas([x, y]) {
     const { clientWidth: W, clientHeight: H } = this.canvas;
     const scale = Math.min((W - 30) / (4 * Math.SQRT2), (H - 34) / (2 * Math.SQRT2));
     return [W / 2 + scale * x, H / 2 - scale * y];
@@ -148,7 +148,7 @@ const sphere = {
     context.strokeStyle = "#2f3a46";
     const line = (point) => {
       context.beginPath();
-      for (let i = 0; i <= 60; i++) context.lineTo(...this.place(hammer(point(i / 60))));
+      for (let i = 0; i <= 60; i++) context.lineTo(...this.toCanvas(hammer(point(i / 60))));
       context.stroke();
     };
     const direction = (longitude, latitude) => [Math.cos(latitude) * Math.cos(longitude),
@@ -164,30 +164,30 @@ const sphere = {
     context.textAlign = "center";
     const names = [["+x", [1, 0, 0]], ["+y", [0, 1, 0]], ["−y", [0, -1, 0]], ["+z", [0, 0, 1]], ["−z", [0, 0, -1]]];
     for (const [name, axis] of names) {
-      const [x, y] = this.place(hammer(axis));
+      const [x, y] = this.toCanvas(hammer(axis));
       context.fillText(name, x, y + (axis[2] < 0 ? 14 : -5));
     }
-    context.fillText("−x", this.place([2 * Math.SQRT2, 0])[0] + 9, this.place([0, 0])[1] + 4);
+    context.fillText("−x", this.toCanvas([2 * Math.SQRT2, 0])[0] + 9, this.toCanvas([0, 0])[1] + 4);
     if (current === undefined) return;
-    const [x, y] = this.place(hammer(columns.sun_body[current]));
+    const [x, y] = this.toCanvas(hammer(columns.sun_body[current]));
     context.fillStyle = SUN;
     context.beginPath();
     context.arc(x, y, 5, 0, 2 * Math.PI);
     context.fill();
     context.fillText("Sun", x, y - 8);
-    ring(context, this.place(hammer(columns.view_body[current])));
+    ring(context, this.toCanvas(hammer(columns.view_body[current])));
   },
 
-  dots(context, colour, places) {
+  dots(context, colour, positions) {
     context.fillStyle = colour;
-    for (const place of places) dot(context, this.place(hammer(columns.view_body[place])));
+    for (const position of positions) dot(context, this.toCanvas(hammer(columns.view_body[position])));
   },
 
   nearest(kept, x, y) {
     let best, least = 20;
-    for (const place of kept) {
-      const [u, v] = this.place(hammer(columns.view_body[place])), away = Math.hypot(u - x, v - y);
-      if (away < least) [best, least] = [place, away];
+    for (const position of kept) {
+      const [u, v] = this.toCanvas(hammer(columns.view_body[position])), away = Math.hypot(u - x, v - y);
+      if (away < least) [best, least] = [position, away];
     }
     return best;
   },

@@ -194,10 +194,10 @@ def checker() -> Setting:
         depth_m = (normal @ frame.craft.t_body_cam_m) / (rays @ normal)
         hit_body_m = (rays * depth_m[..., None] - frame.craft.t_body_cam_m) @ frame.craft.R_cam_from_body
         cells = (hit_body_m[..., :2] * [1, -1] + 1) / 2 * CHECKER_CELLS
-        place, rest = np.floor(cells).astype(int), cells % 1.0
+        cell, rest = np.floor(cells).astype(int), cells % 1.0
         sure = (np.abs(cells - CHECKER_CELLS / 2) < CHECKER_CELLS / 2).all(axis=-1)
         sure &= (np.abs(rest - 0.5) < 0.5 - CELL_MARGIN).all(axis=-1)
-        share = np.where(sure, reflectance[place.sum(axis=-1) % 2], np.nan)
+        share = np.where(sure, reflectance[cell.sum(axis=-1) % 2], np.nan)
         white = frame.craft.sun_irradiance_rgb_w_m2 / np.pi * frame.craft.sun_direction_body[2]
         return np.asarray(share[..., None] * white)
 

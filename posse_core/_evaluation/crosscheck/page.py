@@ -27,7 +27,7 @@ def _verdicts(verdicts: Sequence[Verdict]) -> Markup:
         (v.case, v.who, v.what, number(v.value), number(v.limit), "holds" if v.passed else "broken")
         for v in verdicts
     ]
-    broken = [place for place, verdict in enumerate(verdicts) if not verdict.passed]
+    broken = [i for i, verdict in enumerate(verdicts) if not verdict.passed]
     return table(("case", "who", "what", "value", "limit", ""), rows, broken)
 
 

@@ -28,7 +28,7 @@ from posse_core._trajectory.state import frame_state
 
 Poses = Literal["random", "trajectory"]
 FIELD_SHARE = 0.5
-"""The middle of the image, as a share of width and height, that random places are drawn from."""
+"""The middle of the image, as a share of width and height, that random positions are drawn from."""
 CLEARANCE_RADII = 1.1
 """Least range of a random pose over the craft's radius: else a part might be behind the camera."""
 SUNLIT_DISC_SHARE = 0.99

@@ -124,20 +124,20 @@ def contour_length(mask: BoolArray) -> float:
     return float(np.pi / 8 * (straight + diagonal / np.sqrt(2)))
 
 
-def landmark_errors_px(coverage: AnyArray, exact: Exact, places_px: FloatArray) -> FloatArray:
+def landmark_errors_px(coverage: AnyArray, exact: Exact, centroids_px: FloatArray) -> FloatArray:
     """(K,) distance of the centroid of each part's coverage from where it should be, px.
 
     Args:
         coverage: (h, w) in the exact view's box.
-        places_px: (K, 2) in the parts' order.
+        centroids_px: (K, 2) in the parts' order.
     """
     u, v = np.moveaxis(exact.box.pixel_centres_px(), -1, 0)
     errors = []
-    for part, place in enumerate(places_px):
+    for part, expected_px in enumerate(centroids_px):
         near = cv2.dilate((exact.part_id == part).astype(np.uint8), np.ones((5, 5), np.uint8))
         weight = np.where(near > 0, coverage, 0.0).astype(np.float64)
         found = np.array([(u * weight).sum(), (v * weight).sum()]) / max(float(weight.sum()), 1e-12)
-        errors.append(np.linalg.norm(found - place))
+        errors.append(np.linalg.norm(found - expected_px))
     return np.array(errors)
 
 

@@ -28,7 +28,7 @@ from faulty_worker import FaultyWorker
 
 from posse_core._errors import PosseError
 from posse_core._plugins.loading import load_plugins
-from posse_core._run import lease, place, shards
+from posse_core._run import destination, lease, shards
 from posse_core._run.attempts import PoolOptions
 from posse_core._run.local import LocalExecutor
 from posse_core._run.plan import Plan, make_plan
@@ -37,7 +37,7 @@ from posse_core._scenario.load import load_scenario
 
 FRAMES = 40
 shards.FRAMES_PER_SHARD = 16
-place.JOURNAL_EVERY_S = 0.1
+destination.JOURNAL_EVERY_S = 0.1
 lease.RENEW_S, lease.PATIENCE_S = 0.2, 3.0
 
 
@@ -195,11 +195,11 @@ def fetch(url: str, folder: Path) -> int:
 
 def main() -> None:
     """Prints how often each fault was met; fails with the round and its faults named."""
-    scenario, place_, rounds, seed, *url = sys.argv[1:]
+    scenario, base_folder, rounds, seed, *url = sys.argv[1:]
     registry = load_plugins().registry
     changes = {"times.count": FRAMES, "writers": ["speed"]}
     plan = make_plan(load_scenario(scenario, registry, changes), registry)
-    base = Path(place_)
+    base = Path(base_folder)
     whole = Round(plan, base / "whole", str(base / "whole" / "dataset"), random.Random())
     whole.end(whole.start(), 0)
     expected = contents(base / "whole" / "dataset")

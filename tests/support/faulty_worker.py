@@ -18,8 +18,8 @@ from posse_core._model.label_line import LabelLine
 class FaultyWorker:
     """Args: faults: frame → what happens there, once (a file in ``marks`` tells that it has)."""
 
-    def __init__(self, place: str, faults: dict[int, str], marks: Path) -> None:
-        self._store = open_store(place)
+    def __init__(self, location: str, faults: dict[int, str], marks: Path) -> None:
+        self._store = open_store(location)
         self._faults = faults
         self._marks = marks
         self._store.write("renderer.json", b"{}\n")

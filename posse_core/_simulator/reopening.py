@@ -1,16 +1,31 @@
-"""A renderer that outlives the process that it works in."""
+"""The renderer of a scenario, which outlives the process that it works in."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 from posse_core._errors import WorkerLost
 from posse_core._interfaces.renderer import Renderer
 from posse_core._model.scene import Radiance, RenderRequest, Scene
+from posse_core._plugins.registry import Registry
+from posse_core._scenario.component import ComponentChoice, create
+from posse_core._sensor.lens import LensRenderer
+from posse_core._simulator.returned import CheckedRenderer
 
 TRIES = 3
 """How often an image is tried when the renderer's process dies."""
+
+
+def chosen_renderer(registry: Registry, choice: ComponentChoice) -> LensRenderer:
+    """The renderer that a user chose, not yet open.
+
+    It is opened again when its process dies, its radiance is checked, and it is seen through the scene's
+    lens.
+    """
+    renderer = ReopeningRenderer(partial(create, registry, "renderer", choice))
+    return LensRenderer(CheckedRenderer(renderer, choice.name))
 
 
 class ReopeningRenderer(Renderer[Any]):

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
 from numpy.typing import ArrayLike
 
 from posse_core._environment.time import Epoch
 from posse_core._geometry.raycast import RayCaster
-from posse_core._interfaces.renderer import Renderer
 from posse_core._model.camera import Camera
 from posse_core._model.scene import FrameState, Radiance, Scene
 from posse_core._model.spacecraft import Spacecraft
@@ -19,13 +17,12 @@ from posse_core._model.trajectory import Trajectory
 from posse_core._plugins.registry import Registry
 from posse_core._scenario.component import create
 from posse_core._scenario.model import Scenario
-from posse_core._sensor.lens import LensRenderer
 from posse_core._sensor.sensor import Sensor
 from posse_core._simulator.annotation import Annotation
 from posse_core._simulator.frame import Frame
 from posse_core._simulator.light import CraftLight
-from posse_core._simulator.reopening import ReopeningRenderer
-from posse_core._simulator.returned import CheckedRenderer, built
+from posse_core._simulator.reopening import chosen_renderer
+from posse_core._simulator.returned import built
 from posse_core._simulator.states import States
 from posse_core._sky.sky import Sky
 from posse_core._sky.view import SkyView
@@ -71,8 +68,7 @@ class Simulator:
         self._geometry = RayCaster(self.scene)
         self._sky = Sky(scenario.sky, camera, scenario.seed)
         self._sensor = Sensor(scenario.sensor, camera)
-        renderer = ReopeningRenderer(partial(create, registry, "renderer", scenario.renderer))
-        self._renderer: Renderer[Any] = LensRenderer(CheckedRenderer(renderer, scenario.renderer.name))
+        self._renderer = chosen_renderer(registry, scenario.renderer)
         self._renderer.open(self.scene)
         self._craft_light = CraftLight(self._renderer, self._geometry, self._sky, camera, scenario.seed)
 

@@ -12,14 +12,20 @@ from scipy.interpolate import CubicHermiteSpline
 
 from posse_core._arrays import FloatArray
 from posse_core._errors import InputError
-from posse_core._interfaces.propagator import PropagationProblem, Propagator
+from posse_core._interfaces.propagator import Propagator
 from posse_core._model.scene import FrameState
 from posse_core._model.trajectory import Motion, Trajectory
 from posse_core._plugins.registry import Registry
 from posse_core._scenario.component import create
 from posse_core._scenario.model import Scenario
-from posse_core._trajectory.build import GivenAttitude, make_trajectory, times_s, trajectory_of
-from posse_core._trajectory.problem import orbit_epoch, resolve
+from posse_core._trajectory.build import (
+    GivenAttitude,
+    make_trajectory,
+    scenario_problem,
+    times_s,
+    trajectory_of,
+)
+from posse_core._trajectory.problem import orbit_epoch
 from posse_core._trajectory.returned import propagated
 from posse_core._trajectory.state import frame_state
 
@@ -115,7 +121,7 @@ class States:
                     f" {own_s.min():g} to {own_s.max():g} s; give a time within"
                 )
         else:
-            problem = self._problem(np.array([float(t_s)]))
+            problem = scenario_problem(self._scenario, self._propagator, np.array([float(t_s)]))
             motion = propagated(self._propagator, problem, name, own_frames=False)
             rows = [_row_of(motion, i) for i in range(len(motion.t_s))]
         if len(rows) > 1 and not any_chaser:
@@ -140,19 +146,9 @@ class States:
     @cached_property
     def _own_motion(self) -> Motion:
         """All frames of a propagator that has frames of its own."""
-        problem = self._problem(times_s(self._scenario))
+        problem = scenario_problem(self._scenario, self._propagator, times_s(self._scenario))
         name = self._scenario.propagator.name
         return propagated(self._propagator, problem, name, own_frames=True)
-
-    def _problem(self, t_s: FloatArray) -> PropagationProblem:
-        scenario = self._scenario
-        return resolve(
-            scenario.orbit,
-            scenario.relative,
-            t_s,
-            scenario.constants,
-            needs_starts=self._propagator.needs_starts,
-        )
 
 
 def _row(name: str, value: ArrayLike | None, size: int) -> FloatArray | None:

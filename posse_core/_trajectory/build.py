@@ -62,16 +62,9 @@ def make_trajectory(scenario: Scenario, registry: Registry) -> Trajectory:
     """
     name = scenario.propagator.name
     propagator: Propagator = create(registry, "propagator", scenario.propagator)
-    problem = resolve(
-        scenario.orbit,
-        scenario.relative,
-        times_s(scenario),
-        scenario.constants,
-        needs_starts=propagator.needs_starts,
-    )
     trajectory = build_trajectory(
         propagator=propagator,
-        problem=problem,
+        problem=scenario_problem(scenario, propagator, times_s(scenario)),
         attitude=scenario.attitude,
         seed=scenario.seed,
         name=name,
@@ -80,6 +73,24 @@ def make_trajectory(scenario: Scenario, registry: Registry) -> Trajectory:
     if scenario.frames is None:
         return trajectory
     return trajectory.rows(evenly_spread(len(trajectory), scenario.frames))
+
+
+def scenario_problem(scenario: Scenario, propagator: Propagator, t_s: FloatArray) -> PropagationProblem:
+    """Return what a propagator is handed of a scenario.
+
+    Args:
+        t_s: (F,) seconds after the scenario's epoch.
+
+    Raises:
+        InputError: see :func:`posse_core._trajectory.problem.resolve`.
+    """
+    return resolve(
+        scenario.orbit,
+        scenario.relative,
+        t_s,
+        scenario.constants,
+        needs_starts=propagator.needs_starts,
+    )
 
 
 def times_s(scenario: Scenario) -> FloatArray:

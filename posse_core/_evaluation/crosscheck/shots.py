@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -15,14 +15,11 @@ from posse_core._arrays import Float32Array
 from posse_core._evaluation.crosscheck.settings import Case
 from posse_core._evaluation.crosscheck.silhouette import Geometry
 from posse_core._interfaces.executor import Executor, FrameResult
-from posse_core._interfaces.renderer import Renderer
 from posse_core._model.scene import RenderRequest
 from posse_core._plugins.loading import load_plugins
 from posse_core._randomness import derived_seed
-from posse_core._scenario.component import ComponentChoice, create
-from posse_core._sensor.lens import LensRenderer
-from posse_core._simulator.reopening import ReopeningRenderer
-from posse_core._simulator.returned import CheckedRenderer
+from posse_core._scenario.component import ComponentChoice
+from posse_core._simulator.reopening import chosen_renderer
 
 NOISE_FRAMES = 3
 """Frames that are rendered with a second seed too."""
@@ -66,8 +63,7 @@ class Shooter:
         self._setting = case.build()
         self._geometry = Geometry(self._setting.scene)
         start = time.perf_counter()
-        make: Callable[[], Renderer[Any]] = partial(create, load_plugins().registry, "renderer", choice)
-        self._renderer = LensRenderer(CheckedRenderer(ReopeningRenderer(make), choice.name))
+        self._renderer = chosen_renderer(load_plugins().registry, choice)
         self._renderer.open(self._setting.scene)
         self._opening_s: float | None = time.perf_counter() - start
 

@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike
 
 from posse_core._dataset.dataset import Dataset
 from posse_core._detection.models import open_models
-from posse_core._detection.pnp import PoseEstimate, solve_pose
+from posse_core._detection.pnp import solve_pose
 from posse_core._detection.pose_detector import LEAST_SCORE, PoseDetector
 from posse_core._errors import ComponentError, InputError
+from posse_core._interfaces.detector import PoseEstimate
 from posse_core._model.camera import Camera
 from posse_core._plugins.kinds import KINDS
 from posse_core._plugins.loading import load_plugins

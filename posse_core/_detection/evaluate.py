@@ -9,12 +9,12 @@ import numpy as np
 
 from posse_core._arrays import AnyArray
 from posse_core._dataset.images import LabelledImages
-from posse_core._detection.pnp import PoseEstimate, solve_pose
+from posse_core._detection.pnp import solve_pose
 from posse_core._errors import InputError
 from posse_core._evaluation.metrics import TrueBox, best_overlaps, true_boxes
 from posse_core._evaluation.poses import add_m, adi_m, pose_errors
 from posse_core._frames import matrix_from_quaternion
-from posse_core._interfaces.detector import Detection, Detector, KeypointFinder
+from posse_core._interfaces.detector import Detection, Detector, KeypointFinder, PoseEstimate
 from posse_core._model.label_line import LabelLine
 
 

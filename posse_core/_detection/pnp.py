@@ -3,57 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
 from posse_core._arrays import BoolArray, FloatArray
-from posse_core._frames import cross_matrix, matrix_from_rotation_vector, quaternion_from_matrix
-from posse_core._interfaces.detector import Detection
+from posse_core._frames import cross_matrix, matrix_from_rotation_vector
+from posse_core._interfaces.detector import PoseEstimate
 from posse_core._model.camera import Camera
 
 MIN_POINTS = 4
 """Smallest number of points; three allow several poses."""
 _HUBER = 2.0  # standard deviations beyond which a point's influence no longer grows
 _STEPS = 30
-
-
-@dataclass(frozen=True)
-class PoseEstimate:
-    """A pose with its uncertainty.
-
-    Attributes:
-        R_cam_from_body: (3, 3).
-        t_body_cam_m: (3,) position of the body's origin in camera axes.
-        covariance: (6, 6) of a small rotation in camera axes (rad) and of the position (m), in this
-            order.
-        inliers: (K,) points within three standard deviations.
-        residual: root mean square of the inliers' residuals, in standard deviations.
-        detection: the detection that the keypoints belong to, if they were found in an image.
-    """
-
-    R_cam_from_body: FloatArray
-    t_body_cam_m: FloatArray
-    covariance: FloatArray
-    inliers: BoolArray
-    residual: float
-    detection: Detection | None = None
-
-    @property
-    def q_cam_from_body(self) -> FloatArray:
-        """(4,) unit quaternion of :attr:`R_cam_from_body`, scalar first, w ≥ 0."""
-        return quaternion_from_matrix(self.R_cam_from_body)
-
-    @property
-    def range_m(self) -> float:
-        """Distance between the camera and the body's origin."""
-        return float(np.linalg.norm(self.t_body_cam_m))
-
-    def __repr__(self) -> str:
-        of = "" if self.detection is None else f" of {self.detection.label}"
-        x, y, z = self.t_body_cam_m
-        return f"<PoseEstimate{of}: at {x:.2f}, {y:.2f}, {z:.2f} m, {self.inliers.sum()} inliers>"
 
 
 def solve_pose(

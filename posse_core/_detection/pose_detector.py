@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from posse_core._arrays import AnyArray
-from posse_core._detection.pnp import PoseEstimate, solve_pose
+from posse_core._detection.pnp import solve_pose
 from posse_core._errors import InputError
-from posse_core._interfaces.detector import Detection, Detector, KeypointFinder
+from posse_core._interfaces.detector import Detection, Detector, KeypointFinder, PoseEstimate
 from posse_core._model.camera import Camera
 
 LEAST_SCORE = 0.3

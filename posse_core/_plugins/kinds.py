@@ -142,6 +142,20 @@ _KINDS = (
         },
     ),
     Kind(
+        "navigator",
+        "posse_navigators",
+        "posse_core:Navigator",
+        "estimates the relative motion from the chaser's readings",
+        {"truth": Capability("gets the true state beside the readings")},
+    ),
+    Kind(
+        "controller",
+        "posse_controllers",
+        "posse_core:Controller",
+        "decides on the chaser's impulses",
+        {"no-waypoints": Capability("needs no goal")},
+    ),
+    Kind(
         "writer",
         "posse_writers",
         "posse_core:Writer",

@@ -65,12 +65,12 @@ def posse_detectors() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
 
 @hookspec
 def posse_navigators() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
-    """Classes of :class:`posse_core.Navigator`, which estimate the relative motion. Since 0.2."""
+    """Classes of :class:`posse_core.Navigator`, which estimate the relative motion. Since 0.1."""
 
 
 @hookspec
 def posse_controllers() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
-    """Classes of :class:`posse_core.Controller`, which decide on impulses. Since 0.2."""
+    """Classes of :class:`posse_core.Controller`, which decide on impulses. Since 0.1."""
 
 
 @hookspec

@@ -30,7 +30,7 @@ class FlightRecord:
         dof: (F,) int, number of scalar measurements.
         rejected: (F,) int, how many of them were rejected.
         t_waypoint_s, until_waypoint_s: (W,) when each waypoint is to be reached, and held until.
-        r_waypoint_rtn_m: (W, 3) the waypoints.
+        r_waypoint_rtn_m, v_waypoint_rtn_m_s: (W, 3) the waypoints.
         keep_out_m: (3,) semi-axes of the keep-out ellipsoid along R, T, N; NaN where there is none.
         cone: (5,) axis in RTN, half angle (rad) and length (m) of the approach cone; NaN likewise.
         least_dv_m_s: () sum of the impulses of the best plan that knows everything.
@@ -57,6 +57,7 @@ class FlightRecord:
     t_waypoint_s: FloatArray
     until_waypoint_s: FloatArray
     r_waypoint_rtn_m: FloatArray
+    v_waypoint_rtn_m_s: FloatArray
     keep_out_m: FloatArray
     cone: FloatArray
     least_dv_m_s: FloatArray

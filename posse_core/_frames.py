@@ -93,6 +93,17 @@ def rtn_from_eci(
     return r_rtn_m, v_rtn_m_s
 
 
+def relative_rtn_from_eci(r_target_eci_m: FloatArray, v_target_eci_m_s: FloatArray) -> FloatArray:
+    """Matrix (6, 6) that takes a chaser's position and velocity minus the target's, ECI axes, to its RTN
+    position and velocity (in the rotating axes); from the target's state, (3,) and (3,)."""
+    R = R_eci_from_rtn(r_target_eci_m, v_target_eci_m_s).T
+    spin = np.array([0.0, 0.0, float(rtn_rate_rad_s(r_target_eci_m, v_target_eci_m_s))])
+    matrix = np.zeros((6, 6))
+    matrix[:3, :3] = matrix[3:, 3:] = R
+    matrix[3:, :3] = -cross_matrix(spin) @ R
+    return matrix
+
+
 def _apply(R: FloatArray, x: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("...ij,...j->...i", R, x))
 
@@ -167,6 +178,18 @@ def matrix_from_rotation_vector(rotation_rad: FloatArray) -> FloatArray:
     # numpy's sinc is sin(πx)/(πx); it is 1 at 0, so a zero rotation is no special case.
     q = np.concatenate([np.cos(half), np.sinc(half / np.pi) / 2 * rotation_rad], axis=-1)
     return matrix_from_quaternion(q)
+
+
+def right_jacobian(rotation_rad: FloatArray) -> FloatArray:
+    """Derivative (3, 3) of a rotation by its rotation vector φ (3,): exp((φ + ε)×) is
+    exp(φ×) exp((J ε)×) to first order (Chirikjian 2011, Stochastic Models 2, section 10.6)."""
+    square = float(rotation_rad @ rotation_rad)
+    X = cross_matrix(rotation_rad)
+    if square < 1e-6:
+        return np.asarray(np.eye(3) - (0.5 - square / 24) * X + (1 / 6 - square / 120) * X @ X)
+    angle = math.sqrt(square)
+    first, second = (1 - math.cos(angle)) / square, (angle - math.sin(angle)) / (square * angle)
+    return np.asarray(np.eye(3) - first * X + second * X @ X)
 
 
 def cross_matrix(x: FloatArray) -> FloatArray:

@@ -47,6 +47,7 @@ ROOMS = (
     "_selection",
     "_evaluation",
     "_detection",
+    "_navigation",
     "_view",
     "_api",
     "_cli",

@@ -138,6 +138,38 @@ def posse_annotators() -> list[ComponentSpec]:
     ]
 
 
+@hookimpl
+def posse_navigators() -> list[ComponentSpec]:
+    package = "posse_core._navigation"
+    return [
+        ComponentSpec(
+            "dead-reckoning",
+            "the planned motion and the commanded impulses, without any reading",
+            f"{package}.coasting:DeadReckoningNavigator",
+            f"{package}.options:DynamicsOptions",
+        ),
+        ComponentSpec(
+            "ekf",
+            "extended Kalman filter on keypoints or poses: relative motion, attitude, rate",
+            f"{package}.kalman:EkfNavigator",
+            f"{package}.options:KalmanOptions",
+        ),
+        ComponentSpec(
+            "truth",
+            "the true state, to compare with",
+            f"{package}.coasting:TruthNavigator",
+            f"{package}.options:DynamicsOptions",
+            capabilities=frozenset({"truth"}),
+        ),
+        ComponentSpec(
+            "ukf",
+            "unscented Kalman filter on keypoints or poses: relative motion, attitude, rate",
+            f"{package}.kalman:UkfNavigator",
+            f"{package}.options:KalmanOptions",
+        ),
+    ]
+
+
 _LABELS_ONLY = frozenset({"labels-only"})
 
 

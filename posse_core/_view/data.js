@@ -6,17 +6,6 @@ const columns = dataset.columns;
 const count = columns.index.length;
 const DEG = 180 / Math.PI;
 
-// Quantities to filter by; scale leads from the label's unit to the one shown.
-const QUANTITIES = [
-  { name: "range_m", title: "Range", unit: "m", scale: 1 },
-  { name: "phase_angle_rad", title: "Phase angle", unit: "°", scale: DEG },
-  { name: "fraction_lit", title: "Share of the craft lit", unit: "", scale: 1 },
-  { name: "sun_fraction_target", title: "Sun's disc in view", unit: "", scale: 1 },
-  { name: "fraction_visible", title: "Share in the image", unit: "", scale: 1 },
-  { name: "keypoints_visible", title: "Keypoints seen", unit: "", scale: 1, whole: true },
-  { name: "sequence", title: "Sequence", unit: "", scale: 1, whole: true },
-].filter((quantity) => columns[quantity.name].some((value) => value !== null));
-
 // {labels, preview: {jpeg, depth} or null} of the frame at a position in the columns.
 function frameAt(position) {
   return JSON.parse(document.getElementById(`frame-${columns.index[position]}`).textContent);
@@ -25,19 +14,6 @@ function frameAt(position) {
 // The frame's image in the dataset's folder, from where the page was written.
 function imageUrl(labels) {
   return dataset.folder + labels.image.split("/").map(encodeURIComponent).join("/");
-}
-
-// Places of the frames that pass: filters is {quantity: [low, high]}, in the label's unit, both
-// ends included; crafts is a Set of names. A frame without the label does not pass its filter.
-function passing(filters, crafts) {
-  const positions = [];
-  const tests = Object.entries(filters).map(([name, limits]) => [columns[name], ...limits]);
-  for (let position = 0; position < count; position++) {
-    if (!crafts.has(columns.spacecraft[position])) continue;
-    if (tests.every(([column, low, high]) =>
-      column[position] !== null && column[position] >= low && column[position] <= high)) positions.push(position);
-  }
-  return positions;
 }
 
 // COCO's compressed run lengths → Uint8Array of H × W, by rows.
@@ -85,13 +61,6 @@ function bodyAxes(labels) {
   const length = dataset.spacecraft[labels.spacecraft].size_m / 2, t = labels.t_body_cam_m;
   return [[0, 0, 0], [length, 0, 0], [0, length, 0], [0, 0, length]].map((tip) =>
     project(rotate(labels.q_cam_from_body, tip).map((value, i) => value + t[i])));
-}
-
-// Hammer's equal-area map of a unit vector: x within ±2√2, y within ±√2; the body's x in the middle.
-function hammer([x, y, z]) {
-  const longitude = Math.atan2(y, x), cos = Math.hypot(x, y);
-  const k = Math.SQRT2 / Math.sqrt(1 + cos * Math.cos(longitude / 2));
-  return [2 * k * cos * Math.sin(longitude / 2), k * z];
 }
 
 // 0 … 1 → [r, g, b], dark blue over green to yellow.

@@ -49,13 +49,7 @@ const orbit = {
     context.strokeStyle = context.fillStyle = colour;
     context.lineWidth = 1.5;
     stroke(context, from, tip);
-    const angle = Math.atan2(tip[1] - from[1], tip[0] - from[0]);
-    context.beginPath();
-    for (const turn of [-0.4, 0, 0.4]) {
-      const back = turn ? 8 : 0;
-      context.lineTo(tip[0] - back * Math.cos(angle + turn), tip[1] - back * Math.sin(angle + turn));
-    }
-    context.fill();
+    arrowhead(context, from, tip);
     context.fillText(name, tip[0] + 5, tip[1] - 3);
   },
 

@@ -1,12 +1,20 @@
 // The frame: its image, and its labels drawn over it.
 
+// What can be drawn over the image, in the order of drawing; each is drawn in label coordinates, where
+// ``line`` is the length of a screen pixel. A page may add its own.
 const OVERLAYS = [
-  { name: "box", title: "Box", key: "b", colour: "#ffd34d", has: (f) => f.labels.box_visible_px },
-  { name: "mask", title: "Mask", key: "m", colour: "#3ddcff", has: (f) => f.labels.mask_rle },
-  { name: "keypoints", title: "Keypoints", key: "k", colour: "#58e07a", has: (f) => f.labels.keypoints },
-  { name: "names", title: "Names", key: "n", colour: "#58e07a", has: (f) => f.labels.keypoints },
-  { name: "axes", title: "Body axes", key: "a", colour: "#ff6b5e", has: (f) => f.labels.q_cam_from_body },
-  { name: "depth", title: "Depth", key: "d", colour: "#2f9e8f", has: (f) => f.preview && f.preview.depth },
+  { name: "depth", title: "Depth", key: "d", colour: "#2f9e8f", has: (f) => f.preview && f.preview.depth,
+    draw: (context, frame) => { if (picture.depth) drawDepth(context, picture.depth, frame.preview.depth); } },
+  { name: "mask", title: "Mask", key: "m", colour: "#3ddcff", has: (f) => f.labels.mask_rle,
+    draw: (context, { labels }) => context.drawImage(picture.mask ??= maskImage(labels.mask_rle), -0.5, -0.5) },
+  { name: "box", title: "Box", key: "b", colour: "#ffd34d", has: (f) => f.labels.box_visible_px,
+    draw: (context, { labels }, line) => drawBoxes(context, labels, line) },
+  { name: "axes", title: "Body axes", key: "a", colour: "#ff6b5e", has: (f) => f.labels.q_cam_from_body,
+    draw: (context, { labels }, line) => drawAxes(context, labels, line) },
+  { name: "keypoints", title: "Keypoints", key: "k", colour: "#58e07a", has: (f) => f.labels.keypoints,
+    draw: (context, { labels }, line) => drawKeypoints(context, labels, line) },
+  { name: "names", title: "Names", key: "n", colour: "#58e07a", has: (f) => f.labels.keypoints,
+    draw: (context, { labels }, line) => drawNames(context, labels, line) },
 ];
 const VISIBILITY = { 1: "#ff9f43", 2: "#58e07a" };   // hidden, seen; 0 is out of the image
 const AXES = ["#ff5d5d", "#5dff7f", "#6a9bff"];
@@ -60,36 +68,11 @@ const picture = {
     }
     // From here on in label coordinates: a pixel's centre is a whole number.
     context.translate(0.5, 0.5);
-    const on = (name) => this.shown.has(name) && OVERLAYS.find((o) => o.name === name).has(this.frame);
-    const labels = this.frame.labels, line = 1 / scale;
-    if (on("depth") && this.depth) drawDepth(context, this.depth, this.frame.preview.depth);
-    if (on("mask")) context.drawImage(this.mask ??= maskImage(labels.mask_rle), -0.5, -0.5);
-    if (on("box")) drawBoxes(context, labels, line);
-    if (on("axes")) drawAxes(context, labels, line);
-    if (on("keypoints")) drawSkeleton(context, labels, line);
-    if (on("keypoints") || on("names")) drawKeypoints(context, labels, line, on("keypoints"), on("names"));
-    showLegend(on("depth") ? this.frame.preview.depth : null);
+    const shown = OVERLAYS.filter(({ name, has }) => this.shown.has(name) && has(this.frame));
+    for (const overlay of shown) overlay.draw(context, this.frame, 1 / scale);
+    showLegend(shown.some(({ name }) => name === "depth") ? this.frame.preview.depth : null);
   },
 };
-
-// A canvas's context, with as many pixels as the screen has in its area.
-function fitted(canvas) {
-  const width = Math.round(canvas.clientWidth * devicePixelRatio);
-  const height = Math.round(canvas.clientHeight * devicePixelRatio);
-  if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
-  const context = canvas.getContext("2d");
-  context.setTransform(1, 0, 0, 1, 0, 0);
-  context.clearRect(0, 0, width, height);
-  return context;
-}
-
-function pixels(width, height, paint) {
-  const canvas = Object.assign(document.createElement("canvas"), { width, height });
-  const context = canvas.getContext("2d"), data = context.createImageData(width, height);
-  paint(data.data);
-  context.putImageData(data, 0, 0);
-  return canvas;
-}
 
 function maskImage(rle) {
   const [height, width] = rle.size, mask = decodeMask(rle);
@@ -144,14 +127,6 @@ function drawBoxes(context, labels, line) {
   context.setLineDash([]);
 }
 
-function stroke(context, from, to) {
-  if (!from || !to) return;
-  context.beginPath();
-  context.moveTo(...from);
-  context.lineTo(...to);
-  context.stroke();
-}
-
 function drawAxes(context, labels, line) {
   const [origin, ...tips] = bodyAxes(labels);
   context.lineWidth = 2.5 * line;
@@ -163,7 +138,7 @@ function drawAxes(context, labels, line) {
   });
 }
 
-function drawSkeleton(context, labels, line) {
+function drawKeypoints(context, labels, line) {
   context.strokeStyle = "#58e07a99";
   context.lineWidth = line;
   for (const [a, b] of dataset.spacecraft[labels.spacecraft].skeleton) {
@@ -171,17 +146,34 @@ function drawSkeleton(context, labels, line) {
     if (from && to && from[0] !== null && to[0] !== null)
       stroke(context, from.slice(0, 2), to.slice(0, 2));
   }
-}
-
-function drawKeypoints(context, labels, line, dots, names) {
-  context.font = `${11 * line}px sans-serif`;
   context.lineWidth = 1.5 * line;
-  for (const [name, [u, v, visibility]] of Object.entries(labels.keypoints)) {
+  for (const [u, v, visibility] of Object.values(labels.keypoints)) {
     if (!visibility) continue;
     context.fillStyle = context.strokeStyle = VISIBILITY[visibility];
     context.beginPath();
     context.arc(u, v, 3.5 * line, 0, 2 * Math.PI);
-    if (dots) visibility === 2 ? context.fill() : context.stroke();
-    if (names) context.fillText(name, u + 6 * line, v - 5 * line);
+    visibility === 2 ? context.fill() : context.stroke();
   }
 }
+
+function drawNames(context, labels, line) {
+  context.font = `${11 * line}px sans-serif`;
+  for (const [name, [u, v, visibility]] of Object.entries(labels.keypoints)) {
+    context.fillStyle = VISIBILITY[visibility];
+    if (visibility) context.fillText(name, u + 6 * line, v - 5 * line);
+  }
+}
+
+dragged(picture.canvas, { move: (x, y, dx, dy) => { picture.x += dx; picture.y += dy; picture.draw(); } });
+picture.canvas.onwheel = (event) => {
+  event.preventDefault();
+  const zoom = Math.min(Math.max(picture.zoom * Math.exp(-event.deltaY / 400), 1), 64), by = zoom / picture.zoom;
+  // What is under the pointer stays there.
+  const { clientWidth: W, clientHeight: H } = picture.canvas;
+  picture.x = by * picture.x + (1 - by) * (event.offsetX - W / 2);
+  picture.y = by * picture.y + (1 - by) * (event.offsetY - H / 2);
+  if (zoom === 1) picture.x = picture.y = 0;
+  picture.zoom = zoom;
+  picture.draw();
+};
+picture.canvas.ondblclick = () => { Object.assign(picture, { zoom: 1, x: 0, y: 0 }); picture.draw(); };

@@ -1,7 +1,17 @@
 // Distributions, which are the filters as well, and the map of view directions.
 
-const GREY = "#465361", ACCENT = "#4fb3ff", SUN = "#ffc857", TEXT = "#e3e9ef", MUTED = "#8d9aa8";
-const BINS = 30, MARGIN = 10;
+// Quantities to filter by; scale leads from the label's unit to the one shown.
+const QUANTITIES = [
+  { name: "range_m", title: "Range", unit: "m", scale: 1 },
+  { name: "phase_angle_rad", title: "Phase angle", unit: "°", scale: DEG },
+  { name: "fraction_lit", title: "Share of the craft lit", unit: "", scale: 1 },
+  { name: "sun_fraction_target", title: "Sun's disc in view", unit: "", scale: 1 },
+  { name: "fraction_visible", title: "Share in the image", unit: "", scale: 1 },
+  { name: "keypoints_visible", title: "Keypoints seen", unit: "", scale: 1, whole: true },
+  { name: "sequence", title: "Sequence", unit: "", scale: 1, whole: true },
+].filter((quantity) => columns[quantity.name].some((value) => value !== null));
+
+const BINS = 30;
 
 class Histogram {
   constructor(quantity, changed) {
@@ -106,33 +116,6 @@ class Histogram {
   }
 }
 
-// Up to four significant digits, without an exponent where that is short.
-function short(value) {
-  return String(Number(value.toPrecision(4)));
-}
-
-// Pointer handling shared by the plots: start(x, y), move(x, y, dx, dy), click(x, y), in CSS pixels.
-function dragged(canvas, { start = () => {}, move, click = () => {} }) {
-  let last = null, moved = 0;
-  canvas.onpointerdown = (event) => {
-    canvas.setPointerCapture(event.pointerId);
-    last = [event.offsetX, event.offsetY];
-    moved = 0;
-    start(...last);
-  };
-  canvas.onpointermove = (event) => {
-    if (!last) return;
-    const [x, y] = [event.offsetX, event.offsetY], dx = x - last[0], dy = y - last[1];
-    moved += Math.abs(dx) + Math.abs(dy);
-    last = [x, y];
-    if (moved > 3) move(x, y, dx, dy);
-  };
-  canvas.onpointerup = canvas.onpointercancel = (event) => {
-    if (last && moved <= 3 && event.type === "pointerup") click(...last);
-    last = null;
-  };
-}
-
 const sphere = {
   canvas: document.getElementById("sphere"),
 
@@ -199,10 +182,9 @@ function dot(context, [x, y]) {
   context.fillRect(x - size / 2, y - size / 2, size, size);
 }
 
-function ring(context, [x, y]) {
-  context.strokeStyle = "#fff";
-  context.lineWidth = 2;
-  context.beginPath();
-  context.arc(x, y, 5, 0, 2 * Math.PI);
-  context.stroke();
+// Hammer's equal-area map of a unit vector: x within ±2√2, y within ±√2; the body's x in the middle.
+function hammer([x, y, z]) {
+  const longitude = Math.atan2(y, x), cos = Math.hypot(x, y);
+  const k = Math.SQRT2 / Math.sqrt(1 + cos * Math.cos(longitude / 2));
+  return [2 * k * cos * Math.sin(longitude / 2), k * z];
 }

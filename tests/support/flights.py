@@ -7,11 +7,13 @@ has the χ² distribution. Nothing here comes from the program's own dynamics, a
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from posse_core._model.flight_record import FlightRecord
+from posse_core._model.trajectory import Trajectory
 
 MEAN_MOTION_RAD_S = 1.06e-3
 STEP_S = 20.0
@@ -71,6 +73,42 @@ def approach() -> Motion:
         dv_rtn_m_s=np.array(dv),
         q_eci_from_body=turns.as_quat()[:, [3, 0, 1, 2]],
         omega_body_rad_s=np.tile(OMEGA_BODY_RAD_S, (len(t_s), 1)),
+    )
+
+
+def scenario(motion: Motion, every: int) -> dict[str, Any]:
+    """A scenario of ``small_run``'s box with this motion; only every so many frames are imaged."""
+    burns = [
+        {"t_s": float(t), "dv_rtn_m_s": dv.tolist()}
+        for t, dv in zip(motion.t_s[:-1], motion.dv_rtn_m_s[:-1], strict=True)
+        if dv.any()
+    ]
+    start = {"r_m": motion.rtn[0, :3].tolist(), "v_m_s": motion.rtn[0, 3:].tolist()}
+    a_m = (3.986004418e14 / MEAN_MOTION_RAD_S**2) ** (1 / 3)
+    elements = {"epoch_utc": "2022-01-31T02:02:27.58", "a_m": a_m, "e": 0.0, "i_deg": 98}
+    elements |= {"raan_deg": 10, "argp_deg": 0, "mean_anomaly_deg": 30}
+    return {
+        "target": {"mesh": "box.obj", "scale_m_per_unit": 0.5, "body_axes": "x y z"},
+        "orbit": {"elements": elements},
+        "relative": {"state_rtn": start, "plan": {"burns": burns}},
+        "times": {"t_s": motion.t_s[::every].tolist()},
+        "attitude": {"target": {"law": "spin", "body_axis": "+y"}},
+        "camera": {"width_px": 160, "height_px": 120},
+        "sky": {"earth": False, "stars": None},
+        "renderer": {"name": "raster"},
+        "seed": 3,
+    }
+
+
+def as_flown(motion: Motion, trajectory: Trajectory) -> Motion:
+    """The frames of a dataset's trajectory, with the impulses of the motion that it was made of."""
+    rows = np.searchsorted(motion.t_s, trajectory.t_s)
+    return Motion(
+        t_s=trajectory.t_s,
+        rtn=np.hstack([trajectory.r_chaser_rtn_m, trajectory.v_chaser_rtn_m_s]),
+        dv_rtn_m_s=motion.dv_rtn_m_s[rows],
+        q_eci_from_body=trajectory.q_eci_from_body,
+        omega_body_rad_s=trajectory.omega_body_rad_s,
     )
 
 

@@ -42,8 +42,9 @@ def two_crafts(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="session")
 def browse(tmp_path_factory):
-    """browse(page, script): what the script, run after the page's own, leaves in ``told``.
+    """browse(page, script, address): what the script, run after the page's own, leaves in ``told``.
 
+    ``address`` is what the page's address ends with, such as ``#frame=3``.
     Errors that the page itself raised are in ``told.errors``.
     """
     chromium = next(
@@ -52,7 +53,7 @@ def browse(tmp_path_factory):
     if chromium is None:
         pytest.skip("no Chromium on this machine: the page is judged by its data alone")
 
-    def run(page: Path, script: str) -> dict:
+    def run(page: Path, script: str, address: str = "") -> dict:
         watch = "<script>const told = {errors: []}; onerror = (e) => void told.errors.push(e);</script>"
         tell = f"""<pre id="told"></pre><script>setTimeout(() => {{ {script}
             document.getElementById("told").textContent = JSON.stringify(told); }}, 1500);</script>"""
@@ -61,7 +62,7 @@ def browse(tmp_path_factory):
         probe.write_text(text.replace("</body>", tell + "</body>"))
         profile = tmp_path_factory.mktemp("profile")
         done = subprocess.run(
-            [chromium, *FLAGS, f"--user-data-dir={profile}", probe.as_uri()],
+            [chromium, *FLAGS, f"--user-data-dir={profile}", probe.as_uri() + address],
             capture_output=True,
             text=True,
             timeout=120,

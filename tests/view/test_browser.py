@@ -109,7 +109,7 @@ def test_the_map_of_directions_keeps_areas(told, lines):
 
 
 def test_the_image_itself_is_shown_where_it_is_beside_the_page(told):
-    assert told["loaded"] == [160, "", "#0"]
+    assert told["loaded"] == [160, "", "#frame=0"]
 
 
 def test_overlays_cover_the_labelled_pixels(browse, view, two_crafts, lines, tmp_path):

@@ -38,6 +38,7 @@ ROOMS = (
     "_annotators",
     "_spacecraft",
     "_trajectory",
+    "_guidance",
     "_sky",
     "_sensor",
     "_simulator",

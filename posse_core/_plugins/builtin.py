@@ -170,6 +170,38 @@ def posse_navigators() -> list[ComponentSpec]:
     ]
 
 
+@hookimpl
+def posse_controllers() -> list[ComponentSpec]:
+    package = "posse_core._guidance"
+    return [
+        ComponentSpec(
+            "hold",
+            "keeps the chaser where it is, or at a waypoint, by a deadband",
+            f"{package}.hold:HoldController",
+            f"{package}.options:HoldOptions",
+            capabilities=frozenset({"no-waypoints"}),
+        ),
+        ComponentSpec(
+            "impulsive-mpc",
+            "least impulses to reach and hold waypoints, replanned at each instant (the default)",
+            f"{package}.impulsive_mpc:ImpulsiveMpc",
+            f"{package}.options:MpcOptions",
+        ),
+        ComponentSpec(
+            "lqr",
+            "linear-quadratic regulator on the exact linear motion, without safety rules",
+            f"{package}.lqr:LqrController",
+            f"{package}.options:LqrOptions",
+        ),
+        ComponentSpec(
+            "plan",
+            "carries out impulses that were planned beforehand",
+            f"{package}.plan:PlanController",
+            capabilities=frozenset({"no-waypoints"}),
+        ),
+    ]
+
+
 _LABELS_ONLY = frozenset({"labels-only"})
 
 

@@ -40,6 +40,8 @@ from ._formats.poses import read_poses as read_poses
 from ._frames import R_with_z as R_with_z
 from ._geometry.raycast import RayCaster as RayCaster
 from ._interfaces.annotator import Annotator as Annotator
+from ._interfaces.attitude_law import AttitudeLaw as AttitudeLaw
+from ._interfaces.attitude_law import Surroundings as Surroundings
 from ._interfaces.controller import Cone as Cone
 from ._interfaces.controller import Controller as Controller
 from ._interfaces.controller import ControlProblem as ControlProblem

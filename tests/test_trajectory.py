@@ -17,6 +17,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from laws import laws_of
 
 from posse_core._constants import WGS84_FLATTENING, Constants
 from posse_core._environment.time import Epoch
@@ -26,12 +27,13 @@ from posse_core._frames import matrix_from_quaternion, unit
 from posse_core._interfaces.propagator import PropagationProblem, Propagator
 from posse_core._model.trajectory import Motion, Trajectory
 from posse_core._plugins.options import NoOptions
-from posse_core._scenario.attitude import AttitudeConfig, FileLaw, SpinLaw, TrackLaw
 from posse_core._scenario.orbit import ElementsConfig, OrbitConfig, RelativeConfig
-from posse_core._trajectory.build import GivenAttitude, build_trajectory, trajectory_of
+from posse_core._trajectory.attitude import GivenAttitude, Laws
+from posse_core._trajectory.build import build_trajectory, trajectory_of
 from posse_core._trajectory.problem import resolve
 from posse_core._trajectory.state import frame_state
 
+HERE = Path(__file__).parent
 RADIUS_M = 7.08e6
 PERIOD_S = 2 * np.pi * np.sqrt(RADIUS_M**3 / Constants().mu_earth_m3_s2)
 T_S = np.linspace(0, PERIOD_S, 200)
@@ -58,7 +60,7 @@ class Circle(Propagator):
 
 def build(
     t_s: np.ndarray = T_S,
-    attitude: AttitudeConfig | None = None,
+    laws: Laws | None = None,
     seed: int = 7,
     epoch_utc: str = "2022-03-20T15:33:00",
     propagator: Propagator | None = None,
@@ -77,7 +79,7 @@ def build(
     return build_trajectory(
         propagator=propagator or Circle(NoOptions()),
         problem=problem,
-        attitude=attitude or AttitudeConfig(),
+        laws=laws or laws_of(),
         seed=seed,
         name="circle",
     )
@@ -151,7 +153,7 @@ def test_quaternions_are_unit_with_positive_scalar(trajectory: Trajectory) -> No
 
 
 def test_frame_state_is_seen_from_the_camera(trajectory: Trajectory) -> None:
-    exact = build(attitude=AttitudeConfig(camera=TrackLaw(offset=0)))
+    exact = build(laws=laws_of(camera="track"))
     for index in (0, 13, 199):
         frame = frame_state(exact, index, Constants())
         range_m = np.linalg.norm(exact.r_chaser_rtn_m[index])
@@ -180,8 +182,8 @@ def test_the_earth_fixed_axes_put_greenwich_under_the_sun_at_noon() -> None:
 
 
 def test_a_frame_does_not_depend_on_the_others(trajectory: Trajectory) -> None:
-    attitude = AttitudeConfig(target=SpinLaw())
-    whole, part = build(attitude=attitude), build(T_S[:50], attitude=attitude)
+    laws = laws_of(target="spin")
+    whole, part = build(laws=laws), build(T_S[:50], laws=laws)
     assert_same_bits(part, whole.rows(slice(50)))
 
 
@@ -189,7 +191,7 @@ def test_the_same_bits_in_another_process(trajectory: Trajectory, tmp_path: Path
     path = tmp_path / "a.npz"
     save_trajectory(trajectory, path)
     code = (
-        f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
+        f"import sys; sys.path[:0] = {[str(HERE), str(HERE / 'support')]!r}\n"
         "from pathlib import Path\n"
         "from test_trajectory import build\n"
         "from posse_core._files.trajectory import save_trajectory\n"
@@ -202,7 +204,8 @@ def test_the_same_bits_in_another_process(trajectory: Trajectory, tmp_path: Path
 def test_a_recorded_attitude_comes_back(trajectory: Trajectory, tmp_path: Path) -> None:
     path = tmp_path / "t.npz"
     save_trajectory(trajectory, path)
-    again = build(attitude=AttitudeConfig(target=FileLaw(path=path), camera=FileLaw(path=path)), seed=99)
+    recorded = {"law": "file", "path": path}
+    again = build(laws=laws_of(target=recorded, camera=recorded), seed=99)
     np.testing.assert_allclose(again.q_eci_from_body, trajectory.q_eci_from_body, atol=1e-12)
     np.testing.assert_allclose(again.q_eci_from_camera, trajectory.q_eci_from_camera, atol=1e-12)
 
@@ -396,7 +399,7 @@ def at_one(trajectory: Trajectory, index: int, given: GivenAttitude | None = Non
     return trajectory_of(
         motion_rows(trajectory, [index]),
         epoch=Epoch.from_iso(trajectory.epoch_utc),
-        attitude=AttitudeConfig(),
+        laws=laws_of(),
         constants=Constants(),
         seed=7,
         indices=np.array([index]),

@@ -1,1 +1,1 @@
-"""Attitude laws of the target's body and of the chaser's camera."""
+"""The built-in attitude laws."""

@@ -6,11 +6,14 @@ They are read from a CCSDS Attitude Ephemeris Message (504.0-B-2, and its first 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
 
 from posse_core._arrays import FloatArray
+from posse_core._attitude.options import FileOptions
 from posse_core._environment.earth import R_GCRF_FROM_EME2000
 from posse_core._environment.time import Epoch
 from posse_core._errors import InputError
@@ -21,6 +24,7 @@ from posse_core._frames import (
     matrix_from_rotation_vector,
     rotation_vector_from_matrix,
 )
+from posse_core._interfaces.attitude_law import AttitudeLaw, Surroundings
 
 _INERTIAL = ("GCRF", "ICRF", "EME2000", "J2000")
 _QUATERNION_LENGTH_ERROR = 1e-3
@@ -29,43 +33,86 @@ _EXTRAPOLATION_S = 0.01
 """How far a time may lie before the first or after the last recorded attitude."""
 
 
-def recorded_attitude(path: Path, name: str, epoch: Epoch, t_s: FloatArray) -> FloatArray:
-    """Return R_eci_from_body or R_eci_from_camera at the times: (F,) → (F, 3, 3).
+class FileLaw(AttitudeLaw[FileOptions]):
+    """Recorded attitudes, interpolated at a constant rate from one to the next.
 
-    Between two recorded attitudes the rotation is about one axis, the shorter way, at a constant rate.
-    The first and the last rotation continue for 0.01 s beyond the record, so that angular velocities can
-    be computed there by differences.
-
-    Args:
-        path: the file of attitudes.
-        name: the array in an ``.npz`` or ``.csv`` file, such as ``q_eci_from_body``.
-        epoch: the instant of t_s = 0.
-        t_s: (F,) seconds after the epoch.
-
-    Raises:
-        InputError: The file cannot be used, or does not cover all times.
+    The file is read when the first attitude is asked for.
     """
-    if path.suffix in (".npz", ".csv"):
-        table = read_table(path, ("t_s", name))
-        times, R = table["t_s"], _rotations(table[name], str(path))
-        if table.epoch_utc is not None:
-            times = times + epoch.seconds_until(Epoch.from_iso(table.epoch_utc))
-    else:
-        times, R = _read_aem(path, epoch)
-    if np.any(np.diff(times) <= 0):
-        raise InputError(f"{path}: its times do not increase; sort them and remove duplicates")
-    outside = (t_s < times[0] - _EXTRAPOLATION_S) | (t_s > times[-1] + _EXTRAPOLATION_S)
-    if np.any(outside):
-        raise InputError(
-            f"{path}: covers {times[0]:.6g} s to {times[-1]:.6g} s after the epoch, but a"
-            f" frame is at {t_s[np.argmax(outside)]:.6g} s; choose times within this interval"
-        )
-    before = np.clip(np.searchsorted(times, t_s, side="right") - 1, 0, max(len(times) - 2, 0))
-    after = np.minimum(before + 1, len(times) - 1)
-    turn = rotation_vector_from_matrix(np.swapaxes(R[before], -1, -2) @ R[after])
-    span = np.where(after > before, times[after] - times[before], 1.0)
-    share = (t_s - times[before]) / span
-    return np.asarray(R[before] @ matrix_from_rotation_vector(share[:, None] * turn))
+
+    def __init__(self, options: FileOptions) -> None:
+        super().__init__(options)
+        self._recording = cache(partial(Recording.read, options.path))
+
+    def attitude(self, around: Surroundings) -> FloatArray:
+        """See :meth:`AttitudeLaw.attitude`.
+
+        Raises:
+            InputError: The file cannot be used, or does not cover all times.
+        """
+        name = "q_eci_from_body" if around.subject == "target" else "q_eci_from_camera"
+        return self._recording(name, around.epoch).at(around.t_s)
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Attitudes of a file.
+
+    Attributes:
+        path: the file, for messages.
+        t_s: (N,) increasing times, seconds after an epoch.
+        R_eci_from_x: (N, 3, 3) from body or camera axes to GCRF axes.
+    """
+
+    path: Path
+    t_s: FloatArray
+    R_eci_from_x: FloatArray
+
+    @classmethod
+    def read(cls, path: Path, name: str, epoch: Epoch) -> Recording:
+        """Read the attitudes.
+
+        Args:
+            path: the file of attitudes.
+            name: the array in an ``.npz`` or ``.csv`` file, such as ``q_eci_from_body``.
+            epoch: the instant of t_s = 0.
+
+        Raises:
+            InputError: The file cannot be used.
+        """
+        if path.suffix in (".npz", ".csv"):
+            table = read_table(path, ("t_s", name))
+            times, R = table["t_s"], _rotations(table[name], str(path))
+            if table.epoch_utc is not None:
+                times = times + epoch.seconds_until(Epoch.from_iso(table.epoch_utc))
+        else:
+            times, R = _read_aem(path, epoch)
+        if np.any(np.diff(times) <= 0):
+            raise InputError(f"{path}: its times do not increase; sort them and remove duplicates")
+        return cls(path, times, R)
+
+    def at(self, t_s: FloatArray) -> FloatArray:
+        """Return R_eci_from_body or R_eci_from_camera at the times: (F,) → (F, 3, 3).
+
+        Between two recorded attitudes the rotation is about one axis, the shorter way, at a constant
+        rate. The first and the last rotation continue for 0.01 s beyond the record, so that angular
+        velocities can be computed there by differences.
+
+        Raises:
+            InputError: The recording does not cover all times.
+        """
+        times, R = self.t_s, self.R_eci_from_x
+        outside = (t_s < times[0] - _EXTRAPOLATION_S) | (t_s > times[-1] + _EXTRAPOLATION_S)
+        if np.any(outside):
+            raise InputError(
+                f"{self.path}: covers {times[0]:.6g} s to {times[-1]:.6g} s after the epoch, but a"
+                f" frame is at {t_s[np.argmax(outside)]:.6g} s; choose times within this interval"
+            )
+        before = np.clip(np.searchsorted(times, t_s, side="right") - 1, 0, max(len(times) - 2, 0))
+        after = np.minimum(before + 1, len(times) - 1)
+        turn = rotation_vector_from_matrix(np.swapaxes(R[before], -1, -2) @ R[after])
+        span = np.where(after > before, times[after] - times[before], 1.0)
+        share = (t_s - times[before]) / span
+        return np.asarray(R[before] @ matrix_from_rotation_vector(share[:, None] * turn))
 
 
 def _rotations(q: FloatArray, source: str) -> FloatArray:

@@ -77,7 +77,8 @@ def _describe_kind(kind: Kind, registry: Registry, as_json: bool) -> None:
     for key, value in facts.items():
         click.echo(f"  {key}: {value}")
     for word, claim in claims.items():
-        click.echo(f"  capability {word}: {claim}")
+        able = [spec.name for spec in registry.specs(kind.name) if word in spec.capabilities]
+        click.echo(f"  capability {word}: {claim} ({', '.join(able) or 'none installed'})")
     click.echo(f"  installed: {', '.join(names) or 'none'}")
 
 
@@ -132,5 +133,6 @@ def _default(value: Any) -> str:
 
 
 def _short(value: BaseModel) -> str:
-    dumped = value.model_dump(mode="json")
-    return str(dumped["name"]) if dumped.keys() == {"name"} else json.dumps(dumped)
+    if isinstance(value, ComponentChoice) and not value.options:
+        return value.name
+    return json.dumps(value.model_dump(mode="json"))

@@ -64,6 +64,85 @@ def posse_propagators() -> list[ComponentSpec]:
     ]
 
 
+_TARGET, _CAMERA = frozenset({"target"}), frozenset({"camera"})
+
+
+@hookimpl
+def posse_attitude_laws() -> list[ComponentSpec]:
+    package = "posse_core._attitude"
+    return [
+        ComponentSpec(
+            "file",
+            "recorded attitudes: CCSDS AEM, NPZ or CSV",
+            f"{package}.recorded:FileLaw",
+            f"{package}.options:FileOptions",
+            capabilities=_TARGET | _CAMERA,
+        ),
+        ComponentSpec(
+            "inertial",
+            "fixed in inertial axes",
+            f"{package}.target:InertialLaw",
+            f"{package}.options:InertialOptions",
+            capabilities=_TARGET,
+        ),
+        ComponentSpec(
+            "nadir",
+            "LVLH axes: body +z towards the Earth, +x along V-bar (the target's default)",
+            f"{package}.target:NadirLaw",
+            capabilities=_TARGET,
+        ),
+        ComponentSpec(
+            "ned",
+            "the thesis' north, east, down of the Earth or the Sun",
+            f"{package}.target:NedLaw",
+            f"{package}.options:NedOptions",
+            capabilities=_TARGET,
+        ),
+        ComponentSpec(
+            "pointing-error",
+            "at the target, but for a fixed misalignment and a jitter of each frame",
+            f"{package}.camera:PointingErrorLaw",
+            f"{package}.options:PointingErrorOptions",
+            capabilities=_CAMERA,
+        ),
+        ComponentSpec(
+            "spin",
+            "a steady spin about an axis at an angle from the Sun",
+            f"{package}.target:SpinLaw",
+            f"{package}.options:SpinOptions",
+            capabilities=_TARGET,
+        ),
+        ComponentSpec(
+            "sun-pointing",
+            "a body axis at the Sun, the next one towards ecliptic north",
+            f"{package}.target:SunPointingLaw",
+            f"{package}.options:SunPointingOptions",
+            capabilities=_TARGET,
+        ),
+        ComponentSpec(
+            "track",
+            "at the target, with the orbit's normal upward in the image (the camera's default)",
+            f"{package}.camera:TrackLaw",
+            f"{package}.options:TrackOptions",
+            capabilities=_CAMERA,
+        ),
+        ComponentSpec(
+            "tracking",
+            "a body axis at the chaser, the next one near the orbit's normal",
+            f"{package}.target:TrackingLaw",
+            f"{package}.options:TrackingOptions",
+            capabilities=_TARGET,
+        ),
+        ComponentSpec(
+            "tumbling",
+            "torque-free motion of a rigid body",
+            f"{package}.target:TumblingLaw",
+            f"{package}.options:TumblingOptions",
+            capabilities=_TARGET,
+        ),
+    ]
+
+
 @hookimpl
 def posse_scenes() -> list[ComponentSpec]:
     package = "posse_core._spacecraft"

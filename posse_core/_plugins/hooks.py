@@ -44,6 +44,11 @@ def posse_propagators() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
 
 
 @hookspec
+def posse_attitude_laws() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
+    """Classes of :class:`posse_core.AttitudeLaw`, which orient target and camera. Since 0.1."""
+
+
+@hookspec
 def posse_scenes() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
     """Classes of :class:`posse_core.SceneSource`, which make spacecraft. Since 0.1."""
 

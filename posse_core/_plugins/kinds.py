@@ -101,6 +101,17 @@ _KINDS = (
         "posse_core.testing:PropagatorConformance",
     ),
     Kind(
+        "attitude-law",
+        "posse_attitude_laws",
+        "posse_core:AttitudeLaw",
+        "orients the target or the camera",
+        {
+            "target": Capability("can orient the target"),
+            "camera": Capability("can orient the camera"),
+        },
+        "posse_core.testing:AttitudeLawConformance",
+    ),
+    Kind(
         "scene",
         "posse_scenes",
         "posse_core:SceneSource",

@@ -60,8 +60,8 @@ def _explain(
     path = tuple(first["loc"])
     if first["type"] == "extra_forbidden":
         known = _known_keys(model, path[:-1])
-        hint = nearest(str(path[-1]), known)
-        return f"{where(path)}: unknown key{hint or '; known keys are ' + ', '.join(known)}"
+        others = f"; known keys are {', '.join(known)}" if known else "; no keys are known here"
+        return f"{where(path)}: unknown key{nearest(str(path[-1]), known) or others}"
     if first["type"] == "missing":
         return f"{where(path)}: missing; add it"
     value = first.get("input")
@@ -87,7 +87,7 @@ def _known_keys(model: type[BaseModel], path: tuple[int | str, ...]) -> list[str
             models = [
                 m for m in models if step in (f.default for f in m.model_fields.values())
             ] or models
-    return list(dict.fromkeys(key for m in models for key in m.model_fields))
+    return list(dict.fromkeys(f.alias or key for m in models for key, f in m.model_fields.items()))
 
 
 def _models_in(annotation: Any) -> list[type[BaseModel]]:

@@ -22,11 +22,16 @@ class ComponentChoice(Options):
     @model_validator(mode="before")
     @classmethod
     def _gather(cls, raw: Any) -> Any:
-        return _gathered(raw)
+        return _gathered(raw, cls.key())
 
     @model_serializer
     def _flatten(self) -> dict[str, Any]:
-        return {"name": self.name, **self.options}
+        return {self.key(): self.name, **self.options}
+
+    @classmethod
+    def key(cls) -> str:
+        """The key in a scenario that holds the name."""
+        return cls.model_fields["name"].alias or "name"
 
 
 class TargetChoice(ComponentChoice):
@@ -39,7 +44,7 @@ class TargetChoice(ComponentChoice):
             kinds = [kind for kind in ("mesh", "package") if kind in raw]
             if len(kinds) != 1:
                 raise ValueError("give exactly one of name, mesh, package")
-            return _gathered({"name": kinds[0], **raw})
+            return _gathered({"name": kinds[0], **raw}, "name")
         return raw
 
 
@@ -49,12 +54,12 @@ def create(registry: Registry, kind: str, choice: ComponentChoice) -> Any:
     return registry.create(kind, choice.name, options)
 
 
-def _gathered(raw: Any) -> Any:
-    """Move the keys beside ``name`` into ``options``."""
+def _gathered(raw: Any, key: str) -> Any:
+    """Move the keys beside the one that holds the name into ``options``."""
     if isinstance(raw, str):
-        return {"name": raw}
+        return {key: raw}
     if isinstance(raw, Mapping) and "options" not in raw:
         given = dict(raw)
-        name = {"name": given.pop("name")} if "name" in given else {}
+        name = {key: given.pop(key)} if key in given else {}
         return {**name, "options": given}
     return raw

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from pydantic import BaseModel
 from posse_core._errors import InputError
 from posse_core._plugins.options import nearest, validated
 from posse_core._plugins.registry import Registry
+from posse_core._scenario.attitude import LawChoice, Subject, check_law
 from posse_core._scenario.component import ComponentChoice
 from posse_core._scenario.model import Scenario
 from posse_core._scenario.yaml_lines import KeyPath, YamlText
@@ -66,7 +67,7 @@ def load_scenario(
         raise InputError(f"{text.name}: a scenario is a mapping of keys; see 'posse describe scenario'")
     base = Path(text.name).parent if text.name == source else Path()
     given = {tuple(key.split(".")): value for key, value in (overrides or {}).items()}
-    for path, value in sorted(given.items(), key=lambda item: item[0][-1] != "name"):
+    for path, value in sorted(given.items(), key=lambda item: item[0][-1] not in ("name", "law")):
         _put(raw, path, value)
 
     def where(path: KeyPath) -> str:
@@ -112,24 +113,25 @@ def _read(source: str) -> YamlText:
     )
 
 
-def _put(raw: dict[str, Any], path: Sequence[str], value: Any) -> None:
+def _put(raw: dict[str, Any], path: tuple[str, ...], value: Any) -> None:
     """Set a nested key. A component given by its name alone becomes a mapping; naming another component
     drops the options of the former one."""
-    if len(path) == 2 and path[1] == "name" and path[0] in raw:
-        block = raw[path[0]]
-        if value != (block.get("name") if isinstance(block, dict) else block):
-            raw[path[0]] = {}
+    is_law = path[0] == "attitude"
+    name_key = "law" if is_law else "name"
     current = raw
     for step in path[:-1]:
         inner = current.get(step)
         if isinstance(inner, str):
-            inner = {"name": inner}
+            inner = {name_key: inner}
         if inner is None:
             inner = {}
         if not isinstance(inner, dict):
             raise InputError(f"option {'.'.join(path)}: {step!r} holds a value, not keys")
         current[step] = inner
         current = inner
+    names_component = path[2 if is_law else 1 :] == (name_key,)
+    if names_component and current.get(name_key) != value:
+        current.clear()
     current[path[-1]] = value
 
 
@@ -169,15 +171,24 @@ def _with_complete_options(scenario: Scenario, registry: Registry, where: Any) -
         try:
             model = registry.options_model(kind, choice.name)
         except InputError as error:
-            raise InputError(f"{where((*path, 'name'))}: {error}") from None
+            raise InputError(f"{where((*path, choice.key()))}: {error}") from None
         options: BaseModel = validated(model, choice.options, lambda p: str(where((*path, *p))))
-        dumped = options.model_dump(mode="json")
-        return type(choice).model_validate({"name": choice.name, "options": dumped})
+        return choice.model_copy(update={"options": options.model_dump(mode="json")})
+
+    def law(subject: Subject, choice: LawChoice) -> ComponentChoice:
+        check_law(registry, choice, subject, where(("attitude", subject, "law")))
+        return complete("attitude-law", choice, "attitude", subject)
 
     return scenario.model_copy(
         update={
             "target": complete("scene", scenario.target, "target"),
             "propagator": complete("propagator", scenario.propagator, "propagator"),
+            "attitude": scenario.attitude.model_copy(
+                update={
+                    "target": law("target", scenario.attitude.target),
+                    "camera": law("camera", scenario.attitude.camera),
+                }
+            ),
             "renderer": complete("renderer", scenario.renderer, "renderer"),
             "annotators": tuple(
                 complete("annotator", c, "annotators", i) for i, c in enumerate(scenario.annotators)

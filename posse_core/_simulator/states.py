@@ -18,13 +18,8 @@ from posse_core._model.trajectory import Motion, Trajectory
 from posse_core._plugins.registry import Registry
 from posse_core._scenario.component import create
 from posse_core._scenario.model import Scenario
-from posse_core._trajectory.build import (
-    GivenAttitude,
-    make_trajectory,
-    scenario_problem,
-    times_s,
-    trajectory_of,
-)
+from posse_core._trajectory.attitude import GivenAttitude, Laws
+from posse_core._trajectory.build import make_trajectory, scenario_problem, times_s, trajectory_of
 from posse_core._trajectory.problem import orbit_epoch
 from posse_core._trajectory.returned import propagated
 from posse_core._trajectory.state import frame_state
@@ -92,7 +87,7 @@ class States:
         row = trajectory_of(
             motion,
             epoch=orbit_epoch(self._scenario.orbit),
-            attitude=self._scenario.attitude,
+            laws=self._laws,
             constants=self._scenario.constants,
             seed=self._scenario.seed,
             indices=np.array([index]),
@@ -142,6 +137,10 @@ class States:
     def _propagator(self) -> Propagator:
         made: Propagator = create(self._registry, "propagator", self._scenario.propagator)
         return made
+
+    @cached_property
+    def _laws(self) -> Laws:
+        return Laws.of(self._scenario.attitude, self._registry)
 
     @cached_property
     def _own_motion(self) -> Motion:

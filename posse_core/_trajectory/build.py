@@ -2,55 +2,32 @@
 
 from __future__ import annotations
 
-import dataclasses
 import re
-from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from posse_core._arrays import AnyArray, FloatArray, IntArray, evenly_spread
-from posse_core._attitude.camera import R_eci_from_camera
-from posse_core._attitude.target import R_eci_from_body, Surroundings
 from posse_core._constants import Constants
 from posse_core._environment.earth import R_cirs_from_gcrf, earth_rotation_angle_rad
 from posse_core._environment.earthlight import earthlight_on_plate
 from posse_core._environment.eclipse import solar_flux_w_m2, sun_fraction
 from posse_core._environment.ephemeris import moon_eci_m, sun_eci_m
 from posse_core._environment.time import Epoch
-from posse_core._errors import ComponentError, InputError
-from posse_core._frames import eci_from_rtn, quaternion_from_matrix, rotation_vector_from_matrix
+from posse_core._errors import ComponentError
+from posse_core._frames import eci_from_rtn
+from posse_core._interfaces.attitude_law import Surroundings
 from posse_core._interfaces.propagator import PropagationProblem, Propagator
 from posse_core._model.trajectory import Motion, Trajectory
 from posse_core._plugins.registry import Registry
-from posse_core._scenario.attitude import AttitudeConfig
+from posse_core._scenario.attitude import Subject
 from posse_core._scenario.component import create
 from posse_core._scenario.model import Scenario
+from posse_core._trajectory.attitude import GivenAttitude, Laws, as_given, by_law
 from posse_core._trajectory.problem import orbit_period_s, resolve
 from posse_core._trajectory.returned import propagated
 
-_RATE_STEP_S = 1e-3
-"""Half the step of the differences that give angular velocities; they are exact for a steady spin."""
-_LARGEST_NORM_ERROR = 1e-3
-"""A given quaternion whose norm differs from one by more is refused as a mistake."""
 _EXTRA = re.compile("[a-z][a-z0-9_]*")
-
-
-@dataclass(frozen=True)
-class GivenAttitude:
-    """Attitudes that the caller gives for F frames; where one is None, the scenario's law applies.
-
-    Attributes:
-        q_eci_from_body, q_eci_from_camera: (F, 4) unit quaternions, scalar first, or None.
-        omega_body_rad_s, omega_camera_rad_s: (F, 3) angular velocity relative to GCRF axes, in body axes
-            and in camera axes; None means at rest. It is ignored where the attitude is None.
-    """
-
-    q_eci_from_body: FloatArray | None = None
-    q_eci_from_camera: FloatArray | None = None
-    omega_body_rad_s: FloatArray | None = None
-    omega_camera_rad_s: FloatArray | None = None
 
 
 def make_trajectory(scenario: Scenario, registry: Registry) -> Trajectory:
@@ -65,7 +42,7 @@ def make_trajectory(scenario: Scenario, registry: Registry) -> Trajectory:
     trajectory = build_trajectory(
         propagator=propagator,
         problem=scenario_problem(scenario, propagator, times_s(scenario)),
-        attitude=scenario.attitude,
+        laws=Laws.of(scenario.attitude, registry),
         seed=scenario.seed,
         name=name,
         own_frames="own-frames" in registry.spec("propagator", name).capabilities,
@@ -102,7 +79,7 @@ def build_trajectory(
     *,
     propagator: Propagator,
     problem: PropagationProblem,
-    attitude: AttitudeConfig,
+    laws: Laws,
     seed: int,
     name: str,
     own_frames: bool = False,
@@ -112,13 +89,14 @@ def build_trajectory(
     Args:
         propagator: computes the motion.
         problem: what it propagates.
-        attitude: attitude laws of body and camera.
+        laws: attitude laws of target and camera.
         seed: of the run.
         name: of the propagator.
         own_frames: whether its motion may have other times than the problem.
 
     Raises:
-        ComponentError: The propagator failed, or did not return a complete motion.
+        ComponentError: The propagator failed, or did not return a complete motion; or an attitude law
+            failed, or did not return rotations.
         InputError: The problem is outside the propagator's domain or the ephemeris, the target
             passes below the Earth's surface, or an attitude law is undefined at a frame.
     """
@@ -126,7 +104,7 @@ def build_trajectory(
     return trajectory_of(
         motion,
         epoch=problem.epoch,
-        attitude=attitude,
+        laws=laws,
         constants=problem.constants,
         seed=seed,
         indices=np.arange(len(motion.t_s)),
@@ -137,7 +115,7 @@ def trajectory_of(
     motion: Motion,
     *,
     epoch: Epoch,
-    attitude: AttitudeConfig,
+    laws: Laws,
     constants: Constants,
     seed: int,
     indices: IntArray,
@@ -148,7 +126,7 @@ def trajectory_of(
     Args:
         motion: of F frames.
         epoch: the instant of t_s = 0.
-        attitude: laws of the attitudes that are not given.
+        laws: of the attitudes that are not given.
         constants: of the Earth and the Sun.
         seed: of the run.
         indices: (F,) index of each frame, 0 or more, on which its random pointing error depends.
@@ -157,35 +135,38 @@ def trajectory_of(
     Raises:
         InputError: The motion is outside the ephemeris, the target passes below the Earth's surface,
             an attitude law is undefined at a frame, or a given attitude is not a rotation.
-        ComponentError: The motion's extras are not as :class:`Motion` defines them.
+        ComponentError: The motion's extras are not as :class:`Motion` defines them; or a law failed, or
+            did not return rotations.
     """
     given = given or GivenAttitude()
     r_target, v_target = motion.r_target_eci_m, motion.v_target_eci_m_s
     r_chaser, v_chaser = eci_from_rtn(r_target, v_target, motion.r_chaser_rtn_m, motion.v_chaser_rtn_m_s)
     tdb = epoch.tdb(motion.t_s)
     r_sun = sun_eci_m(*tdb)
-    around = Surroundings(
-        epoch=epoch,
-        t_s=motion.t_s,
-        indices=indices,
-        r_target_eci_m=r_target,
-        v_target_eci_m_s=v_target,
-        r_sun_eci_m=r_sun,
-        r_sun_epoch_eci_m=sun_eci_m(*epoch.tdb(np.zeros(()))),
-        r_chaser_rtn_m=motion.r_chaser_rtn_m,
-    )
+    r_sun_epoch = sun_eci_m(*epoch.tdb(np.zeros(())))
+
+    def around(subject: Subject) -> Surroundings:
+        return Surroundings(
+            subject=subject,
+            epoch=epoch,
+            seed=seed,
+            t_s=motion.t_s,
+            indices=indices,
+            r_target_eci_m=r_target,
+            v_target_eci_m_s=v_target,
+            r_sun_eci_m=r_sun,
+            r_sun_epoch_eci_m=r_sun_epoch,
+            r_chaser_rtn_m=motion.r_chaser_rtn_m,
+        )
+
     if given.q_eci_from_body is None:
-        q_body, omega_body = _by_law(
-            lambda near: R_eci_from_body(attitude.target, near), around, motion.v_chaser_rtn_m_s
-        )
+        q_body, omega_body = by_law(laws.target, around("target"), motion.v_chaser_rtn_m_s)
     else:
-        q_body, omega_body = _as_given(given.q_eci_from_body, given.omega_body_rad_s, "q_eci_from_body")
+        q_body, omega_body = as_given(given.q_eci_from_body, given.omega_body_rad_s, "q_eci_from_body")
     if given.q_eci_from_camera is None:
-        q_camera, omega_camera = _by_law(
-            lambda near: R_eci_from_camera(attitude.camera, near, seed), around, motion.v_chaser_rtn_m_s
-        )
+        q_camera, omega_camera = by_law(laws.camera, around("camera"), motion.v_chaser_rtn_m_s)
     else:
-        q_camera, omega_camera = _as_given(
+        q_camera, omega_camera = as_given(
             given.q_eci_from_camera, given.omega_camera_rad_s, "q_eci_from_camera"
         )
     tt = epoch.tt(motion.t_s)
@@ -237,41 +218,6 @@ def trajectory_of(
         earth_rotation_rad=earth_rotation_angle_rad(*epoch.ut1(motion.t_s)),
         extras={name: _extra(name, array, len(motion.t_s)) for name, array in motion.extras.items()},
     )
-
-
-def _by_law(
-    law: Callable[[Surroundings], FloatArray], around: Surroundings, v_chaser_rtn_m_s: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the attitude (F, 4) by a law, and its angular velocity (F, 3) in its own axes.
-
-    The angular velocity is a central difference. The random errors of a law are the same at both times,
-    since a camera's jitter changes between frames and not within one.
-    """
-
-    def near(after_s: float) -> FloatArray:
-        moved = dataclasses.replace(
-            around,
-            t_s=around.t_s + after_s,
-            r_target_eci_m=around.r_target_eci_m + after_s * around.v_target_eci_m_s,
-            r_chaser_rtn_m=around.r_chaser_rtn_m + after_s * v_chaser_rtn_m_s,
-        )
-        return law(moved)
-
-    turn = np.swapaxes(near(-_RATE_STEP_S), -1, -2) @ near(_RATE_STEP_S)
-    q = quaternion_from_matrix(law(around))
-    return q, rotation_vector_from_matrix(turn) / (2 * _RATE_STEP_S)
-
-
-def _as_given(q: FloatArray, omega_rad_s: FloatArray | None, name: str) -> tuple[FloatArray, FloatArray]:
-    """Return a given attitude (F, 4), normalised and with w ≥ 0, and its angular velocity (F, 3)."""
-    q = np.asarray(q, dtype=np.float64)
-    length = np.linalg.norm(q, axis=-1, keepdims=True)
-    if not np.all(np.abs(length - 1) < _LARGEST_NORM_ERROR):
-        raise InputError(f"{name}: a quaternion is not of length one; give w, x, y, z of a rotation")
-    # A quaternion that is normalised already, such as a trajectory's own, stays equal to the bit.
-    q = np.where(np.abs(length - 1) < 4 * np.finfo(float).eps, q, q / length)
-    rate = np.zeros((len(q), 3)) if omega_rad_s is None else np.asarray(omega_rad_s, dtype=np.float64)
-    return np.where(q[:, :1] < 0, -q, q), rate
 
 
 def _extra(name: str, array: AnyArray, frames: int) -> FloatArray:

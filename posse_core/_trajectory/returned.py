@@ -1,4 +1,4 @@
-"""Checks of what a propagator returns, so that messages name the propagator at fault."""
+"""Checks of what propagators and attitude laws return, so that messages name the one at fault."""
 
 from __future__ import annotations
 
@@ -6,11 +6,15 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from posse_core._arrays import FloatArray, array_fault
+from posse_core._arrays import FloatArray, IntArray, array_fault
 from posse_core._errors import ComponentError
+from posse_core._interfaces.attitude_law import AttitudeLaw, Surroundings
 from posse_core._interfaces.propagator import PropagationProblem, Propagator
 from posse_core._model.trajectory import Motion
 from posse_core._plugins.component import failures_named
+
+_LARGEST_ROTATION_ERROR = 1e-9
+"""How far the product of a rotation and its transpose may be from the identity, in any element."""
 
 
 def propagated(
@@ -62,3 +66,43 @@ def checked_motion(made: object, t_s: FloatArray, name: str, *, own_frames: bool
             f"{who}: t_s differs from the requested times, which only the capability 'own-frames' allows"
         )
     return made
+
+
+class CheckedLaw(AttitudeLaw):
+    """An attitude law whose attitudes are checked; see :func:`checked_attitude`."""
+
+    def __init__(self, law: AttitudeLaw, name: str) -> None:
+        super().__init__(law.options)
+        self._law = law
+        self._name = name
+
+    def attitude(self, around: Surroundings) -> FloatArray:
+        with failures_named("attitude-law", self._name):
+            made = self._law.attitude(around)
+        return checked_attitude(made, around.indices, self._name)
+
+
+def checked_attitude(made: object, indices: IntArray, name: str) -> FloatArray:
+    """Check that an attitude law returned a rotation for each frame, and return it.
+
+    Args:
+        made: what it returned.
+        indices: (F,) of the frames.
+        name: of the law.
+
+    Raises:
+        ComponentError: The check failed; the message names the law.
+    """
+    who = f"attitude-law {name!r}"
+    fault = array_fault(made, (len(indices), 3, 3), "float64")
+    if fault is not None:
+        raise ComponentError(f"{who}: the attitude {fault}")
+    R: FloatArray = np.asarray(made)
+    error = np.abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)).max(axis=(-2, -1))
+    wrong = (error > _LARGEST_ROTATION_ERROR) | (np.linalg.det(R) < 0)
+    if np.any(wrong):
+        raise ComponentError(
+            f"{who}: the attitude at frame {indices[np.argmax(wrong)]} is no rotation; its columns must"
+            " be the unit vectors of right-handed axes"
+        )
+    return R

@@ -1,4 +1,4 @@
-"""The conformance kit: what every renderer and propagator must do, as pytest classes to subclass.
+"""The conformance kit: what components of a kind must do, as pytest classes to subclass.
 
     # test_wire.py
     from posse_core.testing import RendererConformance
@@ -17,7 +17,14 @@ the kit's own tests, and can be used for further tests of a renderer.
 """
 
 from posse_core.testing import closed_forms, scenes
+from posse_core.testing.attitude_laws import AttitudeLawConformance
 from posse_core.testing.propagators import PropagatorConformance
 from posse_core.testing.renderers import RendererConformance
 
-__all__ = ["PropagatorConformance", "RendererConformance", "closed_forms", "scenes"]
+__all__ = [
+    "AttitudeLawConformance",
+    "PropagatorConformance",
+    "RendererConformance",
+    "closed_forms",
+    "scenes",
+]

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from posse_core._arrays import FloatArray
-from posse_core._attitude.recorded import recorded_attitude
+from posse_core._attitude.recorded import Recording
 from posse_core._environment.time import Epoch
 from posse_core._errors import InputError
 from posse_core._files.tables import write_table
@@ -64,7 +64,7 @@ def test_every_way_to_write_a_quaternion(
 ) -> None:
     path = tmp_path / "a.aem"
     path.write_text(message(["2022-01-31T02:02:00 " + " ".join(map(str, numbers))], **changed))
-    R = recorded_attitude(path, "q_eci_from_body", EPOCH, np.zeros(1))[0]
+    R = Recording.read(path, "q_eci_from_body", EPOCH).at(np.zeros(1))[0]
     M = standards_matrix(Q1, Q2, Q3, QC)
     np.testing.assert_allclose(R, M if body_first else M.T, atol=1e-14)
 
@@ -72,7 +72,7 @@ def test_every_way_to_write_a_quaternion(
 def test_eme2000_is_23_mas_off(tmp_path: Path) -> None:
     path = tmp_path / "a.aem"
     path.write_text(message(["2022-01-31T02:02:00 0 0 0 1"], REF_FRAME_A="EME2000"))
-    R = recorded_attitude(path, "q_eci_from_body", EPOCH, np.zeros(1))[0]
+    R = Recording.read(path, "q_eci_from_body", EPOCH).at(np.zeros(1))[0]
     # Frame bias (IERS Conventions 2010, 5.20): ξ0 −16.617, η0 −6.819, dα0 −14.6 mas.
     turn_mas = np.degrees(Rotation.from_matrix(R).magnitude()) * 3.6e6
     assert turn_mas == pytest.approx(np.linalg.norm([16.617, 6.819, 14.6]), abs=0.1)
@@ -92,7 +92,7 @@ def test_time_systems(tmp_path: Path, system: str, first: str) -> None:
     path = tmp_path / "a.aem"
     second = first.replace("02:02:", "02:04:").replace("02:03:", "02:05:")
     path.write_text(message([f"{first} 0 0 0 1", f"{second} 0 0 1 0"], TIME_SYSTEM=system))
-    quarter = recorded_attitude(path, "q_eci_from_body", EPOCH, np.array([60.0]))[0]
+    quarter = Recording.read(path, "q_eci_from_body", EPOCH).at(np.array([60.0]))[0]
     np.testing.assert_allclose(np.abs(quarter @ np.array([1.0, 0, 0])), [0, 1, 0], atol=1e-6)
 
 
@@ -110,7 +110,7 @@ def test_a_steady_spin_is_met_between_its_records(tmp_path: Path, suffix: str, o
     arrays = {"t_s": times + offset_s, "q_eci_from_camera": np.roll(spin(times).as_quat(), 1, axis=-1)}
     write_table(path, EPOCH.shifted(-offset_s).iso(), arrays)
     wanted = np.linspace(-2, 9, 40)
-    R = recorded_attitude(path, "q_eci_from_camera", EPOCH, wanted)
+    R = Recording.read(path, "q_eci_from_camera", EPOCH).at(wanted)
     np.testing.assert_allclose(R, spin(wanted).as_matrix(), atol=1e-9)
 
 
@@ -121,7 +121,7 @@ def test_the_record_itself_is_returned(tmp_path_factory: pytest.TempPathFactory,
     path = tmp_path_factory.mktemp("aem") / "a.aem"
     q = [x / float(np.linalg.norm(q)) for x in q]
     path.write_text(message([f"2022-01-31T02:02:00 {q[0]} {q[1]} {q[2]} {q[3]}"]))
-    R = recorded_attitude(path, "q_eci_from_body", EPOCH, np.zeros(1))[0]
+    R = Recording.read(path, "q_eci_from_body", EPOCH).at(np.zeros(1))[0]
     np.testing.assert_allclose(R.T, standards_matrix(*q), atol=1e-12)
 
 
@@ -144,18 +144,18 @@ def test_what_is_wrong_is_told_in_one_line(tmp_path: Path, text: str, complaint:
     path = tmp_path / "a.aem"
     path.write_text(text)
     with pytest.raises(InputError, match=complaint) as error:
-        recorded_attitude(path, "q_eci_from_body", EPOCH, np.zeros(1))
+        Recording.read(path, "q_eci_from_body", EPOCH).at(np.zeros(1))
     assert str(path) in str(error.value)
     assert "\n" not in str(error.value)
 
 
 def test_a_missing_file_and_a_table_without_attitude(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot be read"):
-        recorded_attitude(tmp_path / "none.aem", "q_eci_from_body", EPOCH, np.zeros(1))
+        Recording.read(tmp_path / "none.aem", "q_eci_from_body", EPOCH).at(np.zeros(1))
     path = tmp_path / "a.csv"
     path.write_text("t_s\n0\n")
     with pytest.raises(InputError, match="no 'q_eci_from_body'"):
-        recorded_attitude(path, "q_eci_from_body", EPOCH, np.zeros(1))
+        Recording.read(path, "q_eci_from_body", EPOCH).at(np.zeros(1))
 
 
 def test_times_must_increase(tmp_path: Path) -> None:
@@ -164,4 +164,4 @@ def test_times_must_increase(tmp_path: Path) -> None:
         path, EPOCH.iso(), {"t_s": np.zeros(2), "q_eci_from_body": np.tile([1.0, 0, 0, 0], (2, 1))}
     )
     with pytest.raises(InputError, match="do not increase"):
-        recorded_attitude(path, "q_eci_from_body", EPOCH, np.zeros(1))
+        Recording.read(path, "q_eci_from_body", EPOCH).at(np.zeros(1))

@@ -11,8 +11,8 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from posse_core._arrays import FloatArray
+from posse_core._attitude.options import TumblingOptions
 from posse_core._attitude.tumbling import torque_free_attitude
-from posse_core._scenario.attitude import TumblingLaw
 
 T_S = np.linspace(0.0, 60.0, 31)
 AXES = Rotation.from_quat([0.3, -0.5, 0.2, 0.8]).as_matrix()
@@ -117,9 +117,9 @@ def test_momentum_stands_still_and_energy_holds_to_1e_8(rate: FloatArray, t_s: f
 @pytest.mark.parametrize("moments", [(1.0, 1.0, 2.1), (0.0, 1.0, 1.0), (-1.0, 1.0, 1.0)])
 def test_moments_that_no_body_has_are_refused(moments: tuple[float, float, float]) -> None:
     with pytest.raises(ValidationError, match="no body has the principal moments"):
-        TumblingLaw(moments_kg_m2=moments, rate_body_deg_s=(1, 0, 0))
+        TumblingOptions(moments_kg_m2=moments, rate_body_deg_s=(1, 0, 0))
 
 
 def test_products_of_inertia_count() -> None:
     with pytest.raises(ValidationError, match="no body has"):
-        TumblingLaw(moments_kg_m2=(1, 1, 1), products_kg_m2=(0.9, 0, 0), rate_body_deg_s=(1, 0, 0))
+        TumblingOptions(moments_kg_m2=(1, 1, 1), products_kg_m2=(0.9, 0, 0), rate_body_deg_s=(1, 0, 0))

@@ -12,13 +12,15 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from posse_core._frames import unit
 from posse_core._model.camera import PixelBox
 from posse_core._model.label_line import LabelLine
 from posse_core._model.manifest import Manifest
 from posse_core._model.scene import RenderRequest, Scene
 from posse_core._plugins.kinds import KINDS
 from posse_core._plugins.loading import Plugins
-from posse_core.testing import scenes
+from posse_core.testing import AttitudeLawConformance, scenes
+from posse_core.testing.attitude_laws import surroundings
 
 TEXT = (Path(__file__).parents[2] / "docs" / "plugins.md").read_text(encoding="utf-8")
 EXAMPLES = {
@@ -67,6 +69,27 @@ def test_the_renderer_and_the_scene_render(load) -> None:
     frame = scenes.frame(t_body_cam_m=(0, 0, 5), sun_direction_body=(0, 0, 1))
     image = renderer.render(RenderRequest(frame.craft, PixelBox(1, 2, 3, 4), None, 0))
     np.testing.assert_array_equal(image.radiance_rgb, np.ones((4, 3, 3)))
+
+
+def test_the_attitude_law_conforms_and_swings(load) -> None:
+    registry = load("posse_attitude_laws").registry
+
+    class Librating(AttitudeLawConformance):
+        capabilities = registry.spec("attitude-law", "librating").capabilities
+
+        def law(self):
+            return registry.create("attitude-law", "librating")
+
+    for name in (name for name in vars(AttitudeLawConformance) if name.startswith("test_")):
+        getattr(Librating(), name)()
+    around = surroundings("target", np.array([0.0, 100.0, 250.0, 300.0]))
+    r, v = around.r_target_eci_m, around.v_target_eci_m_s
+    options = registry.options("attitude-law", "librating", {"period_s": 400})
+    R = registry.create("attitude-law", "librating", options).attitude(around)
+    forward = unit(np.cross(np.cross(r, v), r))
+    # Body +z swings forward of the vertical by 10° times the sine of a turn in 400 s.
+    swing = np.degrees(np.arcsin(np.sum(R[..., 2] * forward, axis=-1)))
+    np.testing.assert_allclose(swing, 10 * np.array([0, 1, -np.sqrt(0.5), -1]), atol=1e-9)
 
 
 def test_the_executor_makes_all_frames(load) -> None:

@@ -336,6 +336,31 @@ def test_a_propagators_fault_is_named(plugins: Plugins, tmp_path: Path, fault: s
 @pytest.mark.parametrize(
     ("fault", "words"),
     [
+        ("none", "the attitude is NoneType, and must be a NumPy array"),
+        ("lists", "the attitude is list, and must be a NumPy array"),
+        ("one", "is float64 of shape (3, 3), and must be float64 of shape (8, 3, 3)"),
+        ("single", "is float32 of shape (8, 3, 3), and must be float64 of shape (8, 3, 3)"),
+        ("nan", "the attitude has numbers that are not finite"),
+        ("mirrored", "the attitude at frame 2 is no rotation"),
+        ("stretched", "the attitude at frame 1 is no rotation"),
+        ("raises", "failed: ValueError: no luck"),
+    ],
+)
+@pytest.mark.parametrize("subject", ["target", "camera"])
+def test_an_attitude_laws_fault_is_named(
+    plugins: Plugins, tmp_path: Path, subject: str, fault: str, words: str
+) -> None:
+    key = f"attitude.{subject}"
+    plan(plugins, tmp_path, **{key: {"law": "faulty"}})
+    with pytest.raises(ComponentError) as error:
+        plan(plugins, tmp_path, **{key: {"law": "faulty", "fault": fault}})
+    assert str(error.value).startswith("attitude-law 'faulty'")
+    assert words in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
         ("none", "returned None, and must return Spacecraft"),
         ("name", "the name '../kite' cannot be a file's"),
         ("no parts", "no parts"),

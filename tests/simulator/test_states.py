@@ -118,6 +118,22 @@ def test_pointing_errors_follow_the_index_alone() -> None:
     assert not np.allclose(one.craft.t_body_cam_m, other.craft.t_body_cam_m, atol=1e-3)
 
 
+def test_a_file_of_attitudes_is_read_once(tmp_path) -> None:
+    """The laws are made once for all states, and a file's law reads its file once."""
+    path = tmp_path / "a.npz"
+    q = np.array([[1.0, 0.0, 0.0, 0.0], [0.5, 0.0, 0.0, np.sqrt(0.75)]])
+    record = {"t_s": np.array([0.0, 120.0]), "q_eci_from_body": q}
+    write_table(path, AQUA.trajectory.epoch_utc, record)
+    filed = states(**{"attitude.target": {"law": "file", "path": str(path)}})
+    quarter = at(0, filed, t_s=90.0)
+    path.unlink()
+    again = at(0, filed, t_s=90.0)
+    np.testing.assert_array_equal(again.craft.R_cam_from_body, quarter.craft.R_cam_from_body)
+    # The body turns by 120° about z in 120 s, so after 90 s its x axis is ECI's y axis.
+    x_eci = quarter.R_cam_from_eci.T @ quarter.craft.R_cam_from_body[:, 0]
+    np.testing.assert_allclose(x_eci, [0, 1, 0], atol=1e-9)
+
+
 def test_between_the_frames_of_a_file_the_motion_is_interpolated(tmp_path) -> None:
     """A file with a frame every 10 s, against the propagator that made it: Hermite's error is
     (10 s)⁴/384 times the fourth derivative, n⁴ r."""

@@ -7,6 +7,7 @@ import numpy as np
 
 from posse_core import (
     Annotator,
+    AttitudeLaw,
     ComponentSpec,
     Executor,
     FrameResult,
@@ -49,6 +50,11 @@ def posse_propagators():
 
 
 @hookimpl
+def posse_attitude_laws():
+    return [record("faulty", "FaultyLaw", capabilities=frozenset({"target", "camera"}))]
+
+
+@hookimpl
 def posse_scenes():
     return [record("faulty", "FaultyScene")]
 
@@ -61,6 +67,23 @@ def posse_writers():
 @hookimpl
 def posse_executors():
     return [record("lazy", "Lazy")]
+
+
+class FaultyLaw(AttitudeLaw):
+    def attitude(self, around):
+        R = np.tile(np.eye(3), (len(around.t_s), 1, 1))
+        fault = self.options.fault
+        if fault == "raises":
+            raise ValueError("no luck")
+        if fault == "single":
+            return R.astype(np.float32)
+        if fault == "mirrored":
+            R[2, 0, 0] = -1
+        if fault == "stretched":
+            R[1] *= 1 + 1e-6
+        if fault == "nan":
+            R[0, 0, 0] = np.nan
+        return {"none": None, "lists": R.tolist(), "one": R[0]}.get(fault, R)
 
 
 class ManyTypes(Annotator):

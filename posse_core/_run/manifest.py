@@ -13,15 +13,16 @@ from posse_core._files.atomic import sha256
 from posse_core._model.manifest import CHECKSUMS, FORMAT, FORMAT_VERSION, Manifest, PluginVersion
 from posse_core._plugins.loading import Plugins
 from posse_core._run.destination import Destination
-from posse_core._run.plan import Plan
 from posse_core._run.worker import RENDERER_FILE
+from posse_core._scenario.model import Scenario
 
 _LIBRARIES = ("casadi", "embreex", "numpy", "opencv-contrib-python-headless", "scipy")
 
 
 def make_manifest(
     destination: Destination,
-    plan: Plan,
+    scenario: Scenario,
+    frames: int,
     plugins: Plugins,
     failed: Mapping[int, str],
     exports: Mapping[str, str],
@@ -30,7 +31,8 @@ def make_manifest(
 
     Args:
         destination: holds the dataset's files.
-        plan: of the run.
+        scenario: that the dataset was made from.
+        frames: number of frames that it should have.
         plugins: whose versions are recorded.
         failed: index of a frame → its error.
         exports: name of a file that a writer wrote → its SHA-256.
@@ -49,10 +51,10 @@ def make_manifest(
         format=FORMAT,
         format_version=FORMAT_VERSION,
         state="incomplete" if failed else "complete",
-        frames=len(plan.trajectory),
+        frames=frames,
         failed_frames=dict(sorted(failed.items())),
-        seed=plan.scenario.seed,
-        renderer={"name": plan.scenario.renderer.name, **renderer},
+        seed=scenario.seed,
+        renderer={"name": scenario.renderer.name, **renderer},
         versions={
             "posse-core": __version__,
             "python": platform.python_version(),

@@ -14,11 +14,12 @@ import numpy as np
 from posse_core._arrays import AnyArray
 from posse_core._dataset.layout import IMAGES, SCENARIO, TRAJECTORY, TRUTH
 from posse_core._errors import ComponentError
-from posse_core._files.store import open_store
+from posse_core._files.store import Store, open_store
 from posse_core._files.trajectory import load_trajectory
 from posse_core._interfaces.executor import FrameMade
 from posse_core._plugins.loading import load_plugins
 from posse_core._scenario.load import load_scenario
+from posse_core._simulator.frame import Frame
 from posse_core._simulator.simulator import Simulator
 
 RENDERER_FILE = "renderer.json"
@@ -37,28 +38,33 @@ class RunWorker:
         with self._store.local_copy(TRAJECTORY) as path:
             trajectory = load_trajectory(path)
         self._simulator = Simulator(scenario, registry, trajectory)
-        described = json.dumps(dict(self._simulator.describe_renderer()), indent=2, ensure_ascii=False)
-        self._store.write(RENDERER_FILE, f"{described}\n".encode())
+        write_renderer(self._simulator, self._store)
 
     def make(self, index: int) -> FrameMade:
         """Make one frame and write its files."""
-        frame = self._simulator.frame(self._simulator.state(index))
-        image, truth = f"{IMAGES}/{index:06d}.png", f"{TRUTH}/{index:06d}.npz"
-        files = {image: _png(frame.image)}
-        if frame.arrays:
-            files[truth] = _npz(frame.arrays)
-        for name, data in files.items():
-            self._store.write(name, data)
-        labels = frame.labels.model_copy(
-            update={"image": image, "truth": truth if frame.arrays else None}
-        )
-        return FrameMade(
-            labels, {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
-        )
+        return write_frame(self._simulator.frame(self._simulator.state(index)), self._store)
 
     def close(self) -> None:
         """Free the renderer."""
         self._simulator.close()
+
+
+def write_renderer(simulator: Simulator, store: Store) -> None:
+    """Write the renderer's description of itself."""
+    described = json.dumps(dict(simulator.describe_renderer()), indent=2, ensure_ascii=False)
+    store.write(RENDERER_FILE, f"{described}\n".encode())
+
+
+def write_frame(frame: Frame, store: Store) -> FrameMade:
+    """Write the files of a frame of a dataset."""
+    image, truth = f"{IMAGES}/{frame.index:06d}.png", f"{TRUTH}/{frame.index:06d}.npz"
+    files = {image: _png(frame.image)}
+    if frame.arrays:
+        files[truth] = _npz(frame.arrays)
+    for name, data in files.items():
+        store.write(name, data)
+    labels = frame.labels.model_copy(update={"image": image, "truth": truth if frame.arrays else None})
+    return FrameMade(labels, {name: hashlib.sha256(data).hexdigest() for name, data in files.items()})
 
 
 def _png(image: AnyArray) -> bytes:

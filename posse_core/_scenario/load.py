@@ -97,7 +97,10 @@ def parse_override(text: str) -> tuple[str, Any]:
 
 def dump_scenario(scenario: Scenario) -> str:
     """YAML of the whole scenario with its defaults. Loading it gives the same scenario."""
-    return yaml.safe_dump(scenario.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
+    keys = scenario.model_dump(mode="json")
+    if scenario.flight is None:
+        del keys["flight"]
+    return yaml.safe_dump(keys, sort_keys=False, allow_unicode=True)
 
 
 def _read(source: str) -> YamlText:
@@ -143,6 +146,8 @@ _FILES = (
     ("propagator", "chaser_path"),
     ("attitude", "target", "path"),
     ("attitude", "camera", "path"),
+    ("flight", "measurement", "boxes"),
+    ("flight", "measurement", "keypoints"),
 )
 
 
@@ -179,8 +184,16 @@ def _with_complete_options(scenario: Scenario, registry: Registry, where: Any) -
         check_law(registry, choice, subject, where(("attitude", subject, "law")))
         return complete("attitude-law", choice, "attitude", subject)
 
+    flight = scenario.flight
+    if flight is not None:
+        chosen = {
+            key: complete(key, getattr(flight, key), "flight", key)
+            for key in ("navigator", "controller")
+        }
+        flight = flight.model_copy(update=chosen)
     return scenario.model_copy(
         update={
+            "flight": flight,
             "target": complete("scene", scenario.target, "target"),
             "propagator": complete("propagator", scenario.propagator, "propagator"),
             "attitude": scenario.attitude.model_copy(

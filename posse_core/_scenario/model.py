@@ -14,6 +14,7 @@ from posse_core._plugins.options import Options
 from posse_core._scenario.attitude import AttitudeConfig
 from posse_core._scenario.camera import CameraConfig
 from posse_core._scenario.component import ComponentChoice, TargetChoice
+from posse_core._scenario.flight import FlightConfig
 from posse_core._scenario.orbit import OrbitConfig, RelativeConfig
 from posse_core._scenario.presets import with_preset
 from posse_core._scenario.sensor import SensorConfig
@@ -102,6 +103,9 @@ class Scenario(Options):
     writers: tuple[ComponentChoice, ...] = Field(
         (ComponentChoice(name="coco"), ComponentChoice(name="speed")),
         description="writers that export the labels when the run ends: names, or {name, options}",
+    )
+    flight: FlightConfig | None = Field(
+        None, description="a flight, in which the chaser sees and steers, for 'posse fly'"
     )
     constants: Constants = Field(Constants(), description="physical constants")
     seed: int = Field(0, ge=0, lt=2**63, description="seed of every random draw")

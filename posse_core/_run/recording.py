@@ -1,0 +1,216 @@
+"""Recording a dataset: its folder is claimed, frames are logged as they come, and the end is written."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from posse_core._dataset.camera import write_camera
+from posse_core._dataset.dataset import Dataset
+from posse_core._dataset.layout import (
+    CAMERA,
+    IMAGES,
+    LABELS,
+    MANIFEST,
+    SCENARIO,
+    SPACECRAFT,
+    TRAJECTORY,
+    TRUTH,
+)
+from posse_core._dataset.spacecraft import write_spacecraft
+from posse_core._errors import ComponentError, InputError, PosseError, StoreError
+from posse_core._files.atomic import PARTIAL, write_bytes, write_json
+from posse_core._files.store import Store, is_remote
+from posse_core._files.trajectory import save_trajectory
+from posse_core._interfaces.executor import FrameMade
+from posse_core._model.manifest import Manifest
+from posse_core._model.spacecraft import Spacecraft
+from posse_core._model.trajectory import Trajectory
+from posse_core._plugins.loading import Plugins
+from posse_core._run.destination import Destination, open_destination
+from posse_core._run.exports import export_digests
+from posse_core._run.manifest import make_manifest
+from posse_core._run.shards import LabelLog
+from posse_core._scenario.component import create
+from posse_core._scenario.load import dump_scenario
+from posse_core._scenario.model import Scenario
+from posse_core._simulator.returned import written
+
+
+class Recording:
+    """The dataset that is being made at a location. :func:`recording` opens one.
+
+    Attributes:
+        done: indices of the frames that an earlier attempt made.
+        folder: the folder on this machine that holds the bookkeeping files.
+    """
+
+    def __init__(
+        self,
+        destination: Destination,
+        scenario: Scenario,
+        spacecraft: Spacecraft,
+        frames: int,
+        plugins: Plugins,
+        trajectory: Trajectory | None,
+    ) -> None:
+        self._destination = destination
+        self._scenario = scenario
+        self._frames = frames
+        self._plugins = plugins
+        self.folder = destination.folder
+        self._write_statics(spacecraft)
+        if trajectory is not None and not (self.folder / TRAJECTORY).exists():
+            save_trajectory(trajectory, self.folder / TRAJECTORY)
+        self._log = LabelLog(self.folder, frames)
+        self.done = self._log.recover(self.store.sha256, self.store.read_threads)
+
+    @property
+    def store(self) -> Store:
+        """Where the files of frames are written."""
+        return self._destination.store
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether an earlier attempt made every frame."""
+        try:
+            return Manifest.from_json((self.folder / MANIFEST).read_bytes()).is_complete
+        except (FileNotFoundError, InputError):
+            return False
+
+    def begin(self) -> None:
+        """Prepare for frames to come."""
+        (self.folder / MANIFEST).unlink(missing_ok=True)
+        self._destination.save()
+        self._plugins.notify("posse_run_started", dataset=self.folder, frames=self._frames)
+
+    def add(self, made: FrameMade) -> None:
+        """Log a frame whose files are complete."""
+        self._destination.frame_logged(self._log.append(made.labels, made.sha256))
+        self._plugins.notify("posse_frame_completed", index=made.labels.index, labels=made.labels)
+
+    def finish(self, failed: dict[int, str], *, frames: int | None = None) -> None:
+        """Sort the labels, write the exports, and then the manifest as the last file of a dataset.
+
+        Args:
+            failed: index of a frame that could not be made → why.
+            frames: number of frames that the dataset has; None for as many as were planned.
+        """
+        self._log.put_in_order()
+        dataset = Dataset(self.folder)
+        registry = self._plugins.registry
+        paths: list[Path] = []
+        if len(dataset):
+            for choice in self._scenario.writers:
+                writer = create(registry, "writer", choice)
+                paths += written(writer, choice.name, dataset, self.folder)
+        manifest = make_manifest(
+            self._destination,
+            self._scenario,
+            self._frames if frames is None else frames,
+            self._plugins,
+            failed,
+            export_digests(paths, self.folder),
+        )
+        write_json(self.folder / MANIFEST, manifest.as_json())
+        self._plugins.notify("posse_run_finished", dataset=self.folder, manifest=manifest)
+        self._destination.save()
+
+    def _write_statics(self, spacecraft: Spacecraft) -> None:
+        """Write the files that do not depend on frames; first the scenario, which marks a dataset."""
+        folder = self.folder
+        if not (folder / SCENARIO).exists():
+            write_bytes(folder / SCENARIO, dump_scenario(self._scenario).encode())
+        for name in (SPACECRAFT, IMAGES, TRUTH, LABELS):
+            (folder / name).mkdir(exist_ok=True)
+        for part in (".", SPACECRAFT, IMAGES, TRUTH, LABELS):
+            for name in os.listdir(folder / part):
+                if name.endswith(PARTIAL):
+                    (folder / part / name).unlink(missing_ok=True)
+        write_camera(self._scenario.camera.camera(), folder / CAMERA)
+        write_spacecraft(spacecraft, folder / SPACECRAFT)
+
+
+@contextlib.contextmanager
+def recording(
+    out: str,
+    scenario: Scenario,
+    spacecraft: Spacecraft,
+    frames: int,
+    plugins: Plugins,
+    *,
+    trajectory: Trajectory | None = None,
+    resume: bool,
+) -> Iterator[Recording]:
+    """Claim ``out``, a path or a URL, for the dataset of a scenario, within the block.
+
+    If the block fails before a first frame is made, nothing is left behind.
+
+    Args:
+        out: location of the dataset.
+        scenario: that the dataset is made from.
+        spacecraft: of the scenario.
+        frames: the planned number of frames.
+        plugins: that are installed.
+        trajectory: of the frames, if it is known beforehand.
+        resume: go on with the dataset that is there.
+
+    Raises:
+        InputError: The folder contains another run, is in use, or cannot be written to.
+        ComponentError: The disk failed.
+        StoreError: A network store refuses.
+    """
+    if not is_remote(out) and Path(out).exists() and not Path(out).is_dir():
+        raise InputError(f"--out {out}: is a file; choose a folder that does not exist yet")
+    destination = open_destination(out)
+    made_some = False
+    try:
+        with destination.claimed():
+            fresh = _check_claim(destination, out, scenario, resume=resume)
+            try:
+                yield Recording(destination, scenario, spacecraft, frames, plugins, trajectory)
+            except (OSError, PosseError):
+                made_some = not fresh or any((destination.folder / LABELS).glob("*.jsonl"))
+                if not made_some:
+                    destination.discard()
+                raise
+    except OSError as error:
+        raise _explained(error, out, kept=made_some) from error
+    except StoreError as error:
+        raise StoreError(f"{error}{_how_to_continue(made_some)}") from None
+
+
+def _check_claim(destination: Destination, out: str, scenario: Scenario, *, resume: bool) -> bool:
+    """Check that the destination is empty or holds this run; return whether it was empty."""
+    if all(path.name.startswith(".") for path in destination.folder.iterdir()):
+        return True
+    scenario_file = destination.folder / SCENARIO
+    if not scenario_file.exists():
+        raise InputError(f"--out {out}: is not empty and contains no run; choose another folder")
+    if not resume:
+        raise InputError(
+            f"--out {out}: contains another run; choose another folder, or continue it with --resume"
+        )
+    if scenario_file.read_text("utf-8") != dump_scenario(scenario):
+        raise InputError(
+            f"--out {out}: its run has another scenario than this one; resume it without"
+            " a scenario or options, or choose another folder"
+        )
+    return False
+
+
+def _how_to_continue(kept: bool) -> str:
+    return "; continue with --resume: the frames made so far are kept" if kept else ""
+
+
+def _explained(error: OSError, out: str, *, kept: bool) -> PosseError:
+    """Turn an error of the disk into one that says what to do."""
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return InputError(f"--out {out}: the disk is full; free some space{_how_to_continue(kept)}")
+    if error.errno in (errno.EACCES, errno.EROFS, errno.EPERM, errno.ENOTDIR, errno.ENAMETOOLONG):
+        reason = (error.strerror or "").lower()
+        return InputError(f"--out {out}: cannot be written to ({reason}); choose another folder")
+    return ComponentError(f"{out}: {error}{_how_to_continue(kept)}")

@@ -124,7 +124,7 @@ class Simulator:
             InputError: there is no such frame; a velocity without a position, a rate without an
                 attitude, or a shape that does not fit; a time that the propagator has no motion for.
         """
-        return self._states.at(
+        row = self._states.row(
             index,
             t_s=t_s,
             r_rtn_m=r_rtn_m,
@@ -134,6 +134,7 @@ class Simulator:
             omega_body_rad_s=omega_body_rad_s,
             omega_camera_rad_s=omega_camera_rad_s,
         )
+        return self._states.of_row(row, index)
 
     def frame(self, state: FrameState) -> Frame:
         """The frame that the camera takes at a state.

@@ -43,7 +43,7 @@ class States:
         """The motion over the scenario's frames."""
         return make_trajectory(self._scenario, self._registry)
 
-    def at(
+    def row(
         self,
         index: int,
         *,
@@ -54,8 +54,9 @@ class States:
         q_eci_from_camera: ArrayLike | None,
         omega_body_rad_s: ArrayLike | None,
         omega_camera_rad_s: ArrayLike | None,
-    ) -> FrameState:
-        """See :meth:`posse_core.Simulator.state`."""
+    ) -> Trajectory:
+        """The trajectory's one row at a state; the arguments are those of
+        :meth:`posse_core.Simulator.state`."""
         if index < 0:
             raise InputError(f"state: index is {index}; frames are numbered from 0")
         r = _row("r_rtn_m", r_rtn_m, 3)
@@ -79,12 +80,12 @@ class States:
         by_law = given.q_eci_from_body is None and given.q_eci_from_camera is None
         if t_s is None and r is None and by_law:
             self._refuse_beyond_the_end(index)
-            return frame_state(self.trajectory, index, self._scenario.constants)
+            return self.trajectory.rows(np.array([index]))
         motion = self._motion(index, t_s, any_chaser=r is not None)
         if r is not None:
             at_rest = np.zeros_like(r)
             motion = replace(motion, r_chaser_rtn_m=r, v_chaser_rtn_m_s=at_rest if v is None else v)
-        row = trajectory_of(
+        return trajectory_of(
             motion,
             epoch=orbit_epoch(self._scenario.orbit),
             laws=self._laws,
@@ -93,6 +94,9 @@ class States:
             indices=np.array([index]),
             given=given,
         )
+
+    def of_row(self, row: Trajectory, index: int) -> FrameState:
+        """The state of a trajectory's one row, as frame ``index``."""
         return replace(frame_state(row, 0, self._scenario.constants), index=index)
 
     def _motion(self, index: int, t_s: float | None, *, any_chaser: bool) -> Motion:

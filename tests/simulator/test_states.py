@@ -39,7 +39,7 @@ AQUA = states()
 
 
 def at(index: int = 0, of: States = AQUA, **given: object):
-    return of.at(index, **{**NOTHING, **given})
+    return of.of_row(of.row(index, **{**NOTHING, **given}), index)
 
 
 def scipy_from(q) -> Rotation:

@@ -1,0 +1,1 @@
+"""Flights: from the camera through navigator and controller to the thrusters, and their record."""

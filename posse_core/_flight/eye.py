@@ -1,0 +1,186 @@
+"""From a frame to readings: what nets find in its image, or true projections with noise."""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from posse_core._arrays import AnyArray, FloatArray
+from posse_core._detection.models import open_models
+from posse_core._detection.pnp import MIN_POINTS, solve_pose
+from posse_core._detection.pose_detector import PoseDetector
+from posse_core._errors import InputError
+from posse_core._interfaces.detector import Detection
+from posse_core._interfaces.navigator import KeypointReading, LineOfSight, RangeReading, Readings
+from posse_core._model.camera import Camera
+from posse_core._model.label_line import LabelLine
+from posse_core._plugins.registry import Registry
+from posse_core._randomness import random_generator
+from posse_core._scenario.flight import MeasurementConfig
+
+_MIDDLE_SHARE = 0.1
+"""Standard deviation of the body's origin from the middle of its box, over the box's diagonal."""
+
+
+class Craft(Protocol):
+    """The name and the keypoints of a spacecraft."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def keypoints_body_m(self) -> Mapping[str, FloatArray]: ...
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What was found in an image: keypoints, and the box (4,) x, y, width, height."""
+
+    keypoints: KeypointReading | None
+    box_px: FloatArray
+
+
+class Eye(ABC):
+    """Reads frames, by :func:`open_eye`."""
+
+    def __init__(self, config: MeasurementConfig, craft: Craft, camera: Camera, seed: int) -> None:
+        self._config, self._craft, self._camera, self._seed = config, craft, camera, seed
+
+    def read(
+        self,
+        labels: LabelLine,
+        image: AnyArray,
+        q_eci_from_camera: FloatArray,
+    ) -> Readings:
+        """The readings of a frame.
+
+        Args:
+            labels: the frame's true labels.
+            image: (H, W) or (H, W, 3) its image.
+            q_eci_from_camera: (4,) the camera's attitude as the chaser knows it.
+        """
+        config = self._config
+        began_s = time.perf_counter()
+        seen = self._look(labels, image)
+        took_s = time.perf_counter() - began_s
+        arrives_s = labels.t_s + (took_s if config.delay_s == "measured" else config.delay_s)
+        readings = Readings(labels.index, labels.t_s, arrives_s, q_eci_from_camera)
+        if config.range_sigma_m is not None:
+            noise = random_generator(self._seed, labels.index, "range-finder").standard_normal()
+            range_m = labels.range_m + config.range_sigma_m * float(noise)
+            readings = replace(readings, range=RangeReading(range_m, config.range_sigma_m))
+        if seen is None:
+            return readings
+        if config.use == "line-of-sight":
+            return replace(readings, line_of_sight=self._line_of_sight(seen.box_px))
+        if seen.keypoints is None:
+            return readings
+        found = seen.keypoints
+        pose = solve_pose(found.points_body_m, found.points_px, found.sigma_px, self._camera)
+        return replace(readings, keypoints=found if config.use == "keypoints" else None, pose=pose)
+
+    @abstractmethod
+    def _look(self, labels: LabelLine, image: AnyArray) -> _Seen | None:
+        """What is found in a frame; None if that is nothing."""
+
+    def _line_of_sight(self, box_px: FloatArray) -> LineOfSight:
+        x, y, width, height = box_px
+        middle_px = np.array([x + (width - 1) / 2, y + (height - 1) / 2])
+        ray = self._camera.rays(middle_px)
+        sigma_px = np.hypot(self._config.sigma_px, _MIDDLE_SHARE * np.hypot(width, height))
+        return LineOfSight(ray / np.linalg.norm(ray), float(sigma_px * self._camera.pixel_rad))
+
+
+class NetEye(Eye):
+    """Finds the spacecraft and its keypoints by trained nets."""
+
+    def __init__(
+        self,
+        config: MeasurementConfig,
+        craft: Craft,
+        camera: Camera,
+        seed: int,
+        detector: PoseDetector,
+    ) -> None:
+        super().__init__(config, craft, camera, seed)
+        self._detector = detector
+
+    def _look(self, labels: LabelLine, image: AnyArray) -> _Seen | None:
+        for detection in self._detector.detect(image):
+            if detection.label == self._craft.name and self._is_sure(detection):
+                return _Seen(self._keypoints(detection), np.asarray(detection.box_px, np.float64))
+        return None
+
+    def _is_sure(self, detection: Detection) -> bool:
+        """Whether the reported standard deviations are those of a spacecraft."""
+        if detection.keypoints_sigma_px is None:
+            return self._config.use == "line-of-sight"
+        side_px = float(np.max(detection.box_px[2:]))
+        return float(np.mean(detection.keypoints_sigma_px)) <= self._config.largest_sigma * side_px
+
+    def _keypoints(self, detection: Detection) -> KeypointReading | None:
+        if detection.keypoints_px is None or detection.keypoints_sigma_px is None:
+            return None
+        return KeypointReading(
+            np.array(list(self._craft.keypoints_body_m.values())),
+            np.asarray(detection.keypoints_px, np.float64),
+            np.hypot(np.asarray(detection.keypoints_sigma_px, np.float64), self._config.sigma_px),
+        )
+
+
+class TrueEye(Eye):
+    """Takes the true projections of the keypoints in view, with white noise."""
+
+    def _look(self, labels: LabelLine, image: AnyArray) -> _Seen | None:
+        if labels.sun_fraction_target == 0 or labels.box_visible_px is None:
+            return None
+        names = [name for name, point in labels.keypoints.items() if point.visibility == 2]
+        sigma_px = self._config.sigma_px
+        noise = random_generator(self._seed, labels.index, "keypoint-noise").standard_normal(
+            (len(labels.keypoints), 2)
+        )
+        at = [i for i, name in enumerate(labels.keypoints) if name in names]
+        found = None
+        if len(names) >= MIN_POINTS:
+            true_px = np.array([labels.keypoints[name][:2] for name in names], dtype=np.float64)
+            found = KeypointReading(
+                np.array([self._craft.keypoints_body_m[name] for name in names]),
+                true_px + sigma_px * noise[at],
+                np.full(len(names), sigma_px),
+            )
+        return _Seen(found, np.array(labels.box_visible_px, dtype=np.float64))
+
+
+def open_eye(
+    config: MeasurementConfig, craft: Craft, camera: Camera, seed: int, registry: Registry
+) -> Eye:
+    """The eye that a scenario chooses.
+
+    Raises:
+        InputError: a model file cannot be used, or its classes or keypoints are not the spacecraft's.
+    """
+    if config.source == "truth":
+        return TrueEye(config, craft, camera, seed)
+    boxes = None if config.boxes is None else Path(config.boxes)
+    keypoints = None if config.keypoints is None else Path(config.keypoints)
+    detector, finder = open_models(boxes, keypoints, registry, {})
+    if craft.name not in detector.classes:
+        raise InputError(
+            f"flight.measurement: the model finds {', '.join(detector.classes)}, not {craft.name!r};"
+            " name one that was trained on it by boxes and keypoints, or take source: truth"
+        )
+    if config.use != "line-of-sight":
+        known = None if finder is None else finder.keypoints_body_m.get(craft.name)
+        mine = np.array(list(craft.keypoints_body_m.values()))
+        if known is None or known.shape != mine.shape or not np.allclose(known, mine, atol=1e-6):
+            raise InputError(
+                f"flight.measurement.keypoints: the model does not find the keypoints of {craft.name!r};"
+                " name one that was trained on this spacecraft"
+            )
+    return NetEye(config, craft, camera, seed, PoseDetector(detector, finder, config.least_score))

@@ -1,4 +1,4 @@
-"""The functions of the public face: open or run a scenario, open a detector, solve a pose."""
+"""The functions of the public face: open, run or fly a scenario, open a detector, solve a pose."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from posse_core._detection.pose_detector import LEAST_SCORE, PoseDetector
 from posse_core._errors import ComponentError, InputError
 from posse_core._interfaces.detector import PoseEstimate
 from posse_core._model.camera import Camera
+from posse_core._model.flight_record import FlightRecord
 from posse_core._plugins.kinds import KINDS
 from posse_core._plugins.loading import load_plugins
 from posse_core._plugins.options import nearest
@@ -96,6 +97,41 @@ def run(
             f"{out}: {len(result.failed)} of {result.frames} frames failed; frame {index}: {error}"
         )
     return Dataset(Path(out))
+
+
+def fly(
+    scenario: ScenarioSource,
+    out: str | Path | None = None,
+    *,
+    renderer: str | None = None,
+    seed: int | None = None,
+    overrides: Mapping[str, Any] | None = None,
+    resume: bool = False,
+) -> FlightRecord:
+    """Fly a scenario with the camera in the loop, in this process, as ``posse fly`` does.
+
+    Args:
+        scenario: as of :func:`open`, with the key ``flight``.
+        out: folder of the flight's dataset; None writes nothing.
+        renderer: name of the renderer, instead of the scenario's.
+        seed: of every random draw, instead of the scenario's.
+        overrides: as of :func:`open`.
+        resume: go on with the flight in ``out``; the frames that are there are not rendered again.
+
+    Raises:
+        InputError: the scenario has no flight or one that cannot be flown, or the folder cannot be used.
+        ComponentError: a component failed. The frames that were made are in the folder.
+    """
+    # Half a second to import, for statistics that only flights need.
+    from posse_core._flight.fly import fly as flown
+
+    return flown(
+        _loaded(scenario, renderer, seed, None, overrides),
+        None if out is None else str(out),
+        load_plugins(),
+        resume=resume,
+        progress=lambda steps, _: steps,
+    )
 
 
 def detector(

@@ -10,13 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from posse_core._dataset.layout import READINGS
 from posse_core._errors import InputError
 from posse_core._files.atomic import write_bytes
 from posse_core._interfaces.detector import PoseEstimate
 from posse_core._interfaces.navigator import KeypointReading, LineOfSight, RangeReading, Readings
-
-FILE = "readings.jsonl"
-"""A line for each frame; numbers keep every bit."""
 
 _PARTS = {
     "keypoints": KeypointReading,
@@ -31,7 +29,7 @@ class ReadingsLog:
     """Appends readings to a dataset's folder, and reads those of an earlier attempt."""
 
     def __init__(self, folder: Path) -> None:
-        self._path = folder / FILE
+        self._path = folder / READINGS
 
     def recover(self, done: Container[int]) -> dict[int, Readings]:
         """Index of a frame → its readings, for the frames that are ``done``; drops all others.

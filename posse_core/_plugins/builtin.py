@@ -359,6 +359,9 @@ def posse_subcommands() -> list[ComponentSpec]:
             "posse_core._cli.export_onnx:command",
         ),
         ComponentSpec(
+            "fly", "fly a scenario with the camera in the loop", "posse_core._cli.fly:command"
+        ),
+        ComponentSpec(
             "import", "make a spacecraft package from a mesh", "posse_core._cli.import_mesh:command"
         ),
         ComponentSpec(

@@ -34,7 +34,7 @@ from posse_core._scenario.load import dump_scenario, load_scenario
 from posse_core._scenario.model import Scenario
 from posse_core._simulator.returned import built
 from posse_core._simulator.simulator import Simulator
-from posse_core._view.flight import write_flight_page
+from posse_core._view.flight.page import write_flight_page
 
 Progress = Callable[[Iterable[Step], int], Iterable[Step]]
 """Wraps the steps of a flight to show its progress: (steps, planned number of frames)."""
@@ -147,7 +147,7 @@ class FlightWorker:
             resume=resume,
             progress=lambda steps, _: steps,
         )
-        return FlightMade(seed, folder, summarise(record))
+        return FlightMade(seed, folder, summarise(record, Dataset(Path(folder)).spacecraft.symmetries))
 
     def close(self) -> None:
         """Do nothing: a flight frees what it uses when it ends."""

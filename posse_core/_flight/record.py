@@ -59,6 +59,7 @@ def flight_record(steps: Sequence[Step], problem: FlightProblem, least_dv_m_s: f
         t_waypoint_s=np.array([point.t_s for point in control.waypoints]),
         until_waypoint_s=np.array([point.until_s for point in control.waypoints]),
         r_waypoint_rtn_m=np.reshape([point.r_rtn_m for point in control.waypoints], (-1, 3)),
+        v_waypoint_rtn_m_s=np.reshape([point.v_rtn_m_s for point in control.waypoints], (-1, 3)),
         keep_out_m=np.full(3, np.nan) if safety.keep_out_m is None else safety.keep_out_m,
         cone=cone,
         least_dv_m_s=np.array(least_dv_m_s),

@@ -2,6 +2,7 @@
 from . import testing as testing
 from ._api import create as create
 from ._api import detector as detector
+from ._api import fly as fly
 from ._api import open as open
 from ._api import pose as pose
 from ._api import run as run

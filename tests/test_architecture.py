@@ -50,6 +50,7 @@ ROOMS = (
     "_detection",
     "_navigation",
     "_view",
+    "_flight",
     "_api",
     "_cli",
 )

@@ -32,9 +32,7 @@ if TYPE_CHECKING:
     type=click.IntRange(min=1),
     help="Fly with so many seeds, from the scenario's on, each in a folder of its own.",
 )
-@click.option(
-    "--workers", type=click.IntRange(min=1), help="Number of worker processes, with --seeds."
-)
+@click.option("--workers", type=click.IntRange(min=1), help="Number of worker processes, with --seeds.")
 @click.option("--resume", is_flag=True, help="Continue the flight or flights in --out.")
 @click.option("--json", "as_json", is_flag=True, help="Print the key figures as JSON.")
 @scenario_options
@@ -87,9 +85,7 @@ def _one(scenario: Any, folder: str, *, resume: bool, as_json: bool) -> int:
     return 0
 
 
-def _many(
-    scenario: Any, folder: str, seeds: int, workers: int, *, resume: bool, as_json: bool
-) -> int:
+def _many(scenario: Any, folder: str, seeds: int, workers: int, *, resume: bool, as_json: bool) -> int:
     from posse_core._flight.fly import fly_many
 
     registry = load_plugins().registry

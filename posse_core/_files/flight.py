@@ -19,7 +19,7 @@ def save_flight(record: FlightRecord, path: Path) -> None:
         for name, array in record.arrays().items():
             entry = zipfile.ZipInfo(f"{name}.npy", date_time=(1980, 1, 1, 0, 0, 0))
             with archive.open(entry, "w", force_zip64=True) as member:
-                np.lib.format.write_array(member, np.ascontiguousarray(array), allow_pickle=False)
+                np.lib.format.write_array(member, np.asarray(array, order="C"), allow_pickle=False)
 
 
 def load_flight(path: Path) -> FlightRecord:

@@ -92,9 +92,7 @@ def _flight(
     simulator: Simulator,
     plugins: Plugins,
 ) -> Flight:
-    eye = open_eye(
-        problem.config.measurement, craft, simulator.camera, scenario.seed, plugins.registry
-    )
+    eye = open_eye(problem.config.measurement, craft, simulator.camera, scenario.seed, plugins.registry)
     return Flight(scenario, problem, simulator, eye, plugins.registry)
 
 

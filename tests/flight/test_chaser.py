@@ -36,9 +36,7 @@ def test_impulses_one_by_one_are_the_motion_with_all_of_them(name):
 def test_errors_of_an_impulse_have_their_size_and_no_preferred_direction():
     errors = ThrusterErrors(size=0.02, direction_rad=0.03)
     dv = np.array([0.1, -0.2, 0.2])
-    made = np.array(
-        [carried_out(dv, errors, np.random.default_rng(seed)) for seed in range(4000)]
-    )
+    made = np.array([carried_out(dv, errors, np.random.default_rng(seed)) for seed in range(4000)])
     size = np.linalg.norm(made, axis=1) / 0.3 - 1
     assert abs(size.mean()) < 4 * 0.02 / np.sqrt(4000)
     assert size.std() == pytest.approx(0.02, rel=0.05)

@@ -106,7 +106,8 @@ def test_dead_reckoning_is_off_by_the_start_error_and_the_truth_is_not(posse, tm
         errors_m[navigator] = np.linalg.norm(record.r_true_rtn_m - record.r_rtn_m, axis=1)
     np.testing.assert_allclose(errors_m["truth"], 0, atol=1e-9)
     start_m = np.linalg.norm(record.r_true_rtn_m[0] - [2, -45, 5])
-    assert errors_m["dead-reckoning"][0] == pytest.approx(start_m) and start_m > 0.1
+    assert errors_m["dead-reckoning"][0] == pytest.approx(start_m)
+    assert start_m > 0.1
 
 
 def test_a_flight_ends_early_where_the_scenario_says_so(posse, tmp_path):
@@ -126,7 +127,8 @@ def test_in_eclipse_nothing_is_read_and_the_flight_ends_if_it_is_to(posse, tmp_p
     assert done.returncode == 0, done.stderr
     record = load_flight(tmp_path / "d" / "flight.npz")
     np.testing.assert_array_equal(record.t_s, [0, 10, 20, 30])
-    assert not record.dof.any() and np.isnan(record.r_single_rtn_m).all()
+    assert not record.dof.any()
+    assert np.isnan(record.r_single_rtn_m).all()
     sigma_m = np.sqrt(record.covariance[:, 1, 1])
     assert np.all(np.diff(sigma_m) > 0)
 

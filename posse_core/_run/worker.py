@@ -3,17 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import json
-import zipfile
-from collections.abc import Mapping
 
-import cv2
-import numpy as np
-
-from posse_core._arrays import AnyArray
 from posse_core._dataset.layout import IMAGES, SCENARIO, TRAJECTORY, TRUTH
-from posse_core._errors import ComponentError
+from posse_core._files.compressed import npz, png
 from posse_core._files.store import Store, open_store
 from posse_core._files.trajectory import load_trajectory
 from posse_core._interfaces.executor import FrameMade
@@ -58,31 +51,10 @@ def write_renderer(simulator: Simulator, store: Store) -> None:
 def write_frame(frame: Frame, store: Store) -> FrameMade:
     """Write the files of a frame of a dataset."""
     image, truth = f"{IMAGES}/{frame.index:06d}.png", f"{TRUTH}/{frame.index:06d}.npz"
-    files = {image: _png(frame.image)}
+    files = {image: png(frame.image)}
     if frame.arrays:
-        files[truth] = _npz(frame.arrays)
+        files[truth] = npz(frame.arrays)
     for name, data in files.items():
         store.write(name, data)
     labels = frame.labels.model_copy(update={"image": image, "truth": truth if frame.arrays else None})
     return FrameMade(labels, {name: hashlib.sha256(data).hexdigest() for name, data in files.items()})
-
-
-def _png(image: AnyArray) -> bytes:
-    colour = cv2.cvtColor(image, cv2.COLOR_RGB2BGR) if image.ndim == 3 else image
-    ok, data = cv2.imencode(".png", colour, [cv2.IMWRITE_PNG_COMPRESSION, 3])
-    if not ok:
-        raise ComponentError("the image could not be encoded as PNG")
-    return bytes(data)
-
-
-def _npz(arrays: Mapping[str, AnyArray]) -> bytes:
-    """Return an .npz file whose bytes depend on the arrays alone; numpy's compression is slower."""
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
-        for name, array in arrays.items():
-            member = io.BytesIO()
-            np.lib.format.write_array(member, np.ascontiguousarray(array), allow_pickle=False)
-            entry = zipfile.ZipInfo(f"{name}.npy", date_time=(1980, 1, 1, 0, 0, 0))
-            entry.compress_type = zipfile.ZIP_DEFLATED
-            archive.writestr(entry, member.getvalue())
-    return buffer.getvalue()

@@ -22,6 +22,8 @@ from posse_core._navigation.kinematics import RATE, VELOCITY
 KEYPOINTS = (0.25, 25.0)
 PROCESS = (1.0, 1e4)
 """Least and largest factors on the covariances."""
+FIRST_FRAMES = 4
+"""Weight of the options at the start, in frames."""
 _LARGEST_RATIO = 10.0
 """One frame counts for no more than this, in units of what was expected."""
 

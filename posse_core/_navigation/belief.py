@@ -48,11 +48,13 @@ class Scales:
     Attributes:
         keypoints: on that of the keypoints.
         motion, turning: on the process noise of the relative motion and of the attitude.
+        frames: number of frames that they were learnt from.
     """
 
     keypoints: float = 1.0
     motion: float = 1.0
     turning: float = 1.0
+    frames: int = 0
 
 
 @dataclass(frozen=True)

@@ -62,3 +62,12 @@ def renewed(
         R_cam_from_body,
     )
     return replace(belief, covariance=covariance, biases=biases), slots
+
+
+def seen(belief: Belief, R_cam_from_body: FloatArray) -> Belief:
+    """The belief after a frame, with the view (3, 3) as the frame corrected it.
+
+    From it to the view that is predicted for the next frame is the turn of the motion alone; corrections
+    would otherwise count as turns, and the biases as less correlated than they are.
+    """
+    return replace(belief, biases=replace(belief.biases, R_cam_from_body=R_cam_from_body))

@@ -89,7 +89,7 @@ class Dynamics:
     ) -> None:
         self._mu = target.mu_m3_s2
         self._step, self._step_and_derivative = _orbit_steps(options.dynamics, target.constants)
-        self._free = inertia_kg_m2 is not None
+        self._tumbling_share = options.tumbling_share
         self._turn = _turn_step(inertia_kg_m2) if inertia_kg_m2 is not None else None
         self._densities = (
             options.acceleration_m_s2_rthz**2,
@@ -112,6 +112,10 @@ class Dynamics:
             noise_scales: factors on the process noise of relative motion and attitude.
         """
         motion, turning = np.multiply(self._densities, noise_scales)
+        if self._turn is None:
+            # A random acceleration of this size that lasts for about a radian.
+            rate = float(np.linalg.norm(x.omega_body_rad_s))
+            turning += noise_scales[1] * 2 * self._tumbling_share**2 * rate**3
         state = np.concatenate([at.r_eci_m, at.v_eci_m_s, x.dr_eci_m, x.dv_eci_m_s])
         transition, noise = np.eye(SIZE), np.zeros((SIZE, SIZE))
         now_s = at.t_s
@@ -173,7 +177,7 @@ class Dynamics:
         """Number and length of the attitude's steps."""
         if span_s == 0:
             return 0, 0.0
-        if not self._free:
+        if self._turn is None:
             return 1, span_s
         fastest = float(np.max(np.linalg.norm(omega, axis=-1)))
         count = max(1, math.ceil(fastest * abs(span_s) / TURN_STEP_RAD))

@@ -75,7 +75,8 @@ class Filter:
         noise = reading.noise(belief.x)
         S = J @ prior @ J.T + excess + noise
         if not (np.isfinite(S).all() and np.isfinite(residual).all()):
-            return self._refused(belief, Innovation(np.inf, len(residual), len(residual)), -np.inf)
+            # Part of the target would be behind the camera, or beyond its lens.
+            return self._refused(belief, Innovation(np.nan, len(residual), len(residual)), -np.inf)
         group = 2 if keypoints else len(residual)
         limit = float(chi2.isf(self._options.gate_probability, group))
         distances, log_dets = _group_distances(residual, S, group)
@@ -91,6 +92,8 @@ class Filter:
         if not np.isfinite(inflation):
             return self._refused(belief, innovation, likelihood)
         after = self._updated(belief, reading, kept, inflation)
+        if after is None:
+            return self._refused(belief, replace(innovation, rejected=dof), likelihood)
         return Outcome(after, innovation, True, likelihood)
 
     @staticmethod
@@ -120,12 +123,16 @@ class Filter:
 
     def _updated(
         self, belief: Belief, reading: NoisyReading, kept: BoolArray, inflation: float
-    ) -> Belief:
+    ) -> Belief | None:
+        """The belief after the numbers ``kept`` of a reading; None if the iteration leaves what the
+        camera can see."""
         prior = belief.covariance
         step = np.zeros(len(prior))
         now = belief
         for _ in range(self._options.iterations):
             residual, J, excess = (part[kept] for part in self._linear(now, reading))
+            if not np.isfinite(np.column_stack([residual, J, excess])).all():
+                return None
             noise = inflation * reading.noise(now.x)[np.ix_(kept, kept)] + excess[:, kept]
             # About the prior's mean in place of the present one.
             J = J @ moved_tangent(step[ATTITUDE], len(prior))
@@ -139,14 +146,14 @@ class Filter:
             if np.all(np.abs(step - before) <= _STILL * np.sqrt(np.diag(covariance))):
                 break
         if not self._options.adaptive:
-            return replace(now, refused=0)
-        return replace(now, refused=0, scales=self._scales(belief, now, step, reading, kept))
+            return now
+        return replace(now, scales=self._scales(belief, now, step, reading, kept))
 
     def _scales(
         self, before: Belief, after: Belief, step: FloatArray, reading: NoisyReading, kept: BoolArray
     ) -> Scales:
-        frames = self._options.adaptive_frames
         scales = before.scales
+        frames = min(self._options.adaptive_frames, scales.frames + adaptation.FIRST_FRAMES)
         gained = before.covariance[:SIZE, :SIZE] - after.covariance[:SIZE, :SIZE]
         motion, turning = adaptation.process_scales(scales, step[:SIZE], gained, before.oriented, frames)
         scale = scales.keypoints
@@ -155,7 +162,7 @@ class Filter:
             found = residual**2 + np.sum((J @ after.covariance) * J, axis=1)
             expected = np.diag(reading.noise(after.x))[kept]
             scale = adaptation.keypoint_scale(scale, found, expected, frames)
-        return Scales(scale, motion, turning)
+        return Scales(scale, motion, turning, scales.frames + 1)
 
 
 def _shifted(belief: Belief, step: FloatArray, covariance: FloatArray) -> Belief:

@@ -22,18 +22,20 @@ from posse_core._interfaces.navigator import Innovation, KeypointReading, Naviga
 from posse_core._navigation import biases
 from posse_core._navigation.belief import NEW_ATTITUDE_RAD, Belief
 from posse_core._navigation.filter import Filter, Outcome
-from posse_core._navigation.kinematics import ATTITUDE, MOTION, RATE, TURNING
+from posse_core._navigation.kinematics import ATTITUDE, MOTION, POSITION, RATE, TURNING
 from posse_core._navigation.measurements import Distance, Eye, Keypoints, Pose, Sight
 from posse_core._navigation.options import KalmanOptions
 
-LOST_RAD = 1.0
-"""An attitude with a larger standard deviation about any axis is not known."""
+LOST_GROWTH = 2.0
+"""Factor by which the standard deviations of a doubted position grow with each frame."""
 OUTLIER = 0.05
 """Probability that a frame's attitude is an outlier; also the weight of a new belief."""
 LEAST_WEIGHT = 0.005
-NEW_TURN_RAD = math.radians(20.0)
-"""A pose that differs by less from a belief gives rise to no other; beliefs nearer than this, and within
-three standard deviations, are one."""
+MIRRORED = 0.1
+"""Weight of a mirrored attitude beside the one that fits better."""
+_FIRST = 1e6
+SAME_RAD = math.radians(2.0)
+"""Attitudes nearer than this, or within three standard deviations of the likelier, are one."""
 _PAIR_TURN_RAD = math.radians(120.0)
 """Turn between two poses up to which it is taken to be the shorter way."""
 _PAIR_RAD, _PAIR_SHARE = 0.1, 0.3
@@ -73,7 +75,7 @@ class Bank:
     ) -> None:
         self._problem, self._options, self._filter = problem, options, estimator
         self._symmetries = np.concatenate([np.eye(3)[None], problem.symmetries])
-        self._seen: SeenAttitude | None = None
+        self._unexplained: SeenAttitude | None = None
         self.hypotheses: tuple[Hypothesis, ...] = (Hypothesis(belief, 1.0),)
 
     @property
@@ -105,30 +107,38 @@ class Bank:
             self._outcome(eye, readings, h.belief) if h.belief.oriented else None
             for h in self.hypotheses
         ]
-        first = outcomes[0]
-        best = max((o.log_likelihood for o in outcomes if o is not None), default=0.0)
-        weighed: list[Hypothesis] = []
+        likelihoods = [o.log_likelihood for o in outcomes if o is not None and o.accepted]
+        new = []
+        if likelihoods:
+            self._unexplained = None
+        else:
+            new = self._new(eye, readings)
+        weighed = []
         for h, o in zip(self.hypotheses, outcomes, strict=True):
+            factor = OUTLIER if likelihoods else 1.0
             if o is None:
-                weighed.append(h)
-                continue
-            factor = (1 - OUTLIER) * math.exp(max(o.log_likelihood - best, -700.0)) + OUTLIER
-            if not o.accepted:
-                factor = min(factor, 2 * OUTLIER)
-            refused = 0 if o.accepted else h.belief.refused + 1
-            belief = self._doubted(replace(o.belief, refused=refused))
+                belief = self._counted(h.belief, bool(new))
+            else:
+                belief = self._counted(o.belief, o.accepted)
+                if o.accepted:
+                    factor += (1 - OUTLIER) * math.exp(o.log_likelihood - max(likelihoods))
             weighed.append(Hypothesis(belief, h.weight * factor))
-        self.hypotheses = self._sorted(weighed + self._new(eye, readings))
-        return None if first is None else first.innovation
+        self.hypotheses = self._sorted(weighed + new)
+        return None if outcomes[0] is None else outcomes[0].innovation
 
-    def _doubted(self, belief: Belief) -> Belief:
-        """After many refused frames in a row: the position may be wrong, so its covariance grows with
-        each further one until a frame is accepted."""
-        if belief.refused < self._options.lost_frames:
+    def _counted(self, belief: Belief, accepted: bool) -> Belief:
+        """The belief with its count of refused frames.
+
+        After many in a row the position may be wrong, so its covariance grows with each further one
+        until a frame is accepted, but not beyond the range.
+        """
+        belief = replace(belief, refused=0 if accepted else belief.refused + 1)
+        wide = np.trace(belief.covariance[POSITION, POSITION]) > np.sum(belief.x.dr_eci_m**2)
+        if belief.refused < self._options.lost_frames or wide:
             return belief
         covariance = belief.covariance.copy()
-        covariance[MOTION, :] *= 2.0
-        covariance[:, MOTION] *= 2.0
+        covariance[MOTION, :] *= LOST_GROWTH
+        covariance[:, MOTION] *= LOST_GROWTH
         return replace(belief, covariance=covariance)
 
     def _outcome(self, eye: Eye, readings: Readings, belief: Belief) -> Outcome:
@@ -146,7 +156,9 @@ class Bank:
         belief, slots = biases.renewed(belief, points, eye.R_cam_from_body(belief.x), self._options)
         turned = KeypointReading(points @ symmetry.T, read.points_px, read.sigma_px)
         scale, diameter_m = belief.scales.keypoints, 2 * self._problem.radius_m
-        return self._filter.update(belief, Keypoints(eye, turned, slots, scale, diameter_m))
+        outcome = self._filter.update(belief, Keypoints(eye, turned, slots, scale, diameter_m))
+        after = outcome.belief
+        return replace(outcome, belief=biases.seen(after, eye.R_cam_from_body(after.x)))
 
     def _nearest_symmetry(self, R: FloatArray, R_read: FloatArray) -> FloatArray:
         """The symmetry S with which ``R_read`` · Sᵀ is nearest to R."""
@@ -154,25 +166,21 @@ class Bank:
         return np.asarray(self._symmetries[int(np.argmax(alike))])
 
     def _new(self, eye: Eye, readings: Readings) -> list[Hypothesis]:
-        """Beliefs that a pose gives rise to, if it agrees with none that is there."""
+        """Beliefs that a pose gives rise to, with which none that is there agrees."""
         pose = readings.pose
         if pose is None:
             return []
         seen = SeenAttitude(readings.t_s, eye.R_cam_from_eci.T @ pose.R_cam_from_body)
-        oriented = [h.belief for h in self.hypotheses if h.belief.oriented]
-        if any(self._alike(belief, seen.R_eci_from_body) for belief in oriented):
-            self._seen = None if oriented else seen
-            return []
         born = self._born(eye, readings, seen)
-        self._seen = seen
+        self._unexplained = seen
         if born is None:
             return []
-        # Without any attitude before, this one is as good as certain.
-        found = [Hypothesis(born, OUTLIER if oriented else 1e3)]
+        if any(h.belief.oriented for h in self.hypotheses):
+            return [Hypothesis(born, OUTLIER)]
         mirrored = self._mirrored(eye, readings, pose, born)
-        if mirrored is not None and not oriented:
-            found.append(Hypothesis(mirrored, 1e2))
-        return found
+        # Without any attitude before, the weight of what is there does not count.
+        found = [Hypothesis(born, _FIRST)]
+        return found if mirrored is None else [*found, Hypothesis(mirrored, _FIRST * MIRRORED)]
 
     def _alike(self, belief: Belief, R_eci_from_body: FloatArray) -> bool:
         symmetry = self._nearest_symmetry(belief.x.R_eci_from_body, R_eci_from_body)
@@ -195,7 +203,7 @@ class Bank:
     def _first_rate(self, seen: SeenAttitude, parent: Belief) -> tuple[FloatArray, float]:
         """Rate of a new belief, body axes, and its standard deviation."""
         wide = math.radians(self._options.rate_deg_s)
-        before = self._seen
+        before = self._unexplained
         if before is not None and seen.t_s > before.t_s:
             symmetry = self._nearest_symmetry(before.R_eci_from_body, seen.R_eci_from_body)
             turn = frames.rotation_vector_from_matrix(
@@ -243,11 +251,13 @@ class Bank:
         belief, innovation = h.belief, None
         if readings.line_of_sight is not None and (alone or belief.refused or not belief.oriented):
             outcome = self._filter.update(belief, Sight(eye, readings.line_of_sight))
-            belief, innovation = outcome.belief, _joined(innovation, outcome.innovation)
+            belief, innovation = outcome.belief, outcome.innovation
+            if alone:
+                belief = self._counted(belief, outcome.accepted)
         if readings.range is not None:
             outcome = self._filter.update(belief, Distance(readings.range))
             belief, innovation = outcome.belief, _joined(innovation, outcome.innovation)
-        return replace(h, belief=replace(belief, refused=h.belief.refused)), innovation
+        return replace(h, belief=belief), innovation
 
     def _sorted(self, found: list[Hypothesis]) -> tuple[Hypothesis, ...]:
         """The likeliest beliefs, each attitude once, weights of sum one."""
@@ -267,17 +277,11 @@ class Bank:
         return tuple(sorted(likely, key=lambda h: -h.weight))
 
 
-def known_attitude(belief: Belief) -> bool:
-    """Whether the covariance leaves anything of the attitude."""
-    largest = float(np.linalg.eigvalsh(belief.covariance[ATTITUDE, ATTITUDE])[-1])
-    return belief.oriented and largest <= LOST_RAD**2
-
-
 def _turn_between(belief: Belief, R_eci_from_body: FloatArray) -> bool:
     """Whether an attitude agrees with a belief's."""
     turn = frames.rotation_vector_from_matrix(belief.x.R_eci_from_body.T @ R_eci_from_body)
     within = turn @ np.linalg.solve(belief.covariance[ATTITUDE, ATTITUDE], turn) <= 3.0**2
-    return bool(within or np.linalg.norm(turn) <= NEW_TURN_RAD)
+    return bool(within or np.linalg.norm(turn) <= SAME_RAD)
 
 
 def _reflection(normal: FloatArray) -> FloatArray:

@@ -10,7 +10,8 @@ from posse_core._dynamics.plan import Burn
 from posse_core._interfaces.navigator import Estimate, Innovation, NavigationProblem, Navigator, Readings
 from posse_core._navigation.belief import Belief, Propagation
 from posse_core._navigation.filter import Filter
-from posse_core._navigation.hypotheses import Bank, known_attitude
+from posse_core._navigation.hypotheses import Bank
+from posse_core._navigation.kinematics import has_attitude
 from posse_core._navigation.linearisation import Linearisation, SigmaPoints, Tangents
 from posse_core._navigation.options import KalmanOptions
 
@@ -43,7 +44,7 @@ class KalmanNavigator(Navigator[KalmanOptions]):
 
     def _at(self, belief: Belief, t_s: float, *, with_last: bool) -> Belief:
         later = self._propagation.later(belief, t_s, self._burns, with_last=with_last)
-        if later.oriented and not known_attitude(later):
+        if later.oriented and not has_attitude(later.covariance):
             return self._propagation.disoriented(later)
         return later
 

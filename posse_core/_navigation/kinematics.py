@@ -14,6 +14,9 @@ ATTITUDE, RATE = slice(6, 9), slice(9, 12)
 MOTION, TURNING = slice(0, 6), slice(6, 12)
 """Where the errors stand in the order of a covariance."""
 SIZE = 12
+LOST_RAD = 0.9
+"""An attitude with a larger standard deviation about any axis is not known. Beyond it sigma points would
+lie more than half a turn from the mean."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,11 @@ class Kinematics:
             ],
             axis=-1,
         )
+
+
+def has_attitude(covariance: FloatArray) -> bool:
+    """Whether a covariance (12 or more, ...) leaves anything of the attitude."""
+    return bool(np.linalg.eigvalsh(covariance[ATTITUDE, ATTITUDE])[-1] <= LOST_RAD**2)
 
 
 def moved_tangent(theta_rad: FloatArray, size: int) -> FloatArray:

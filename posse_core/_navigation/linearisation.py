@@ -18,7 +18,7 @@ from scipy.linalg import solve_triangular
 
 from posse_core._arrays import FloatArray
 from posse_core._navigation.dynamics import Dynamics, Flow, Instant
-from posse_core._navigation.kinematics import SIZE, Kinematics
+from posse_core._navigation.kinematics import SIZE, Kinematics, has_attitude
 
 
 class Reading(Protocol):
@@ -100,6 +100,8 @@ class SigmaPoints:
         noise_scales: tuple[float, float],
     ) -> Flow:
         middle = dynamics.flow(at, x, t_s, noise_scales)
+        if not has_attitude(middle.transition @ covariance @ middle.transition.T):
+            return middle
 
         def errors(before: FloatArray) -> FloatArray:
             return dynamics.moved(at, x.plus(before), t_s).minus(middle.x)

@@ -19,6 +19,12 @@ class DynamicsOptions(Options):
         description="relative accelerations that the dynamics leave out: root of the power spectral"
         " density of white noise, m/s²/√Hz",
     )
+    tumbling_share: float = Field(
+        0.03,
+        ge=0,
+        description="angular acceleration of a target whose inertia is not known, as a share of the"
+        " square of its rate; 0 for one that spins steadily",
+    )
     angular_acceleration_deg_s2_rthz: float = Field(
         5e-4,
         ge=0,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -17,6 +18,8 @@ from posse_core._dynamics.start import Start, Target
 from posse_core._environment.time import Epoch
 from posse_core._frames import (
     R_eci_from_rtn,
+    R_with_z,
+    matrix_from_quaternion,
     matrix_from_rotation_vector,
     quaternion_from_matrix,
     rotation_vector_from_matrix,
@@ -29,7 +32,6 @@ from posse_core._interfaces.navigator import (
     NavigationProblem,
     RangeReading,
     Readings,
-    ThrusterErrors,
 )
 from posse_core._interfaces.propagator import PropagationProblem
 from posse_core._model.camera import Camera
@@ -42,6 +44,7 @@ POINTS_M = np.array(
     + [[0.0, 3.0, 0.4], [0.3, -3.0, -0.4], [0.6, 0.2, 2.4]]
 )
 INERTIA = np.diag([1.0, 1.6, 2.1])
+RADIUS_M = 3.0
 START_SIGMAS = np.repeat([2.0, 0.01], 3)
 
 
@@ -57,8 +60,8 @@ class World:
         t_s: (F,) the frames.
         burns: as carried out.
         sigma_px: standard deviation of the keypoints.
-        bias_share: (K, 2) of the target's diameter in the image, added to the keypoints.
-        known: what the navigator is told beside or instead of the truth.
+        camera_attitude_rad: standard deviation of the camera's known attitude about each axis.
+        R_start: the target's attitude at the epoch, R_eci_from_body.
     """
 
     e: float = 0.001
@@ -122,65 +125,104 @@ class World:
             self.target,
             start,
             CAMERA,
-            radius_m=3.0,
+            radius_m=RADIUS_M,
             inertia_kg_m2=self.inertia,
             camera_attitude_rad=self.camera_attitude_rad,
         )
         return replace(made, **known)
+
+    @cached_property
+    def views(self) -> list[View]:
+        """How the camera sees the target at the frames; its boresight is at the target's origin."""
+        made = []
+        for k, (state, R_eci_body) in enumerate(zip(self.truth(), self.attitude(self.t_s), strict=True)):
+            r, v = self.target.two_body(np.array([state.t_s]))
+            R_eci_rtn = R_eci_from_rtn(r[0], v[0])
+            R_eci_cam = R_eci_rtn @ looking_at_target(state.r_rtn_m[None], np.array([k]))[0]
+            origin = -R_eci_cam.T @ R_eci_rtn @ state.r_rtn_m
+            made.append(View(R_eci_cam, R_eci_cam.T @ R_eci_body, origin))
+        return made
+
+    def biases(
+        self, rng: np.random.Generator, share: float, time_s: float, angle_rad: float
+    ) -> np.ndarray:
+        """(F, K, 2) errors of the keypoints that change slowly with time and view, in shares of the
+        target's diameter in the image: a Gauss–Markov process of standard deviation ``share``."""
+        views = self.views
+        bias = share * rng.standard_normal((len(POINTS_M), 2))
+        made = [bias]
+        for k in range(1, len(views)):
+            turn = views[k - 1].R_cam_from_body.T @ views[k].R_cam_from_body
+            angle = np.linalg.norm(rotation_vector_from_matrix(turn))
+            kept = np.exp(-(self.t_s[k] - self.t_s[k - 1]) / time_s - angle / angle_rad)
+            bias = kept * bias + np.sqrt(1 - kept**2) * share * rng.standard_normal(bias.shape)
+            made.append(bias)
+        return np.array(made)
 
     def readings(
         self,
         rng: np.random.Generator,
         *,
         what: str = "keypoints",
+        poses: int | None = None,
         bias_share: np.ndarray | float = 0.0,
         sigma_m: float = 0.01,
         delay_s: float = 0.0,
         R_label: np.ndarray | None = None,
     ) -> list[Readings]:
-        """The readings of all frames: keypoints with the pose of each frame, pose, sight or range.
+        """The readings of all frames.
 
-        ``R_label`` (F, 3, 3) are rotations by which the keypoints are mistaken for each other.
+        Args:
+            rng: of the noise.
+            what: ``keypoints``, ``pose`` or ``sight+range``.
+            poses: number of first frames that have the pose beside the keypoints; None for all.
+            bias_share: errors of the keypoints beside the noise, broadcast to (F, K, 2), in shares of
+                the target's diameter in the image.
+            sigma_m: of the ranges.
+            delay_s: of the arrival.
+            R_label: (F, 3, 3) rotations of the body by which the keypoints are mistaken for others.
         """
-        truth = self.truth()
-        r_eci = [self.target.two_body(np.array([s.t_s])) for s in truth]
         made = []
-        for k, state in enumerate(truth):
-            R_eci_rtn = R_eci_from_rtn(r_eci[k][0][0], r_eci[k][1][0])
-            R_eci_cam = R_eci_rtn @ looking_at_target(state.r_rtn_m[None], np.array([k]))[0]
-            R_cam_body = R_eci_cam.T @ self.attitude(np.array([state.t_s]))[0]
-            origin = -R_eci_cam.T @ R_eci_rtn @ state.r_rtn_m
-            label = np.eye(3) if R_label is None else R_label[k]
-            points = POINTS_M @ label.T @ R_cam_body.T + origin
-            size_px = CAMERA.fx_px * 6.0 / np.linalg.norm(origin)
-            px = CAMERA.project(points) + bias_share * size_px
+        shares = np.broadcast_to(bias_share, (len(self.t_s), len(POINTS_M), 2))
+        for k, view in enumerate(self.views):
+            R_label_k = np.eye(3) if R_label is None else R_label[k]
+            points = POINTS_M @ (view.R_cam_from_body @ R_label_k).T + view.origin_cam_m
+            distance = float(np.linalg.norm(view.origin_cam_m))
+            px = CAMERA.project(points) + shares[k] * CAMERA.fx_px * 2 * RADIUS_M / distance
             px = px + self.sigma_px * rng.standard_normal(px.shape)
+            sigma_px = np.full(len(px), self.sigma_px)
             error = matrix_from_rotation_vector(self.camera_attitude_rad * rng.standard_normal(3))
-            read = KeypointReading(POINTS_M, px, np.full(len(px), self.sigma_px))
-            sight = unit(origin + 0.0)
+            wanted = what == "pose" or (what == "keypoints" and (poses is None or k < poses))
+            sight, range_ = None, None
+            if what == "sight+range":
+                across = R_with_z(unit(view.origin_cam_m)) @ np.append(1e-4 * rng.standard_normal(2), 0)
+                sight = LineOfSight(unit(unit(view.origin_cam_m) + across), 1e-4)
+                range_ = RangeReading(distance + sigma_m * rng.standard_normal(), sigma_m)
             made.append(
                 Readings(
                     k,
-                    state.t_s,
-                    state.t_s + delay_s,
-                    quaternion_from_matrix(R_eci_cam @ error),
-                    keypoints=read if what == "keypoints" else None,
-                    pose=solve_pose(POINTS_M, px, read.sigma_px, CAMERA)
-                    if what in ("keypoints", "pose")
-                    else None,
-                    line_of_sight=LineOfSight(sight, 1e-4) if what == "sight+range" else None,
-                    range=RangeReading(
-                        float(np.linalg.norm(origin) + sigma_m * rng.standard_normal()), sigma_m
-                    )
-                    if what == "sight+range"
-                    else None,
+                    float(self.t_s[k]),
+                    float(self.t_s[k]) + delay_s,
+                    quaternion_from_matrix(view.R_eci_from_cam @ error),
+                    KeypointReading(POINTS_M, px, sigma_px) if what == "keypoints" else None,
+                    solve_pose(POINTS_M, px, sigma_px, CAMERA) if wanted else None,
+                    sight,
+                    range_,
                 )
             )
         return made
 
 
+@dataclass(frozen=True)
+class View:
+    """The target in a frame: camera's attitude, target's attitude and position in camera axes."""
+
+    R_eci_from_cam: np.ndarray
+    R_cam_from_body: np.ndarray
+    origin_cam_m: np.ndarray
+
+
 EPOCH = Epoch.from_iso("2022-01-31T02:02:27.58")
-EXACT = ThrusterErrors()
 
 
 def errors(truth: Estimate, estimate: Estimate) -> np.ndarray:
@@ -188,8 +230,6 @@ def errors(truth: Estimate, estimate: Estimate) -> np.ndarray:
     motion = np.concatenate([truth.r_rtn_m - estimate.r_rtn_m, truth.v_rtn_m_s - estimate.v_rtn_m_s])
     if estimate.q_eci_from_body is None:
         return motion
-    from posse_core._frames import matrix_from_quaternion
-
     turn = matrix_from_quaternion(estimate.q_eci_from_body).T @ matrix_from_quaternion(
         truth.q_eci_from_body
     )

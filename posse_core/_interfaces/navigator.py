@@ -181,7 +181,8 @@ class Navigator(Component[OptionsT]):
     Calls come in this order: :meth:`start` once; then :meth:`update` for the readings of each frame when
     they arrive, :meth:`burned` for each impulse when it is commanded, and :meth:`estimate` for instants
     not before those of the last reading and the last impulse. Readings may arrive after an impulse that
-    is later than they are.
+    is later than they are. Readings at the instant of an impulse are from before it, an estimate at that
+    instant is from after it.
     """
 
     @abstractmethod

@@ -158,6 +158,7 @@ _KINDS = (
         "posse_core:Navigator",
         "estimates the relative motion from the chaser's readings",
         {"truth": Capability("gets the true state beside the readings")},
+        "posse_core.testing:NavigatorConformance",
     ),
     Kind(
         "controller",

@@ -19,7 +19,7 @@ from posse_core._model.manifest import Manifest
 from posse_core._model.scene import RenderRequest, Scene
 from posse_core._plugins.kinds import KINDS
 from posse_core._plugins.loading import Plugins
-from posse_core.testing import AttitudeLawConformance, scenes
+from posse_core.testing import AttitudeLawConformance, NavigatorConformance, scenes
 from posse_core.testing.attitude_laws import surroundings
 
 TEXT = (Path(__file__).parents[2] / "docs" / "plugins.md").read_text(encoding="utf-8")
@@ -90,6 +90,17 @@ def test_the_attitude_law_conforms_and_swings(load) -> None:
     # Body +z swings forward of the vertical by 10° times the sine of a turn in 400 s.
     swing = np.degrees(np.arcsin(np.sum(R[..., 2] * forward, axis=-1)))
     np.testing.assert_allclose(swing, 10 * np.array([0, 1, -np.sqrt(0.5), -1]), atol=1e-9)
+
+
+def test_the_navigator_conforms(load) -> None:
+    registry = load("posse_navigators").registry
+
+    class Hill(NavigatorConformance):
+        def navigator(self):
+            return registry.create("navigator", "hill")
+
+    for name in (name for name in vars(NavigatorConformance) if name.startswith("test_")):
+        getattr(Hill(), name)()
 
 
 def test_the_executor_makes_all_frames(load) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from posse_core._arrays import Float32Array, FloatArray
 
+_MEET = 0.0031308
 _Floats = TypeVar("_Floats", FloatArray, Float32Array)
 
 
@@ -23,6 +24,10 @@ def linear_from_srgb(coded: FloatArray) -> FloatArray:
 
 def srgb_from_linear(linear: _Floats) -> _Floats:
     """Linear share 0 … 1 → coded share 0 … 1, any shape, in the same precision."""
-    curved = 1.055 * linear ** (1 / 2.4) - 0.055
-    coded: _Floats = np.where(linear <= 0.0031308, 12.92 * linear, curved)
+    # The curve is below the line from where they meet; until there the line is below that value.
+    coded: _Floats = np.maximum(linear, _MEET)
+    np.power(coded, 1 / 2.4, out=coded)
+    coded *= 1.055
+    coded -= 0.055
+    np.minimum(coded, 12.92 * linear, out=coded)
     return coded

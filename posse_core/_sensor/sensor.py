@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 from posse_core._arrays import AnyArray, Float32Array, FloatArray
@@ -13,16 +14,14 @@ from posse_core._model.scene import Radiance
 from posse_core._model.srgb import srgb_from_linear
 from posse_core._randomness import random_generator
 from posse_core._scenario.sensor import AutoExposureConfig, SensorConfig
+from posse_core._sensor.noise import detected, normal, read, shot
 from posse_core._sensor.psf import make_psf
 from posse_core._sky.view import SkyView
 
-POISSON_BELOW_E = 64.0
-"""Above this mean, Poisson noise is drawn as a Gaussian of the same mean and variance, which is 20 times
-faster."""
-
-
 FULL_WELL_E_M2 = 1e6 / 28.125e-6**2
 """Default full well per pixel area: about 10³ electrons per µm², which is usual for silicon."""
+_BLOCK = 1 << 16
+"""Numbers that are digitised at once: few enough to stay in the processor's cache."""
 
 
 class Sensor:
@@ -79,12 +78,13 @@ class Sensor:
         Raises:
             ComponentError: the renderer's radiance is negative or not finite.
         """
-        channels = self._e_s_per_radiance.shape[1]
         to_e = (self._e_s_per_radiance * exposure_s).astype(np.float32)
+        lit = PixelBox(0, 0, self._camera.width_px, self._camera.height_px)
         if sky.radiance_rgb is None:
-            electrons = np.zeros((*self._shape, channels), dtype=np.float32)
+            electrons = np.zeros((*self._shape, to_e.shape[1]), dtype=np.float32)
+            lit = PixelBox(0, 0, 0, 0) if craft is None else craft.box
         else:
-            electrons = sky.radiance_rgb @ to_e
+            electrons = cv2.transform(sky.radiance_rgb, to_e.T).reshape(*self._shape, -1)
         if craft is not None:
             light = craft.radiance_rgb
             if not np.all((light >= 0) & np.isfinite(light)):
@@ -92,10 +92,12 @@ class Sensor:
             inside = electrons[craft.box.slices]
             inside *= 1 - craft.coverage[..., None]
             inside += light @ to_e
-        if electrons.any():
+        if not lit.is_empty:
+            # Around the light there must be room for its spots, within which the image is not mirrored.
+            around = lit.grown(2 * self._psf.radius_px, self._camera).slices
             if self._falloff is not None:
-                electrons *= self._falloff
-            electrons = self._psf.blur(electrons)
+                electrons[around] *= self._falloff[around]
+            electrons[around] = self._psf.blur(electrons[around])
         if len(sky.points_px):
             self._add_points(electrons, sky, craft, exposure_s)
         return electrons
@@ -117,27 +119,36 @@ class Sensor:
         electrons += np.float32(config.noise.dark_e_s * exposure_s)
         if config.noise.hot_pixels:
             self._add_hot_pixels(electrons, exposure_s, random_generator(seed, -1, "hot pixels"))
-        if config.noise.shot:
-            electrons = _shot(electrons, random)
+        shot_noise = config.noise.shot
         if config.blooming:
+            if shot_noise:
+                electrons = shot(electrons.ravel(), random).reshape(electrons.shape)
             _bloom(electrons, np.float32(self._full_well_e))
-        np.minimum(electrons, np.float32(self._full_well_e), out=electrons)
-        if config.noise.read_e:
-            electrons += np.float32(config.noise.read_e) * random.standard_normal(
-                electrons.shape, dtype=np.float32
-            )
-        dn = electrons
-        dn /= self._gain_e_dn.astype(np.float32)
-        dn += np.float32(config.offset_dn)
+            shot_noise = False
+        height, width = self._shape
+        dtype = np.uint8 if config.bit_depth == 8 else np.uint16
+        image: AnyArray = np.empty((height, electrons[0].size), dtype=dtype)
+        rows = max(1, _BLOCK // image.shape[1])
+        for top in range(0, height, rows):
+            block = electrons[top : top + rows].ravel()
+            arguments = (self._full_well_e, config.noise.read_e, random)
+            block = detected(block, *arguments) if shot_noise else read(block, *arguments)
+            image[top : top + rows] = self._digitised(block.reshape(-1, image.shape[1]), random)
+        return image.reshape(height, width, -1) if config.color == "rgb" else image
+
+    def _digitised(self, electrons: Float32Array, random: np.random.Generator) -> Float32Array:
+        """Whole DN of electrons (rows, columns · channels), in place."""
+        config, dn = self._config, electrons
+        dn *= np.tile(1 / self._gain_e_dn, self._shape[1]).astype(np.float32)
+        if config.offset_dn:
+            dn += np.float32(config.offset_dn)
         if config.response == "srgb":
-            dn = self._max_dn * srgb_from_linear(np.clip(dn / self._max_dn, 0, 1))
+            dn *= np.float32(1 / self._max_dn)
+            dn = srgb_from_linear(np.clip(dn, 0, 1, out=dn))
+            dn *= np.float32(self._max_dn)
         if config.noise.gaussian_dn:
-            dn += np.float32(config.noise.gaussian_dn) * random.standard_normal(
-                dn.shape, dtype=np.float32
-            )
-        np.clip(np.rint(dn, out=dn), 0, self._max_dn, out=dn)
-        image = dn.astype(np.uint8 if config.bit_depth == 8 else np.uint16)
-        return image[..., 0] if config.color == "mono" else image
+            dn += np.float32(config.noise.gaussian_dn) * normal(random, dn.size).reshape(dn.shape)
+        return np.clip(np.rint(dn, out=dn), 0, self._max_dn, out=dn)
 
     def _add_hot_pixels(
         self, electrons: Float32Array, exposure_s: float, random: np.random.Generator
@@ -172,7 +183,9 @@ class Sensor:
         rows, columns = np.broadcast_arrays(rows, columns)
         inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
         deposit = (spots[..., None] * light_e[:, None, None, :])[inside].astype(np.float32)
-        np.add.at(electrons, (rows[inside], columns[inside]), deposit)
+        channels = electrons.shape[-1]
+        first = channels * (rows[inside] * width + columns[inside])
+        np.add.at(electrons.reshape(-1), first[:, None] + np.arange(channels), deposit)
 
 
 def _falloff(camera: Camera, cos4: bool) -> Float32Array | None:
@@ -189,14 +202,6 @@ def _falloff(camera: Camera, cos4: bool) -> Float32Array | None:
         cosine2 = 1 / np.sum(camera.rays(centres_px) ** 2, axis=-1)
         falloff = falloff * cosine2**2
     return falloff.astype(np.float32)[..., None]
-
-
-def _shot(mean_e: Float32Array, random: np.random.Generator) -> Float32Array:
-    """Poisson draws with the given means, of any shape."""
-    drawn = mean_e + np.sqrt(mean_e) * random.standard_normal(mean_e.shape, dtype=np.float32)
-    few = mean_e < POISSON_BELOW_E
-    drawn[few] = random.poisson(mean_e[few])
-    return np.asarray(drawn, dtype=np.float32)
 
 
 def _bloom(electrons: Float32Array, full_well_e: np.float32) -> None:

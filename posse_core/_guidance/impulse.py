@@ -24,11 +24,12 @@ def carried_out(dv_m_s: FloatArray, problem: ControlProblem) -> FloatArray:
 
 
 def check_waypoints(problem: ControlProblem, name: str) -> None:
-    """Refuse a problem without a goal.
+    """Refuse a problem without a goal, and an orbit that the linear motion does not exist for.
 
     Raises:
-        InputError: there are no waypoints.
+        InputError: there are no waypoints, or the target's orbit is not elliptic.
     """
+    problem.target.check(elliptic=True)
     if not problem.waypoints:
         raise InputError(
             f"controller {name} needs a waypoint; add one, or choose controller hold or plan"

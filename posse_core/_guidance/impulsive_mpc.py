@@ -11,6 +11,7 @@ from posse_core._guidance.impulse import carried_out, check_waypoints
 from posse_core._guidance.options import MpcOptions
 from posse_core._guidance.planner import Planner
 from posse_core._guidance.programme import Solution
+from posse_core._guidance.walls import check_safety
 from posse_core._interfaces.controller import Controller, ControlProblem
 from posse_core._interfaces.navigator import Estimate
 
@@ -35,7 +36,7 @@ class ImpulsiveMpc(Controller[MpcOptions]):
 
     def start(self, problem: ControlProblem) -> None:
         check_waypoints(problem, "impulsive-mpc")
-        problem.target.check(elliptic=True)
+        check_safety(problem)
         options = self.options
         self._problem = problem
         self._planner = Planner(problem, options.margin_sigma)

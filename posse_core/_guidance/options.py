@@ -38,7 +38,7 @@ class MpcOptions(Options):
         0.001, gt=0, description="difference from a waypoint's velocity that is accepted, m/s"
     )
     significance: float = Field(
-        2.0,
+        1.5,
         ge=0,
         description="predicted deviations of fewer standard deviations are not corrected",
     )

@@ -8,7 +8,7 @@ from posse_core._guidance.programme import Rows, Solution, least_impulses
 from posse_core._guidance.walls import Walls
 from posse_core._interfaces.controller import ControlProblem
 
-_FIRST_ROUNDS, _ROUNDS = 10, 2
+_FIRST_ROUNDS, _ROUNDS = 10, 1
 _SETTLED = 1e-3
 
 

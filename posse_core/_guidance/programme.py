@@ -14,7 +14,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from posse_core._arrays import AnyArray, FloatArray, IntArray
@@ -28,7 +27,7 @@ _TINY = 1e-12
 _UNIT_M_S = 1e-3
 """Unit of the programme's impulses, in which its numbers are of order one."""
 _LEAST_ENTRY = 1e-7
-"""HiGHS refuses programmes with smaller entries; all are scaled to at most one."""
+"""Smaller entries are left out; all are scaled to at most one."""
 
 
 @dataclass(frozen=True)
@@ -104,6 +103,8 @@ def least_impulses(
         guess: the solution of a similar programme with the same instants.
     """
     count = len(effects)
+    if not len(rows.last):
+        return Solution(np.zeros((count, 3)), np.zeros((count, 3)), 0.0, 0.0)
     instants = np.arange(0, count, 1 if guess is None else _SPARSE)
     at: IntArray = np.repeat(instants, len(_AXES))
     columns = at, np.tile(_AXES, (len(instants), 1))
@@ -141,78 +142,73 @@ def _solve(
 ) -> tuple[FloatArray, FloatArray, float, float, FloatArray] | None:
     """Solve with the columns ``along`` (C, 3) at the instants ``at`` (C,).
 
-    Returns the impulses (N, 3), the primer vectors (N, 3), the cost, the penalties in it, and the duals
-    (N,) of the limits.
+    The unknowns are the columns' amounts, z after those impulses that a constraint names, the values of
+    the constraints, their violations, and what is left of each limit. Each is divided by a scale.
 
-    The unknowns are the columns' amounts, z after those impulses that a constraint names, each divided
-    by a scale, and the violations.
+    Returns:
+        The impulses (N, 3), the primer vectors (N, 3), the cost, the penalties in it, and the duals (N,)
+        of the limits.
     """
+    # Half a second to import, and most programs plan no flight.
+    from scipy.optimize import linprog
+    from scipy.sparse import coo_array
+
     count = len(effects)
     columns = np.einsum("cij,cj->ci", effects[at], along)
     named = np.unique(rows.last)
-    scale = np.max(np.abs(columns), axis=0) + _TINY
     stage = np.searchsorted(named, at)  # the first named z that includes the impulse
     live = np.flatnonzero(stage < len(named))
-    C, S, M = len(at), 6 * len(named), len(rows.last)
-    low, high = np.isfinite(rows.low), np.isfinite(rows.high)
+    scale = np.max(np.abs(columns), axis=0) + _TINY
     size = np.max(np.abs(rows.g * scale), axis=1) + _TINY
-    g = rows.g * scale / size[:, None]
-    below, above = np.flatnonzero(low), np.flatnonzero(high)
-    six, states = np.arange(6), np.arange(S)
-    limited = np.isfinite(largest_m_s)
+    below, above = (np.flatnonzero(np.isfinite(bound)) for bound in (rows.low, rows.high))
+    limits = count if np.isfinite(largest_m_s) else 0
+    C, S, M, B, A = len(at), 6 * len(named), len(rows.last), len(below), len(above)
+    at_z, at_value, at_below, at_above, at_left = np.cumsum([C, S, M, B, A])
+    six, one = np.arange(6), np.ones
     entries: list[tuple[AnyArray, AnyArray, AnyArray]] = [
         # z after a stage = z after the stage before + the effects between
         (6 * stage[live][:, None] + six, np.repeat(live[:, None], 6, 1), columns[live] / scale),
-        (states, C + states, -np.ones(S)),
-        (states[6:], C + states[:-6], np.ones(max(S - 6, 0))),
-        # the constraints, each with its violations
+        (np.arange(S), at_z + np.arange(S), -one(S)),
+        (np.arange(6, S), at_z + np.arange(S - 6), one(max(S - 6, 0))),
+        # value of a constraint = g · z + violation below − violation above
         (
             np.repeat(S + np.arange(M)[:, None], 6, 1),
-            C + 6 * np.searchsorted(named, rows.last)[:, None] + six,
-            g,
+            at_z + 6 * np.searchsorted(named, rows.last)[:, None] + six,
+            rows.g * scale / size[:, None],
         ),
-        (S + below, C + S + np.arange(len(below)), np.ones(len(below))),
-        (S + above, C + S + len(below) + np.arange(len(above)), -np.ones(len(above))),
+        (S + np.arange(M), at_value + np.arange(M), -one(M)),
+        (S + below, at_below + np.arange(B), one(B)),
+        (S + above, at_above + np.arange(A), -one(A)),
     ]
-    if limited:
-        entries.append((S + M + at, np.arange(C), np.ones(C)))
-    height, width = S + M + (count if limited else 0), C + S + len(below) + len(above)
+    if limits:
+        entries.append((S + M + at, np.arange(C), one(C)))
+        entries.append((S + M + np.arange(limits), at_left + np.arange(limits), one(limits)))
     i, j, values = (np.concatenate([np.ravel(entry[k]) for entry in entries]) for k in range(3))
     kept = np.abs(values) > _LEAST_ENTRY
-    i, j, values = i[kept], j[kept], values[kept]
-    order = np.lexsort((i, j))
-    starts = np.concatenate([[0], np.cumsum(np.bincount(j, minlength=width))])
-    pattern = ca.Sparsity(height, width, starts.tolist(), i[order].tolist())
-    solver = ca.conic(
-        "least_impulses",
-        "highs",
-        {"a": pattern, "h": ca.Sparsity(width, width)},
-        {"error_on_fail": False, "highs": {"output_flag": False}},
+    matrix = coo_array(
+        (values[kept], (i[kept], j[kept])), shape=(S + M + limits, at_left + limits)
+    ).tocsc()
+    zero, free = np.zeros, np.full(S, np.inf)
+    lower = np.concatenate([zero(C), -free, rows.low / size / _UNIT_M_S, zero(B + A + limits)])
+    upper = np.concatenate(
+        [np.full(C, np.inf), free, rows.high / size / _UNIT_M_S, np.full(B + A + limits, np.inf)]
     )
-    found = solver(
-        a=ca.DM(pattern, values[order]),
-        g=np.concatenate(
-            [
-                np.ones(C),
-                np.zeros(S),
-                (rows.penalty * size)[below],
-                (rows.penalty * size)[above],
-            ]
-        ),
-        lba=np.concatenate([np.zeros(S), rows.low / size, np.zeros(height - S - M)]) / _UNIT_M_S,
-        uba=np.concatenate([np.zeros(S), rows.high / size, np.full(height - S - M, largest_m_s)])
-        / _UNIT_M_S,
-        lbx=np.concatenate([np.zeros(C), np.full(S, -np.inf), np.zeros(width - C - S)]),
-        ubx=np.inf,
+    penalty = rows.penalty * size
+    found = linprog(
+        np.concatenate([one(C), zero(S + M), penalty[below], penalty[above], zero(limits)]),
+        A_eq=matrix,
+        b_eq=np.concatenate([zero(S + M), np.full(limits, largest_m_s / _UNIT_M_S)]),
+        bounds=np.column_stack([lower, upper]),
+        method="highs-ds",
     )
-    if not solver.stats()["success"]:
+    if not found.success:
         return None
-    lam, amounts = np.array(found["lam_a"])[:, 0], np.array(found["x"])[:C, 0] * _UNIT_M_S
+    amounts, duals = found.x[:C] * _UNIT_M_S, found.eqlin.marginals
     dv = np.zeros((count, 3))
     np.add.at(dv, at, along * amounts[:, None])
-    cost = float(found["cost"]) * _UNIT_M_S
-    stage_of = np.searchsorted(named, np.arange(count))
-    duals = np.vstack([-lam[:S].reshape(-1, 6) / scale, np.zeros(6)])[stage_of]
-    limit_duals = np.abs(lam[S + M :]) if limited else np.zeros(count)
-    primer = np.einsum("nij,ni->nj", effects, duals)
+    cost = float(found.fun) * _UNIT_M_S
+    by_stage = np.vstack([duals[:S].reshape(-1, 6) / scale, np.zeros(6)])
+    worth = by_stage[np.searchsorted(named, np.arange(count))]
+    limit_duals = np.abs(duals[S + M :]) if limits else np.zeros(count)
+    primer = np.einsum("nij,ni->nj", effects, worth)
     return dv, primer, cost, cost - float(amounts.sum()), limit_duals

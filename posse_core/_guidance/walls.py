@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from posse_core._arrays import FloatArray, IntArray
+from posse_core._errors import InputError
 from posse_core._guidance.horizon import Horizon
 from posse_core._guidance.programme import Rows
 from posse_core._interfaces.controller import Cone, ControlProblem
@@ -20,14 +21,44 @@ _FACETS = 12
 """Of the pyramid; its half angle's tangent is cos(π/12) = 0.966 of the cone's, at the least."""
 _NEAR = 1.0
 """Samples count that are nearer to the ellipsoid than this share of its semi-axes, or inside it."""
-_MOST_SAMPLES = 60
-_DENSE_SAMPLES = 20
-_DRIFT_SAMPLES = 24
+_MOST_SAMPLES = 40
+_DENSE_SAMPLES = 12
+_DRIFT_SAMPLES = 20
 _MOST_BULGE = 0.2
+_MOST_DRIFTS = 8
+"""Planned impulses that are checked for passive safety: the next one, and then the largest."""
 _GAPS_BLIND = 2
 _NEAR_TERM = 2 / 3
 _RAMP_S = 60.0
 _BURN_M_S = 1e-6
+
+
+def check_safety(problem: ControlProblem) -> None:
+    """Refuse waypoints where the chaser may not be.
+
+    Raises:
+        InputError: a waypoint is inside the keep-out ellipsoid, or outside the cone and nearer than its
+            length.
+    """
+    keep_out_m, cone = problem.safety.keep_out_m, problem.safety.cone
+    for number, waypoint in enumerate(problem.waypoints, 1):
+        r = waypoint.r_rtn_m
+        if keep_out_m is not None and np.linalg.norm(r / keep_out_m) < 1:
+            raise InputError(
+                f"waypoint {number} is inside the keep-out ellipsoid; move it, or make the ellipsoid"
+                " smaller"
+            )
+        if cone is not None and _leaves(r, cone):
+            raise InputError(
+                f"waypoint {number} is outside the approach cone and nearer than its length; move it,"
+                " or change the cone"
+            )
+
+
+def _leaves(r_rtn_m: FloatArray, cone: Cone) -> bool:
+    distance = float(np.linalg.norm(r_rtn_m))
+    along = float(r_rtn_m @ cone.axis_rtn)
+    return distance < cone.length_m and along < np.cos(cone.half_angle_rad) * distance
 
 
 class Walls:
@@ -93,13 +124,14 @@ class Walls:
         The state is assumed to be known then as well as it is now.
         """
         assert self._safety.keep_out_m is not None
-        burning = np.linalg.norm(dv_m_s, axis=1) > _BURN_M_S
-        burning[0] = True
+        sizes = np.linalg.norm(dv_m_s, axis=1)
+        sizes[0] = np.inf
+        burning = np.argsort(-sizes, kind="stable")[:_MOST_DRIFTS]
         after_s = np.linspace(0, self._safety.passive_s, _DRIFT_SAMPLES + 1)[1:]
         phi = horizon.motion.transition(horizon.t_s + after_s)[:, :3]
         spread = np.einsum("kij,jl,kml->kim", phi, error, phi)
         parts = []
-        for burn in np.flatnonzero(burning):
+        for burn in burning[sizes[burning] > _BURN_M_S]:
             t_s = horizon.burns_s[burn] + after_s
             alone = dv_m_s.copy()
             alone[burn + 1 :] = 0
@@ -188,11 +220,10 @@ def _inside(
     if not len(near):
         return None
     sigma = np.sqrt(np.einsum("fi,kij,fj->kf", facets, spread[near], facets))
-    each = np.repeat(near, _FACETS)
-    normals = np.tile(facets, (len(near), 1))
-    return _half_spaces(
-        horizon, t_s[each], last[each], normals, (margin[near, None] * sigma).reshape(-1)
-    )
+    least = margin[near, None] * sigma
+    sample, facet = np.nonzero(path[near] @ facets.T - least < slope * path[near] @ axis[:, None])
+    each = near[sample]
+    return _half_spaces(horizon, t_s[each], last[each], facets[facet], least[sample, facet])
 
 
 def _half_spaces(

@@ -20,6 +20,7 @@ from posse_core import (
     create,
 )
 from posse_core._dynamics.elements import state_from_keplerian
+from posse_core._dynamics.linear import yamanaka_ankersen_stm
 
 CONSTANTS = Constants()
 NEAR_CIRCULAR = (7.1e6, 1e-4, 1.7, 0.1, 0.2, 0.3)
@@ -125,3 +126,66 @@ def executed(dv: np.ndarray, errors: ThrusterErrors, rng: np.random.Generator | 
     across = rng.standard_normal(3)
     across -= dv * (dv @ across) / size**2
     return dv * (1 + errors.size * rng.standard_normal()) + size * errors.direction_rad * across
+
+
+class Filter(Known):
+    """A Kalman filter of noisy positions, so that errors and covariance belong together.
+
+    It predicts by the exact motion, with the covariance of the linear motion about the target, and
+    starts with errors of 0.1 m and 2 mm/s.
+    """
+
+    def __init__(
+        self,
+        craft: Target,
+        rtn: np.ndarray,
+        *,
+        rng: np.random.Generator,
+        errors: ThrusterErrors,
+        sigma_m: float = 0.05,
+    ) -> None:
+        self.rng, self.errors, self.craft, self.sigma_m = rng, errors, craft, sigma_m
+        self.covariance = np.diag(np.repeat([0.1**2, 0.002**2], 3))
+        self.rtn = rtn + np.sqrt(np.diag(self.covariance)) * rng.standard_normal(6)
+        self.t_s = 0.0
+
+    def read(self, t_s: float, truth: np.ndarray) -> None:
+        if t_s > self.t_s:
+            chief, mu = later(self.craft, self.t_s), self.craft.mu_m3_s2
+            phi = yamanaka_ankersen_stm(chief.qns, mu, t_s - self.t_s)
+            self.rtn = propagated(chief, self.rtn, np.array([t_s - self.t_s]))[0]
+            self.covariance = phi @ self.covariance @ phi.T
+            self.t_s = t_s
+        seen = truth[:3] + self.sigma_m * self.rng.standard_normal(3)
+        S = self.covariance[:3, :3] + np.eye(3) * self.sigma_m**2
+        gain = self.covariance[:, :3] @ np.linalg.inv(S)
+        self.rtn = self.rtn + gain @ (seen - self.rtn[:3])
+        left = np.eye(6)
+        left[:, :3] -= gain
+        self.covariance = left @ self.covariance @ left.T + gain @ gain.T * self.sigma_m**2
+
+    def burned(self, dv: np.ndarray) -> None:
+        size = float(np.linalg.norm(dv))
+        self.rtn = self.rtn + np.concatenate([np.zeros(3), dv])
+        if size > 0:
+            along = np.outer(dv, dv) / size**2
+            across = np.eye(3) - along
+            spread = self.errors.size**2 * along + self.errors.direction_rad**2 * across
+            self.covariance[3:, 3:] += size**2 * spread
+
+
+class Drifting(Known):
+    """Errors of 2 cm and 1 mm/s in each axis that vary slowly: 100 s of correlation."""
+
+    covariance = np.diag(np.repeat([0.02**2, 0.001**2], 3))
+
+    def __init__(self, craft: Target, rtn: np.ndarray, *, rng: np.random.Generator) -> None:
+        self.rng, self.sigma = rng, np.sqrt(np.diag(self.covariance))
+        self.error = self.sigma * rng.standard_normal(6)
+        self.t_s = 0.0
+
+    def read(self, t_s: float, truth: np.ndarray) -> None:
+        kept = np.exp((self.t_s - t_s) / 100.0)
+        fresh = self.sigma * self.rng.standard_normal(6)
+        self.error = kept * self.error + np.sqrt(1 - kept**2) * fresh
+        self.rtn, self.t_s = truth + self.error, t_s

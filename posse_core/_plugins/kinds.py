@@ -166,6 +166,7 @@ _KINDS = (
         "posse_core:Controller",
         "decides on the chaser's impulses",
         {"no-waypoints": Capability("needs no goal")},
+        "posse_core.testing:ControllerConformance",
     ),
     Kind(
         "writer",

@@ -18,12 +18,14 @@ the kit's own tests, and can be used for further tests of a renderer.
 
 from posse_core.testing import closed_forms, scenes
 from posse_core.testing.attitude_laws import AttitudeLawConformance
+from posse_core.testing.controllers import ControllerConformance
 from posse_core.testing.navigators import NavigatorConformance
 from posse_core.testing.propagators import PropagatorConformance
 from posse_core.testing.renderers import RendererConformance
 
 __all__ = [
     "AttitudeLawConformance",
+    "ControllerConformance",
     "NavigatorConformance",
     "PropagatorConformance",
     "RendererConformance",

@@ -19,7 +19,12 @@ from posse_core._model.manifest import Manifest
 from posse_core._model.scene import RenderRequest, Scene
 from posse_core._plugins.kinds import KINDS
 from posse_core._plugins.loading import Plugins
-from posse_core.testing import AttitudeLawConformance, NavigatorConformance, scenes
+from posse_core.testing import (
+    AttitudeLawConformance,
+    ControllerConformance,
+    NavigatorConformance,
+    scenes,
+)
 from posse_core.testing.attitude_laws import surroundings
 
 TEXT = (Path(__file__).parents[2] / "docs" / "plugins.md").read_text(encoding="utf-8")
@@ -101,6 +106,17 @@ def test_the_navigator_conforms(load) -> None:
 
     for name in (name for name in vars(NavigatorConformance) if name.startswith("test_")):
         getattr(Hill(), name)()
+
+
+def test_the_controller_conforms(load) -> None:
+    registry = load("posse_controllers").registry
+
+    class Targeting(ControllerConformance):
+        def controller(self):
+            return registry.create("controller", "targeting")
+
+    for name in (name for name in vars(ControllerConformance) if name.startswith("test_")):
+        getattr(Targeting(), name)()
 
 
 def test_the_executor_makes_all_frames(load) -> None:

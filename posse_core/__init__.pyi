@@ -6,6 +6,7 @@ from ._api import fly as fly
 from ._api import open as open
 from ._api import pose as pose
 from ._api import run as run
+from ._api import track as track
 from ._arrays import AnyArray as AnyArray
 from ._arrays import BoolArray as BoolArray
 from ._arrays import Float32Array as Float32Array

@@ -1,4 +1,4 @@
-"""The functions of the public face: open, run or fly a scenario, open a detector, solve a pose."""
+"""The functions of the public face: open, run, fly or track, open a detector, solve a pose."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from posse_core._dataset.dataset import Dataset
+from posse_core._dataset.layout import SCENARIO
 from posse_core._detection.models import open_models
 from posse_core._detection.pnp import solve_pose
 from posse_core._detection.pose_detector import LEAST_SCORE, PoseDetector
@@ -24,6 +25,7 @@ from posse_core._run.plan import make_plan
 from posse_core._run.run import run as make_dataset
 from posse_core._scenario.load import load_scenario, scenario_members
 from posse_core._scenario.model import Scenario
+from posse_core._scenario.track import read_track_config
 from posse_core._simulator.simulator import Simulator
 
 ScenarioSource = str | Path | Mapping[str, Any]
@@ -130,6 +132,50 @@ def fly(
         None if out is None else str(out),
         load_plugins(),
         resume=resume,
+        progress=lambda steps, _: steps,
+    )
+
+
+def track(
+    dataset: str | Path | Dataset,
+    *,
+    navigator: str | None = None,
+    sequence: int | None = None,
+    out: str | Path | None = None,
+    overrides: Mapping[str, Any] | None = None,
+) -> FlightRecord:
+    """Track the target over a dataset's frames, as ``posse track`` does.
+
+    Args:
+        dataset: made by :func:`run` or :func:`fly`, or its folder.
+        navigator: its name, instead of the flight's or ``ekf``.
+        sequence: number of the relative orbit; None for the only one.
+        out: folder of the record and its page; None writes nothing.
+        overrides: dotted key → value, as in ``{"measurement.source": "truth"}``; ``posse describe
+            track`` lists the keys.
+
+    Returns:
+        Its rows are in order of time. It has no waypoints, and impulses only where the dataset is of a
+        flight.
+
+    Raises:
+        InputError: the sequence cannot be chosen or tracked, a key or value is not valid, the
+            trajectory has no orbit, a label that is needed was not made, or a model cannot be used.
+        ComponentError: the navigator failed.
+    """
+    # Half a second to import, as for flights.
+    from posse_core._flight.track import track as tracked
+
+    source = dataset if isinstance(dataset, Dataset) else Dataset(dataset)
+    given = dict(overrides or {})
+    if navigator is not None:
+        given["navigator.name"] = navigator
+    return tracked(
+        source,
+        read_track_config(source.folder / SCENARIO, given),
+        load_plugins().registry,
+        sequence=sequence,
+        out=_path(out),
         progress=lambda steps, _: steps,
     )
 

@@ -23,16 +23,18 @@ from posse_core._scenario.component import ComponentChoice
 @click.argument("name", required=False)
 @click.option("--json", "as_json", is_flag=True, help="Print the JSON schema.")
 def command(kind: str, name: str | None, as_json: bool) -> None:
-    """Describe a scenario's keys, a named camera, a kind of component, or one component.
+    """Describe the keys of a scenario or a track, a named camera, a kind of component, or one component.
 
     \b
     posse describe scenario            every key of a scenario
+    posse describe track               the keys of 'posse track'
     posse describe camera speed-plus   a named camera
     posse describe renderer            what renderers are, and which are installed
     posse describe renderer mitsuba    the options of one renderer
     """
     from posse_core._scenario.load import built_in_names
     from posse_core._scenario.model import Scenario
+    from posse_core._scenario.track import TrackConfig
 
     if kind == "camera":
         _describe_camera(name, as_json)
@@ -41,6 +43,8 @@ def command(kind: str, name: str | None, as_json: bool) -> None:
     if kind == "scenario":
         model: type[BaseModel] = Scenario
         title = f"A scenario. Built-in ones: {', '.join(built_in_names())}."
+    elif kind == "track":
+        model, title = TrackConfig, "Keys of 'posse track', to be set by -o."
     elif kind in KINDS:
         if name is None:
             _describe_kind(KINDS[kind], registry, as_json)
@@ -52,7 +56,7 @@ def command(kind: str, name: str | None, as_json: bool) -> None:
         )
         title = f"{kind} {name}: {spec.summary}." + "".join(claims) + "\noptions"
     else:
-        known = ["scenario", "camera", *KINDS]
+        known = ["scenario", "track", "camera", *KINDS]
         raise InputError(f"describe {kind}: no such kind{nearest(kind, known)} ({', '.join(known)})")
     if as_json:
         echo_json(model.model_json_schema())

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
-from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,13 +13,13 @@ import numpy as np
 from tqdm import tqdm
 
 from posse_core._cli.common import echo_json, echo_table, naming, read_scenario, scenario_options
+from posse_core._cli.flight_output import bar, plain, shown
 from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
 
 if TYPE_CHECKING:
     from posse_core._evaluation.flight import FlightSummary
     from posse_core._flight.fly import FlightMade
-    from posse_core._flight.loop import Step
 
 
 @click.command()
@@ -75,13 +74,13 @@ def _one(scenario: Any, folder: str, *, resume: bool, as_json: bool) -> int:
     from posse_core._evaluation.flight import summarise
     from posse_core._flight.fly import fly
 
-    record = fly(scenario, folder, load_plugins(), resume=resume, progress=_bar)
+    record = fly(scenario, folder, load_plugins(), resume=resume, progress=bar)
     summary = summarise(record)
     if as_json:
-        echo_json({"dataset": folder, **_plain(summary)})
+        echo_json({"dataset": folder, **plain(dataclasses.asdict(summary))})
     else:
         click.echo(f"{folder}: {len(record)} frames, {folder}/flight.html")
-        echo_table(("figure", "value"), [(name, _shown(value)) for name, value in _figures(summary)])
+        echo_table(("figure", "value"), [(name, shown(value)) for name, value in _figures(summary)])
     return 0
 
 
@@ -101,26 +100,16 @@ def _many(scenario: Any, folder: str, seeds: int, workers: int, *, resume: bool,
             flown.append(result.made)
     flown.sort(key=lambda made: made.seed)
     if as_json:
-        rows = [{"seed": made.seed, "dataset": made.folder, **_plain(made.summary)} for made in flown]
+        rows = [
+            {"seed": made.seed, "dataset": made.folder, **plain(dataclasses.asdict(made.summary))}
+            for made in flown
+        ]
         echo_json({"flights": rows, "failed": {str(seed): error for seed, error in failed.items()}})
     elif flown:
         _table(flown)
     for seed, error in sorted(failed.items()):
         click.echo(f"posse: the flight of seed {seed} failed: {' '.join(error.split())}", err=True)
     return 3 if failed else 0
-
-
-def _bar(steps: Iterable[Step], frames: int) -> Iterable[Step]:
-    with tqdm(total=frames, unit="frame", disable=None, smoothing=0.1) as bar:
-        for step in steps:
-            range_m = float(np.linalg.norm(step.row.r_chaser_rtn_m))
-            error = "no estimate"
-            if step.estimate is not None:
-                off_m = float(np.linalg.norm(step.row.r_chaser_rtn_m[0] - step.estimate.r_rtn_m))
-                error = f"error {off_m:.2f} m"
-            bar.set_postfix_str(f"range {range_m:.1f} m, {error}", refresh=False)
-            bar.update()
-            yield step
 
 
 def _figures(summary: FlightSummary) -> list[tuple[str, Any]]:
@@ -155,7 +144,7 @@ def _table(flown: list[FlightMade]) -> None:
     summary = [_typical([column[i] for column in columns]) for i in range(len(names))]
     head = ["figure", *(f"seed {made.seed}" for made in flown), "median"]
     rows = [
-        [name, *(_shown(column[i]) for column in columns), summary[i]] for i, name in enumerate(names)
+        [name, *(shown(column[i]) for column in columns), summary[i]] for i, name in enumerate(names)
     ]
     echo_table(head, rows)
 
@@ -164,18 +153,4 @@ def _typical(values: list[Any]) -> str:
     if isinstance(values[0], bool):
         return f"{sum(values)} of {len(values)}"
     known = [value for value in values if math.isfinite(value)]
-    return _shown(float(np.median(known))) if known else "–"
-
-
-def _shown(value: Any) -> str:
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return f"{value:.3g}" if math.isfinite(value) else "–"
-
-
-def _plain(summary: FlightSummary) -> dict[str, Any]:
-    """Values of JSON; NaN and infinity are null."""
-    return {
-        name: None if isinstance(value, float) and not math.isfinite(value) else value
-        for name, value in dataclasses.asdict(summary).items()
-    }
+    return shown(float(np.median(known))) if known else "–"

@@ -191,16 +191,16 @@ def summarise(record: FlightRecord, symmetries: Sequence[FloatArray] = ()) -> Fl
         final_position_error_m=float(away_m[-1]),
         final_velocity_error_m_s=float(away_m_s[-1]),
         final_range_m=float(range_m[-1]),
-        position_error_95_m=_percentile(away_m[held], 95),
-        velocity_error_95_m_s=_percentile(away_m_s[held], 95),
+        position_error_95_m=percentile(away_m[held], 95),
+        velocity_error_95_m_s=percentile(away_m_s[held], 95),
         dv_m_s=float(spent_m_s(record)[-1]),
         least_dv_m_s=float(record.least_dv_m_s),
         closest_m=float(range_m.min()),
         entered_keep_out=bool(inside_keep_out(record).any()),
-        lost_s=_longest(lost(record, errors), record.t_s),
-        median_position_error_m=_percentile(error_m, 50),
-        median_single_position_error_m=_percentile(single_m, 50),
-        median_paired_position_error_m=_percentile(error_m[np.isfinite(single_m)], 50),
+        lost_s=longest_s(lost(record, errors), record.t_s),
+        median_position_error_m=percentile(error_m, 50),
+        median_single_position_error_m=percentile(single_m, 50),
+        median_paired_position_error_m=percentile(error_m[np.isfinite(single_m)], 50),
         final_estimate_position_error_m=float(error_m[-1]),
         final_estimate_velocity_error_m_s=float(np.linalg.norm(errors.v_rtn_m_s[-1])),
         attitude_error_rad=float(np.linalg.norm(errors.attitude_rad[-1])),
@@ -236,7 +236,7 @@ def lost(record: FlightRecord, errors: FlightErrors) -> BoolArray:
     return np.asarray(np.where(singular, ~(error_m <= 3 * sigma_m), distance > limit))
 
 
-def _longest(marked: BoolArray, t_s: FloatArray) -> float:
+def longest_s(marked: BoolArray, t_s: FloatArray) -> float:
     """The longest time without a gap for which frames are marked."""
     if len(t_s) < 2:
         return 0.0
@@ -266,7 +266,7 @@ def _held(record: FlightRecord) -> BoolArray:
     return np.asarray((t_s >= record.t_waypoint_s[-1]) & (t_s <= record.until_waypoint_s[-1]))
 
 
-def _percentile(values: FloatArray, percent: float) -> float:
+def percentile(values: FloatArray, percent: float) -> float:
     """Percentile of the values that are numbers; NaN if none is."""
     values = values[np.isfinite(values)]
     return float(np.percentile(values, percent)) if len(values) else np.nan

@@ -10,6 +10,8 @@ from posse_core._dynamics.start import Start, Target
 from posse_core._frames import R_with_z, matrix_from_rotation_vector, unit
 from posse_core._interfaces.navigator import ThrusterErrors
 from posse_core._interfaces.propagator import FlightPropagator, PropagationProblem
+from posse_core._randomness import random_generator
+from posse_core._scenario.flight import StartErrorsConfig
 
 
 class Chaser:
@@ -68,3 +70,23 @@ def disturbed(
     return np.asarray(
         R_eci_from_camera @ matrix_from_rotation_vector(sigma_rad * generator.standard_normal(3))
     )
+
+
+def as_known(R_eci_from_camera: FloatArray, sigma_deg: float, seed: int, index: int) -> FloatArray:
+    """The camera's attitude (3, 3) at frame ``index`` as the chaser knows it.
+
+    Args:
+        sigma_deg: standard deviation of its error about each camera axis.
+    """
+    generator = random_generator(seed, index, "camera-attitude")
+    return disturbed(R_eci_from_camera, float(np.radians(sigma_deg)), generator)
+
+
+def start_error(sigmas: StartErrorsConfig, seed: int) -> tuple[FloatArray, FloatArray]:
+    """The true start minus the one that the chaser expects.
+
+    Returns:
+        The error (6,) of position (m) and velocity (m/s), RTN axes, and its standard deviations (6,).
+    """
+    sigma = np.repeat([sigmas.position_m, sigmas.velocity_m_s], 3)
+    return sigma * random_generator(seed, -1, "flight-start").standard_normal(6), sigma

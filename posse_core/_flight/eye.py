@@ -158,9 +158,18 @@ class TrueEye(Eye):
 
 
 def open_eye(
-    config: MeasurementConfig, craft: Craft, camera: Camera, seed: int, registry: Registry
+    config: MeasurementConfig,
+    craft: Craft,
+    camera: Camera,
+    seed: int,
+    registry: Registry,
+    *,
+    where: str = "flight.measurement",
 ) -> Eye:
     """The eye that a scenario chooses.
+
+    Args:
+        where: the key of ``config``, for messages.
 
     Raises:
         InputError: a model file cannot be used, or its classes or keypoints are not the spacecraft's.
@@ -172,7 +181,7 @@ def open_eye(
     detector, finder = open_models(boxes, keypoints, registry, {})
     if craft.name not in detector.classes:
         raise InputError(
-            f"flight.measurement: the model finds {', '.join(detector.classes)}, not {craft.name!r};"
+            f"{where}: the model finds {', '.join(detector.classes)}, not {craft.name!r};"
             " name one that was trained on it by boxes and keypoints, or take source: truth"
         )
     if config.use != "line-of-sight":
@@ -180,7 +189,7 @@ def open_eye(
         mine = np.array(list(craft.keypoints_body_m.values()))
         if known is None or known.shape != mine.shape or not np.allclose(known, mine, atol=1e-6):
             raise InputError(
-                f"flight.measurement.keypoints: the model does not find the keypoints of {craft.name!r};"
+                f"{where}.keypoints: the model does not find the keypoints of {craft.name!r};"
                 " name one that was trained on this spacecraft"
             )
     return NetEye(config, craft, camera, seed, PoseDetector(detector, finder, config.least_score))

@@ -18,10 +18,11 @@ from posse_core._files.flight import load_flight, save_flight
 from posse_core._files.store import is_remote
 from posse_core._files.trajectory import save_trajectory
 from posse_core._flight.eye import open_eye
-from posse_core._flight.loop import Flight, Step
+from posse_core._flight.loop import Flight
 from posse_core._flight.problem import FlightProblem, flight_problem
 from posse_core._flight.readings_log import ReadingsLog
 from posse_core._flight.record import flight_record, joined
+from posse_core._flight.watch import Step
 from posse_core._guidance.optimum import least_dv_m_s
 from posse_core._interfaces.executor import Executor, FrameResult
 from posse_core._model.flight_record import FlightRecord
@@ -63,7 +64,7 @@ def fly(
         with Simulator(scenario, registry) as simulator:
             flight = _flight(scenario, problem, craft, simulator, plugins)
             steps = list(progress(flight.steps({}), len(problem.frames_s)))
-        return flight_record(steps, problem, _least(problem))
+        return flight_record(steps, problem.control, _least(problem))
     if is_remote(out):
         raise InputError(f"--out {out}: a flight is written to a folder of this machine; name one")
     frames = len(problem.frames_s)
@@ -77,7 +78,7 @@ def fly(
             known = log.recover(dataset.done)
             dataset.begin()
             steps = list(progress(_recorded(flight.steps(known), dataset, log), frames))
-        record = flight_record(steps, problem, _least(problem))
+        record = flight_record(steps, problem.control, _least(problem))
         save_trajectory(joined([step.row for step in steps]), dataset.folder / TRAJECTORY)
         save_flight(record, dataset.folder / FLIGHT)
         dataset.finish({}, frames=len(steps))

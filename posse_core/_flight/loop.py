@@ -3,51 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
 
 import numpy as np
 
 from posse_core._arrays import FloatArray
 from posse_core._dynamics.plan import Burn
-from posse_core._flight.chaser import Chaser, carried_out, disturbed
+from posse_core._flight.chaser import Chaser, as_known, carried_out, disturbed
 from posse_core._flight.eye import Eye
 from posse_core._flight.problem import FlightProblem
-from posse_core._flight.returned import commanded, estimated, updated
+from posse_core._flight.returned import commanded
+from posse_core._flight.watch import Step, Watch
 from posse_core._frames import matrix_from_quaternion, quaternion_from_matrix
 from posse_core._interfaces.controller import Controller
-from posse_core._interfaces.navigator import Estimate, Innovation, Navigator, Readings
+from posse_core._interfaces.navigator import Estimate, Readings
 from posse_core._model.trajectory import Trajectory
 from posse_core._plugins.registry import Registry
 from posse_core._randomness import random_generator
 from posse_core._scenario.component import create
 from posse_core._scenario.model import Scenario
-from posse_core._simulator.frame import Frame
 from posse_core._simulator.simulator import Simulator
 from posse_core._simulator.states import States
-
-
-@dataclass(frozen=True)
-class Step:
-    """One frame of a flight and what followed from it.
-
-    Attributes:
-        row: the true state at the frame, one row.
-        frame: the frame; None where its readings were known already.
-        readings: of the frame.
-        estimate: at the frame's instant, with what had arrived when the impulse was decided.
-        innovations: index of a frame → the innovation of its readings, of those that arrived now.
-        burn_s: the instant of the impulse.
-        dv_commanded_rtn_m_s, dv_rtn_m_s: (3,) the impulse as commanded and as carried out.
-    """
-
-    row: Trajectory
-    frame: Frame | None
-    readings: Readings
-    estimate: Estimate | None
-    innovations: Mapping[int, Innovation]
-    burn_s: float
-    dv_commanded_rtn_m_s: FloatArray
-    dv_rtn_m_s: FloatArray
 
 
 class Flight:
@@ -65,10 +40,8 @@ class Flight:
         self._problem, self._simulator, self._eye = problem, simulator, eye
         self._states = States(scenario, registry, None)
         self._chaser = Chaser(problem.propagator, problem.motion, problem.start)
-        self._navigator: Navigator = create(registry, "navigator", config.navigator)
+        self._watch = Watch(config.navigator, registry, problem.navigation)
         self._controller: Controller = create(registry, "controller", config.controller)
-        self._needs_truth = "truth" in registry.spec("navigator", config.navigator.name).capabilities
-        self._waiting: list[Readings] = []
 
     def steps(self, known: Mapping[int, Readings]) -> Iterator[Step]:
         """Fly, and yield each frame with its consequences.
@@ -77,7 +50,6 @@ class Flight:
             known: index of a frame → its readings, of an earlier attempt; no image is rendered for them.
         """
         problem, config = self._problem, self._problem.config
-        self._navigator.start(problem.navigation)
         self._controller.start(problem.control)
         last_read_s = 0.0
         below_m = config.end.below_m or problem.navigation.radius_m
@@ -94,38 +66,27 @@ class Flight:
 
     def _step(self, index: int, t_s: float, known: Readings | None, *, last: bool) -> Step:
         problem, config = self._problem, self._problem.config
-        row, R_eci_from_camera_known = self._pointed(index, t_s, self._estimate(t_s))
+        row, R_eci_from_camera_known = self._pointed(index, t_s, self._watch.estimate(t_s))
         frame = None
         readings = known
         if readings is None:
             frame = self._simulator.frame(self._states.of_row(row, index))
             q_known = quaternion_from_matrix(R_eci_from_camera_known)
             readings = self._eye.read(frame.labels, frame.image, q_known)
-        self._waiting.append(replace(readings, truth=_truth(row) if self._needs_truth else None))
+        self._watch.read(readings, row)
         burn_s = t_s + config.burn_after_s
-        innovations = self._deliver(burn_s)
-        estimate = self._estimate(t_s)
+        innovations = self._watch.deliver(burn_s)
+        estimate = self._watch.estimate(t_s)
         dv_commanded = dv = np.zeros(3)
-        decided = self._estimate(burn_s)
+        decided = self._watch.estimate(burn_s)
         if decided is not None and not last:
             dv_commanded = commanded(self._controller, config.controller.name, decided)
             if np.any(dv_commanded):
                 generator = random_generator(problem.seed, index, "thrusters")
                 dv = carried_out(dv_commanded, problem.control.thrusters, generator)
                 self._chaser.fire(Burn(burn_s, dv))
-                self._navigator.burned(Burn(burn_s, dv_commanded))
+                self._watch.burned(Burn(burn_s, dv_commanded))
         return Step(row, frame, readings, estimate, innovations, burn_s, dv_commanded, dv)
-
-    def _estimate(self, t_s: float) -> Estimate | None:
-        return estimated(self._navigator, self._problem.config.navigator.name, t_s)
-
-    def _deliver(self, until_s: float) -> dict[int, Innovation]:
-        """Give the navigator the readings that have arrived."""
-        arrived = [readings for readings in self._waiting if readings.arrives_s <= until_s]
-        self._waiting = [readings for readings in self._waiting if readings.arrives_s > until_s]
-        name = self._problem.config.navigator.name
-        made = {readings.index: updated(self._navigator, name, readings) for readings in arrived}
-        return {index: innovation for index, innovation in made.items() if innovation is not None}
 
     def _pointed(self, index: int, t_s: float, aim: Estimate | None) -> tuple[Trajectory, FloatArray]:
         """The true state with the camera as its law points it by what the chaser knows of its motion.
@@ -145,11 +106,7 @@ class Flight:
             float(np.radians(errors.pointing_deg)),
             random_generator(seed, index, "camera-pointing"),
         )
-        R_known = disturbed(
-            R_true,
-            float(np.radians(errors.camera_attitude_deg)),
-            random_generator(seed, index, "camera-attitude"),
-        )
+        R_known = as_known(R_true, errors.camera_attitude_deg, seed, index)
         rtn = self._chaser.at(t_s)
         row = self._row(
             index,
@@ -185,14 +142,3 @@ class Flight:
 
 def _has_readings(readings: Readings) -> bool:
     return any((readings.keypoints, readings.pose, readings.line_of_sight, readings.range))
-
-
-def _truth(row: Trajectory) -> Estimate:
-    return Estimate(
-        float(row.t_s[0]),
-        row.r_chaser_rtn_m[0],
-        row.v_chaser_rtn_m_s[0],
-        np.zeros((12, 12)),
-        row.q_eci_from_body[0],
-        row.omega_body_rad_s[0],
-    )

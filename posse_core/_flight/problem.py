@@ -9,14 +9,19 @@ import numpy as np
 from posse_core._arrays import FloatArray
 from posse_core._dynamics.start import Start
 from posse_core._errors import InputError
+from posse_core._flight.chaser import start_error
 from posse_core._interfaces.controller import Cone, ControlProblem, Safety, Waypoint
 from posse_core._interfaces.navigator import Estimate, NavigationProblem, ThrusterErrors
 from posse_core._interfaces.propagator import FlightPropagator, PropagationProblem
 from posse_core._model.spacecraft import Spacecraft
 from posse_core._plugins.registry import Registry
-from posse_core._randomness import random_generator
 from posse_core._scenario.component import create
-from posse_core._scenario.flight import FlightConfig, GoalConfig, SafetyConfig
+from posse_core._scenario.flight import (
+    FlightConfig,
+    GoalConfig,
+    NavigationErrorsConfig,
+    SafetyConfig,
+)
 from posse_core._scenario.model import Scenario
 from posse_core._trajectory.build import scenario_problem
 from posse_core._trajectory.problem import starts_of
@@ -78,9 +83,7 @@ def flight_problem(scenario: Scenario, spacecraft: Spacecraft, registry: Registr
             " that is one"
         )
     errors = config.errors
-    thrusters = ThrusterErrors(
-        errors.impulse_size, np.radians(errors.impulse_direction_deg), errors.least_impulse_m_s
-    )
+    thrusters = thruster_errors(errors)
     camera_attitude_rad = float(np.radians(errors.camera_attitude_deg))
     waypoints = () if config.goal is None else _waypoints(config.goal, propagator, motion, config)
     if (
@@ -92,13 +95,14 @@ def flight_problem(scenario: Scenario, spacecraft: Spacecraft, registry: Registr
             " or an orbit"
         )
     planned = motion.starts[0]
-    sigma = np.repeat([errors.start.position_m, errors.start.velocity_m_s], 3)
+    error, sigma = start_error(errors.start, scenario.seed)
+    rtn = planned.rtn + error
     return FlightProblem(
         config=config,
         seed=scenario.seed,
         propagator=propagator,
         motion=motion,
-        start=_dispersed(planned, sigma, scenario.seed),
+        start=Start.from_rtn(planned.target, rtn[:3], rtn[3:], where="relative, with its start error"),
         navigation=NavigationProblem(
             epoch=motion.epoch,
             target=motion.target,
@@ -124,10 +128,11 @@ def flight_problem(scenario: Scenario, spacecraft: Spacecraft, registry: Registr
     )
 
 
-def _dispersed(planned: Start, sigma: FloatArray, seed: int) -> Start:
-    """The true start: the planned one with an error (6,) of position (m) and velocity (m/s)."""
-    rtn = planned.rtn + sigma * random_generator(seed, -1, "flight-start").standard_normal(6)
-    return Start.from_rtn(planned.target, rtn[:3], rtn[3:], where="relative, with its start error")
+def thruster_errors(errors: NavigationErrorsConfig) -> ThrusterErrors:
+    """The errors of impulses as navigators and controllers are told them."""
+    return ThrusterErrors(
+        errors.impulse_size, np.radians(errors.impulse_direction_deg), errors.least_impulse_m_s
+    )
 
 
 def _waypoints(

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from posse_core._arrays import FloatArray, IntArray
-from posse_core._flight.loop import Step
-from posse_core._flight.problem import FlightProblem
+from posse_core._flight.watch import Step
 from posse_core._frames import R_eci_from_rtn, matrix_from_quaternion, quaternion_from_matrix
+from posse_core._interfaces.controller import ControlProblem, Safety
 from posse_core._interfaces.navigator import Readings
 from posse_core._model.flight_record import FlightRecord
 from posse_core._model.trajectory import TRAJECTORY_ARRAYS, Trajectory
@@ -22,18 +23,21 @@ def joined(rows: Sequence[Trajectory]) -> Trajectory:
     return Trajectory(epoch_utc=rows[0].epoch_utc, **arrays, extras=extras)
 
 
-def flight_record(steps: Sequence[Step], problem: FlightProblem, least_dv_m_s: float) -> FlightRecord:
-    """The record of a flight that has ended.
+def flight_record(
+    steps: Sequence[Step], control: ControlProblem | None, least_dv_m_s: float
+) -> FlightRecord:
+    """The record of a flight that has ended, or of a sequence that was tracked.
 
     Args:
         steps: all of its steps.
-        problem: of the flight.
+        control: what the flight was to achieve; None where nothing was.
         least_dv_m_s: sum of the impulses of the best plan that knows everything.
     """
     truth = joined([step.row for step in steps])
     nis, dof, rejected = _innovations(steps)
-    singles = [_single(step.readings, step.row) for step in steps]
-    control, safety = problem.control, problem.control.safety
+    r_single_rtn_m, q_single = _singles(steps)
+    waypoints = () if control is None else control.waypoints
+    safety = Safety() if control is None else control.safety
     cone = np.full(5, np.nan)
     if safety.cone is not None:
         cone = np.array([*safety.cone.axis_rtn, safety.cone.half_angle_rad, safety.cone.length_m])
@@ -48,18 +52,18 @@ def flight_record(steps: Sequence[Step], problem: FlightProblem, least_dv_m_s: f
         q_eci_from_body=_of_estimates(steps, "q_eci_from_body", (4,)),
         omega_body_rad_s=_of_estimates(steps, "omega_body_rad_s", (3,)),
         covariance=_of_estimates(steps, "covariance", (12, 12)),
-        r_single_rtn_m=np.array([r for r, _ in singles]),
-        q_single_eci_from_body=np.array([q for _, q in singles]),
+        r_single_rtn_m=r_single_rtn_m,
+        q_single_eci_from_body=q_single,
         burn_s=np.array([step.burn_s for step in steps]),
         dv_commanded_rtn_m_s=np.array([step.dv_commanded_rtn_m_s for step in steps]),
         dv_rtn_m_s=np.array([step.dv_rtn_m_s for step in steps]),
         nis=nis,
         dof=dof,
         rejected=rejected,
-        t_waypoint_s=np.array([point.t_s for point in control.waypoints]),
-        until_waypoint_s=np.array([point.until_s for point in control.waypoints]),
-        r_waypoint_rtn_m=np.reshape([point.r_rtn_m for point in control.waypoints], (-1, 3)),
-        v_waypoint_rtn_m_s=np.reshape([point.v_rtn_m_s for point in control.waypoints], (-1, 3)),
+        t_waypoint_s=np.array([point.t_s for point in waypoints]),
+        until_waypoint_s=np.array([point.until_s for point in waypoints]),
+        r_waypoint_rtn_m=np.reshape([point.r_rtn_m for point in waypoints], (-1, 3)),
+        v_waypoint_rtn_m_s=np.reshape([point.v_rtn_m_s for point in waypoints], (-1, 3)),
         keep_out_m=np.full(3, np.nan) if safety.keep_out_m is None else safety.keep_out_m,
         cone=cone,
         least_dv_m_s=np.array(least_dv_m_s),
@@ -80,18 +84,52 @@ def _of_estimates(steps: Sequence[Step], name: str, shape: tuple[int, ...]) -> F
 def _innovations(steps: Sequence[Step]) -> tuple[FloatArray, IntArray, IntArray]:
     nis = np.full(len(steps), np.nan)
     dof, rejected = np.zeros(len(steps), np.int64), np.zeros(len(steps), np.int64)
+    position = {step.readings.index: i for i, step in enumerate(steps)}
     for step in steps:
         for index, innovation in step.innovations.items():
-            nis[index], dof[index] = innovation.nis, innovation.dof
-            rejected[index] = innovation.rejected
+            i = position[index]
+            nis[i], dof[i], rejected[i] = innovation.nis, innovation.dof, innovation.rejected
     return nis, dof, rejected
 
 
-def _single(readings: Readings, row: Trajectory) -> tuple[FloatArray, FloatArray]:
-    """Position (3,) in RTN axes and attitude (4,) by the frame's own pose; NaN without one."""
+@dataclass(frozen=True)
+class SinglePose:
+    """What a frame's own pose says of the motion.
+
+    Attributes:
+        r_rtn_m: (3,) the chaser relative to the target, RTN axes.
+        covariance_m2: (3, 3) of it, as far as it comes from the pose.
+        q_eci_from_body: (4,) the target's attitude.
+    """
+
+    r_rtn_m: FloatArray
+    covariance_m2: FloatArray
+    q_eci_from_body: FloatArray
+
+
+def single_pose(readings: Readings, row: Trajectory) -> SinglePose | None:
+    """The pose of one frame as seen from the orbit; None where the frame has none.
+
+    Args:
+        row: the target's orbit at the frame, one row.
+    """
     if readings.pose is None:
-        return np.full(3, np.nan), np.full(4, np.nan)
+        return None
     R_eci_from_cam = matrix_from_quaternion(readings.q_eci_from_camera)
     R_rtn_from_eci = R_eci_from_rtn(row.r_target_eci_m[0], row.v_target_eci_m_s[0]).T
-    r_rtn_m = -R_rtn_from_eci @ R_eci_from_cam @ readings.pose.t_body_cam_m
-    return r_rtn_m, quaternion_from_matrix(R_eci_from_cam @ readings.pose.R_cam_from_body)
+    R_rtn_from_cam = R_rtn_from_eci @ R_eci_from_cam
+    return SinglePose(
+        -R_rtn_from_cam @ readings.pose.t_body_cam_m,
+        R_rtn_from_cam @ readings.pose.covariance[3:, 3:] @ R_rtn_from_cam.T,
+        quaternion_from_matrix(R_eci_from_cam @ readings.pose.R_cam_from_body),
+    )
+
+
+def _singles(steps: Sequence[Step]) -> tuple[FloatArray, FloatArray]:
+    """(F, 3) positions in RTN axes and (F, 4) attitudes by the frames' own poses; NaN without one."""
+    r_rtn_m, q = np.full((len(steps), 3), np.nan), np.full((len(steps), 4), np.nan)
+    for i, step in enumerate(steps):
+        pose = single_pose(step.readings, step.row)
+        if pose is not None:
+            r_rtn_m[i], q[i] = pose.r_rtn_m, pose.q_eci_from_body
+    return r_rtn_m, q

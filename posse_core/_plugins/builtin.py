@@ -389,6 +389,9 @@ def posse_subcommands() -> list[ComponentSpec]:
             "propagate", "compute the trajectory of a scenario", "posse_core._cli.propagate:command"
         ),
         ComponentSpec("run", "make a labelled dataset from a scenario", "posse_core._cli.run:command"),
+        ComponentSpec(
+            "track", "track the target over a dataset's frames", "posse_core._cli.track:command"
+        ),
         ComponentSpec("train", "train a detector on a dataset", "posse_core._cli.train:command"),
         ComponentSpec("validate", "check the labels of a dataset", "posse_core._cli.validate:command"),
         ComponentSpec("view", "write an HTML page that shows a dataset", "posse_core._cli.view:command"),

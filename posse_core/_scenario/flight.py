@@ -110,8 +110,8 @@ class StartErrorsConfig(Options):
     velocity_m_s: float = Field(0.005, gt=0, description="of the velocity, m/s")
 
 
-class FlightErrorsConfig(Options):
-    """What the chaser does not know and does not carry out exactly; standard deviations."""
+class NavigationErrorsConfig(Options):
+    """What the chaser does not know exactly; standard deviations."""
 
     start: StartErrorsConfig = Field(StartErrorsConfig(), description="of the start")
     impulse_size: float = Field(0.01, ge=0, description="of an impulse's size, relative")
@@ -121,12 +121,50 @@ class FlightErrorsConfig(Options):
     least_impulse_m_s: float = Field(
         1e-4, ge=0, description="impulses below it are not carried out, m/s"
     )
-    pointing_deg: float = Field(
-        0.05, ge=0, description="of the camera's attitude about the commanded one, per axis, degrees"
-    )
     camera_attitude_deg: float = Field(
         0.01, ge=0, description="of the camera's attitude as the chaser knows it, per axis, degrees"
     )
+
+
+class FlightErrorsConfig(NavigationErrorsConfig):
+    """What the chaser does not know and does not carry out exactly; standard deviations."""
+
+    pointing_deg: float = Field(
+        0.05, ge=0, description="of the camera's attitude about the commanded one, per axis, degrees"
+    )
+
+
+class NavigationConfig(Options):
+    """How the chaser navigates."""
+
+    measurement: MeasurementConfig = Field(
+        MeasurementConfig(), description="what the chaser reads from each frame"
+    )
+    navigator: ComponentChoice = Field(
+        ComponentChoice(name="ekf"),
+        description="estimates the relative motion: a name, or {name, options}",
+    )
+    inertia_kg_m2: Matrix3 | None = Field(
+        None,
+        description="the target's inertia in body axes as the chaser knows it, up to a factor; null:"
+        " unknown, and the target is taken to turn at a constant rate in body axes",
+    )
+    errors: NavigationErrorsConfig = Field(
+        NavigationErrorsConfig(), description="what is not known exactly"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _names(cls, raw: Any) -> Any:
+        """Give options without a name the default component's name."""
+        if not isinstance(raw, dict):
+            return raw
+        named = dict(raw)
+        for key, part in cls.model_fields.items():
+            chosen = raw.get(key)
+            if part.annotation is ComponentChoice and isinstance(chosen, dict) and "name" not in chosen:
+                named[key] = {"name": part.default.name, **chosen}
+        return named
 
 
 class ConeConfig(Options):
@@ -177,7 +215,7 @@ class EndConfig(Options):
     )
 
 
-class FlightConfig(Options):
+class FlightConfig(NavigationConfig):
     """A flight, in which the chaser sees and steers. Only ``duration_s`` has no default."""
 
     duration_s: float = Field(gt=0, description="duration, seconds")
@@ -186,13 +224,6 @@ class FlightConfig(Options):
         1.0, ge=0, description="time from a frame to the impulse that may follow it, seconds"
     )
     goal: GoalConfig | None = Field(None, description="waypoints, or a relative orbit to follow")
-    measurement: MeasurementConfig = Field(
-        MeasurementConfig(), description="what the chaser reads from each frame"
-    )
-    navigator: ComponentChoice = Field(
-        ComponentChoice(name="ekf"),
-        description="estimates the relative motion: a name, or {name, options}",
-    )
     controller: ComponentChoice = Field(
         ComponentChoice(name="impulsive-mpc"),
         description="decides on the impulses: a name, or {name, options}",
@@ -200,28 +231,11 @@ class FlightConfig(Options):
     largest_impulse_m_s: float | None = Field(
         None, gt=0, description="limit of the size of an impulse, m/s; null: none"
     )
-    inertia_kg_m2: Matrix3 | None = Field(
-        None,
-        description="the target's inertia in body axes as the chaser knows it, up to a factor; null:"
-        " unknown, and the target is taken to turn at a constant rate in body axes",
-    )
     safety: SafetyConfig = Field(SafetyConfig(), description="where the chaser may fly")
     errors: FlightErrorsConfig = Field(
         FlightErrorsConfig(), description="what is not known and not carried out exactly"
     )
     end: EndConfig = Field(EndConfig(), description="what ends the flight early")
-
-    @model_validator(mode="before")
-    @classmethod
-    def _names(cls, raw: Any) -> Any:
-        """Give options without a name the default component's name."""
-        if not isinstance(raw, dict):
-            return raw
-        named = dict(raw)
-        for key in ("navigator", "controller"):
-            if isinstance(raw.get(key), dict) and "name" not in raw[key]:
-                named[key] = {"name": cls.model_fields[key].default.name, **raw[key]}
-        return named
 
     @model_validator(mode="after")
     def _within(self) -> FlightConfig:

@@ -68,7 +68,7 @@ def load_scenario(
     base = Path(text.name).parent if text.name == source else Path()
     given = {tuple(key.split(".")): value for key, value in (overrides or {}).items()}
     for path, value in sorted(given.items(), key=lambda item: item[0][-1] not in ("name", "law")):
-        _put(raw, path, value)
+        put(raw, path, value)
 
     def where(path: KeyPath) -> str:
         for length in range(len(path), 0, -1):
@@ -116,7 +116,7 @@ def _read(source: str) -> YamlText:
     )
 
 
-def _put(raw: dict[str, Any], path: tuple[str, ...], value: Any) -> None:
+def put(raw: dict[str, Any], path: tuple[str, ...], value: Any) -> None:
     """Set a nested key. A component given by its name alone becomes a mapping; naming another component
     drops the options of the former one."""
     is_law = path[0] == "attitude"

@@ -19,3 +19,11 @@ flight:
   goal: {waypoints: [{t_s: 60, r_rtn_m: [0, -40, 4], hold_s: 20}]}
   measurement: {source: truth, sigma_px: 0.5}
 """
+
+NATURAL = (
+    SCENARIO[: SCENARIO.index("flight:")]
+    .replace("e: 0.001", "e: 0")
+    .replace("width_px: 64, height_px: 48", "width_px: 160, height_px: 120")
+    + "times: {duration_s: 590, count: 60}\n"
+)
+"""A natural motion beside a target that turns at a constant rate: 60 frames, one every 10 s."""

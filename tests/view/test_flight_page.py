@@ -200,7 +200,7 @@ def test_a_page_stays_within_its_limit(flown, page, tmp_path):
     small = write_flight_page(dataset, record, tmp_path / "small.html", max_bytes=limit)
     assert (tmp_path / "small.html").stat().st_size == small.size_bytes <= limit
     assert 0 < small.previews < len(record)
-    with pytest.raises(InputError, match="fly with fewer frames"):
+    with pytest.raises(InputError, match="take fewer frames"):
         write_flight_page(dataset, record, tmp_path / "none.html", max_bytes=20_000)
     assert not (tmp_path / "none.html").exists()
 

@@ -106,17 +106,20 @@ def time_plots(record: FlightRecord, errors: FlightErrors) -> list[TimePlot]:
             logarithmic=True,
         ),
         TimePlot("Range", "m", np.linalg.norm(record.r_true_rtn_m, axis=-1)),
-        TimePlot(
-            "Impulse", "mm/s", size, dots=np.where(commanded > 0, commanded, np.nan), shape="stems"
-        ),
-        TimePlot(
-            "Δv so far",
-            "mm/s",
-            1e3 * spent_m_s(record),
-            level=1e3 * float(record.least_dv_m_s),
-            shape="steps",
-        ),
     ]
+    if commanded.any():
+        plots += [
+            TimePlot(
+                "Impulse", "mm/s", size, dots=np.where(commanded > 0, commanded, np.nan), shape="stems"
+            ),
+            TimePlot(
+                "Δv so far",
+                "mm/s",
+                1e3 * spent_m_s(record),
+                level=1e3 * float(record.least_dv_m_s),
+                shape="steps",
+            ),
+        ]
     assert all(len(plot.values) == frames for plot in plots)
     return [plot for plot in plots if np.isfinite(plot.values).any()]
 

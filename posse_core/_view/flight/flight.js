@@ -37,7 +37,7 @@ function showFrame({ labels }) {
     "Estimate, RTN": row(estimate, "m"),
     "Its error": estimate[0] === null ? "–" : `${short(Math.hypot(...truth.map((x, i) => x - estimate[i])))} m`,
     "Readings, rejected": flight.dof[at] ? `${flight.dof[at]}, ${flight.rejected[at]}` : "none",
-    "Impulse after it": impulse_m_s[at] ? row(flight.dv_rtn_m_s[at].map((x) => 1e3 * x), "mm/s") : "none",
+    ...(largest_m_s ? { "Impulse after it": impulse_m_s[at] ? row(flight.dv_rtn_m_s[at].map((x) => 1e3 * x), "mm/s") : "none" } : {}),
     "Lit, visible in the image": `${labels.fraction_lit?.toFixed(2) ?? "–"}, ${labels.fraction_visible?.toFixed(2) ?? "–"}`,
   });
 }
@@ -51,7 +51,10 @@ byId("figures").append(...flight.figures.map(([name, text]) => {
 byId("arrows").textContent = largest_m_s ? `the longest arrow is ${short(1e3 * largest_m_s)} mm/s` : "";
 byId("whole").onclick = showWhole;
 document.title = `${dataset.name} – POSSE`;
-byId("name").textContent = `Flight ${dataset.name}`;
+byId("name").textContent = flight.title;
+for (const [what, there] of Object.entries({ impulses: largest_m_s, waypoints: flight.waypoints_rtn_m.length,
+  keep_out: flight.keep_out_m, cone: flight.cone_rtn_m }))
+  document.querySelectorAll(`[data-of=${what}]`).forEach((words) => { words.hidden = !there; });
 byId("summary").textContent = `${count} frames from ${dataset.epoch_utc.slice(0, 19).replace("T", " ")} UTC`;
 byId("manifest").textContent = dataset.manifest ? JSON.stringify(dataset.manifest, null, 2) : "There is no manifest yet.";
 keep(columns.index.map((_, position) => position));

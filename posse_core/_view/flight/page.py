@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ import numpy as np
 from posse_core._dataset.dataset import Dataset
 from posse_core._errors import InputError
 from posse_core._evaluation.flight import flight_errors, summarise
+from posse_core._evaluation.track import summarise_track
 from posse_core._model.flight_record import FlightRecord
 from posse_core._view.document import Document, Page
 from posse_core._view.flight.columns import as_numbers, camera_poses, in_space, time_plots
@@ -33,49 +34,65 @@ _STYLES = ("page.css", "flight/flight.css")
 
 
 def write_flight_page(
-    dataset: Dataset, record: FlightRecord, path: Path, *, max_bytes: int = MAX_BYTES
+    dataset: Dataset,
+    record: FlightRecord,
+    path: Path,
+    *,
+    positions: Sequence[int] | None = None,
+    max_bytes: int = MAX_BYTES,
 ) -> Page:
-    """Write the page of a flight to ``path``, never larger than ``max_bytes``.
+    """Write the page of a flight, or of a sequence that was tracked, never larger than ``max_bytes``.
 
     Previews are in it for all frames or, where they would not fit, for evenly spread ones; the page
     shows the dataset's own images where it finds them.
 
     Args:
-        dataset: of the flight's frames, all of them.
-        record: of the same flight.
+        dataset: of the frames.
+        record: of the same flight or sequence.
+        path: of the page.
+        positions: of the frames of a sequence; None for all frames of a flight.
 
     Raises:
         InputError: the record is of other frames than the dataset, the page would be too large without
             any preview, or a file of the dataset cannot be read.
     """
-    if not len(record) or not np.array_equal(dataset.indices, np.arange(len(record))):
+    tracked = positions is not None
+    if positions is None:
+        positions = range(len(dataset))
+    numbered = tracked or np.array_equal(dataset.indices, np.arange(len(record)))
+    if not len(record) or len(positions) != len(record) or not numbered:
         raise InputError(
-            f"{dataset.folder}: has {len(dataset)} frames, but the record of the flight {len(record)};"
+            f"{dataset.folder}: has {len(positions)} frames, but the record of the flight {len(record)};"
             " make the flight again"
         )
-    trajectory = dataset.trajectory
+    indices = dataset.indices[list(positions)]
+    trajectory = dataset.trajectory.rows(indices)
     poses = {
         "true": camera_poses(trajectory, record.r_true_rtn_m, record.q_true_eci_from_body),
         "estimate": camera_poses(trajectory, record.r_rtn_m, record.q_eci_from_body),
         "single": camera_poses(trajectory, record.r_single_rtn_m, record.q_single_eci_from_body),
     }
+    row_of = {index: row for row, index in enumerate(indices.tolist())}
     symmetries = dataset.spacecraft.symmetries
     flight = {
-        "figures": key_figures(record, summarise(record, symmetries)),
+        "title": f"{'Tracking' if tracked else 'Flight'} {dataset.folder.resolve().name}",
+        "figures": key_figures(
+            record, summarise(record, symmetries), summarise_track(record, symmetries)
+        ),
         "plots": [plot.as_json() for plot in time_plots(record, flight_errors(record, symmetries))],
         "wire": _wire(dataset),
         **in_space(record),
     }
     document = Document(
         dataset,
-        range(len(dataset)),
+        positions,
         "flight/flight.html",
         _STYLES,
         _SCRIPTS,
         {"flight": flight},
-        lambda index: {"poses": {name: pose.at(index) for name, pose in poses.items()}},
+        lambda index: {"poses": {name: pose.at(row_of[index]) for name, pose in poses.items()}},
     )
-    way_out = "fly with fewer frames"
+    way_out = "take fewer frames"
     return document.write(path, max_bytes=max_bytes, way_out=way_out, progress=_unseen)
 
 

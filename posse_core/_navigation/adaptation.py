@@ -24,7 +24,7 @@ PROCESS = (1.0, 1e4)
 """Least and largest factors on the covariances."""
 FIRST_FRAMES = 4
 """Weight of the options at the start, in frames."""
-_LARGEST_RATIO = 10.0
+_LARGEST_RESIDUALS, _LARGEST_CORRECTION = 10.0, 30.0
 """One frame counts for no more than this, in units of what was expected."""
 
 
@@ -37,7 +37,7 @@ def keypoint_scale(scale: float, found: FloatArray, expected: FloatArray, frames
         expected: (m,) the diagonal of R, with the factor.
         frames: over how many frames is averaged.
     """
-    ratio = min(float(np.mean(found / expected)), _LARGEST_RATIO)
+    ratio = min(float(np.mean(found / expected)), _LARGEST_RESIDUALS)
     return float(np.clip(scale * (1 + (ratio - 1) / frames), *KEYPOINTS))
 
 
@@ -57,7 +57,7 @@ def process_scales(
     def grown(scale: float, part: slice) -> float:
         expected = gained[part, part] + 1e-12 * np.eye(3) * max(np.trace(gained[part, part]), 1e-30)
         ratio = float(correction[part] @ np.linalg.solve(expected, correction[part])) / 3
-        step = (min(max(ratio, 0.0), _LARGEST_RATIO) - 1) / frames
+        step = (min(max(ratio, 0.0), _LARGEST_CORRECTION) - 1) / frames
         return float(np.clip(scale * math.exp(step), *PROCESS))
 
     return (

@@ -33,12 +33,14 @@ class Biases:
             image.
         t_s: instant of the last frame with keypoints.
         R_cam_from_body: (3, 3) how the target was seen then.
+        range_m: from how far.
     """
 
     points_body_m: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
     shares: FloatArray = field(default_factory=lambda: np.empty(0))
     t_s: float = 0.0
     R_cam_from_body: FloatArray = field(default_factory=lambda: np.eye(3))
+    range_m: float = 1.0
 
 
 @dataclass(frozen=True)

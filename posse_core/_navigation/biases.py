@@ -2,8 +2,9 @@
 
 A network's error at a keypoint depends on how the spacecraft looks, so frames of nearly the same view
 have nearly the same error, and averaging them gains little. Each coordinate of each keypoint has a
-state for it, a first-order Gauss–Markov process in time and in the turn of the view (Gelb 1974, Applied
-Optimal Estimation, section 3.8), as a share of the target's diameter in the image.
+state for it, a first-order Gauss–Markov process in time, in the turn of the view and in the
+logarithm of the range (Gelb 1974, Applied Optimal Estimation, section 3.8), as a share of the target's
+diameter in the image.
 """
 
 from __future__ import annotations
@@ -23,8 +24,8 @@ from posse_core._navigation.options import KalmanOptions
 def renewed(
     belief: Belief, points_body_m: FloatArray, R_cam_from_body: FloatArray, options: KalmanOptions
 ) -> tuple[Belief, IntArray]:
-    """The belief with biases for all of a frame's keypoints, as correlated with the last frame's as time
-    and view allow.
+    """The belief with biases for all of a frame's keypoints, correlated with the last frame's as far as
+    time, view and range allow.
 
     Args:
         belief: at the frame's instant.
@@ -38,10 +39,12 @@ def renewed(
     if options.bias_share == 0:
         return belief, np.empty(0, dtype=np.int64)
     old = belief.biases
+    range_m = float(np.linalg.norm(belief.x.dr_eci_m))
     turn = frames.rotation_vector_from_matrix(old.R_cam_from_body.T @ R_cam_from_body)
     kept = math.exp(
         -abs(belief.at.t_s - old.t_s) / options.bias_time_s
         - float(np.linalg.norm(turn)) / math.radians(options.bias_angle_deg)
+        - abs(math.log(range_m / old.range_m)) / math.log(options.bias_zoom)
     )
     same = (points_body_m[:, None] == old.points_body_m[None]).all(axis=-1)
     new = ~same.any(axis=1)
@@ -60,6 +63,7 @@ def renewed(
         np.concatenate([kept * old.shares, np.zeros(2 * int(new.sum()))]),
         belief.at.t_s,
         R_cam_from_body,
+        range_m,
     )
     return replace(belief, covariance=covariance, biases=biases), slots
 
@@ -70,4 +74,9 @@ def seen(belief: Belief, R_cam_from_body: FloatArray) -> Belief:
     From it to the view that is predicted for the next frame is the turn of the motion alone; corrections
     would otherwise count as turns, and the biases as less correlated than they are.
     """
-    return replace(belief, biases=replace(belief.biases, R_cam_from_body=R_cam_from_body))
+    biases = replace(
+        belief.biases,
+        R_cam_from_body=R_cam_from_body,
+        range_m=float(np.linalg.norm(belief.x.dr_eci_m)),
+    )
+    return replace(belief, biases=biases)

@@ -43,7 +43,7 @@ class KalmanOptions(DynamicsOptions):
         " seen to turn, °/s",
     )
     bias_share: float = Field(
-        0.005,
+        0.006,
         ge=0,
         description="standard deviation of the part of a keypoint's error that changes slowly, in each"
         " coordinate, as a share of the target's diameter in the image; 0 for none",
@@ -52,10 +52,15 @@ class KalmanOptions(DynamicsOptions):
         3600.0, gt=0, description="time in which the slow part falls to 1/e of its correlation, s"
     )
     bias_angle_deg: float = Field(
-        15.0,
+        10.0,
         gt=0,
         description="turn of the target as the camera sees it over which the slow part falls to 1/e of"
         " its correlation, °",
+    )
+    bias_zoom: float = Field(
+        1.3,
+        gt=1,
+        description="ratio of two ranges over which the slow part falls to 1/e of its correlation",
     )
     pose_inflation: float = Field(
         1.0, gt=0, description="factor on the standard deviations of poses that come without keypoints"

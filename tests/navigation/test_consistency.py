@@ -16,7 +16,7 @@ from posse_core._navigation.options import KalmanOptions
 SEEDS = 50
 # The worlds have no process noise, so neither have the filters.
 STILL = {"acceleration_m_s2_rthz": 1e-9, "angular_acceleration_deg_s2_rthz": 1e-7}
-BIAS = {"bias_share": 0.007, "bias_time_s": 3600.0, "bias_angle_deg": 15.0}
+BIAS = {"bias_share": 0.007, "bias_time_s": 3600.0, "bias_angle_deg": 15.0, "bias_zoom": 1e6}
 
 
 @dataclass

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rendezvous import POINTS_M, World, errors
+from rendezvous import World, errors
 
 from posse_core import KeypointReading, NavigationProblem
 from posse_core._detection.pnp import solve_pose
-from posse_core._frames import matrix_from_rotation_vector, unit
+from posse_core._frames import unit
 from posse_core._navigation.kalman import EkfNavigator, UkfNavigator
 from posse_core._navigation.options import KalmanOptions
 
@@ -154,9 +154,3 @@ def test_a_fast_target_is_followed_by_the_turn_between_two_poses():
     found, _ = run(world.readings(rng), world.problem(rng), world)
     assert np.all(turns_deg(found)[4:] < 3.0)
     assert np.linalg.norm(found[-1, 9:]) < 0.05 * 0.14
-
-
-def test_what_is_a_turned_body_in_this_file():
-    """HALF turns the keypoints onto others' places, but not onto their own."""
-    assert np.abs(POINTS_M @ HALF - POINTS_M).max() > 1.0
-    np.testing.assert_allclose(matrix_from_rotation_vector(np.array([0, 0, np.pi])), HALF, atol=1e-12)

@@ -7,6 +7,9 @@ convex; it is replaced by the pyramid inside it.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
+
 import numpy as np
 
 from posse_core._arrays import FloatArray, IntArray
@@ -21,16 +24,17 @@ _FACETS = 12
 """Of the pyramid; its half angle's tangent is cos(π/12) = 0.966 of the cone's, at the least."""
 _NEAR = 1.0
 """Samples count that are nearer to the ellipsoid than this share of its semi-axes, or inside it."""
-_MOST_SAMPLES = 40
-_DENSE_SAMPLES = 12
-_DRIFT_SAMPLES = 20
+_MOST_SAMPLES, _DENSE_SAMPLES = 40, 12
+"""Of a planned path; so many of the first ones are at the instants of the next impulses."""
+_MOST_DRIFTS, _DRIFT_SAMPLES = 8, 20
+"""Planned impulses that are checked for passive safety: the next one, and then the largest; and samples
+of the motion after each."""
 _MOST_BULGE = 0.2
-_MOST_DRIFTS = 8
-"""Planned impulses that are checked for passive safety: the next one, and then the largest."""
-_GAPS_BLIND = 2
+_UNSEEN_INTERVALS = 2
 _NEAR_TERM = 2 / 3
 _RAMP_S = 60.0
-_BURN_M_S = 1e-6
+_OPPOSITE = 0.2
+_TINY = 1e-6
 
 
 def check_safety(problem: ControlProblem) -> None:
@@ -61,6 +65,27 @@ def _leaves(r_rtn_m: FloatArray, cone: Cone) -> bool:
     return distance < cone.length_m and along < np.cos(cone.half_angle_rad) * distance
 
 
+@dataclass(frozen=True)
+class _Samples:
+    """K places on a planned path.
+
+    Attributes:
+        horizon: the motion.
+        t_s: (K,) instants.
+        last: (K,) number of the last impulse before each.
+        r_rtn_m: (K, 3) positions.
+        spread_m2: (K, 3, 3) covariance of the position.
+        sigmas: (K,) how many standard deviations are kept from a wall.
+    """
+
+    horizon: Horizon
+    t_s: FloatArray
+    last: IntArray
+    r_rtn_m: FloatArray
+    spread_m2: FloatArray
+    sigmas: FloatArray
+
+
 class Walls:
     """The half-spaces that a plan is to respect.
 
@@ -81,159 +106,154 @@ class Walls:
             dv_m_s: (N, 3) the impulses.
             covariance: (6, 6) of the state's error, m and m/s.
         """
-        parts = []
-        t_s = self._samples(horizon)
-        if not len(t_s):
-            return None
-        path = horizon.path(dv_m_s, t_s)[:, :3]
-        error = covariance + self._execution(dv_m_s[0])
-        blind_s = horizon.t_s + _GAPS_BLIND * (t_s[0] - horizon.t_s)
-        phi = horizon.motion.transition(np.minimum(t_s, blind_s))[:, :3]
-        spread = np.einsum("kij,jl,kml->kim", phi, error, phi)
-        lead = np.clip((t_s - horizon.t_s) / _RAMP_S, 0, 1)
-        margin = self._margin * (_NEAR_TERM + (1 - _NEAR_TERM) * lead)
-        last = horizon.last(t_s)
-        if self._safety.keep_out_m is not None:
-            parts.append(_outside(horizon, t_s, last, path, spread, margin, self._safety.keep_out_m))
-        if self._safety.cone is not None:
-            parts.append(_inside(horizon, t_s, last, path, spread, margin, self._safety.cone))
-        if self._safety.keep_out_m is not None and self._safety.passive_s > 0:
-            parts += self._drifts(horizon, dv_m_s, error)
-        found = [part for part in parts if part is not None]
-        return Rows.joined(found) if found else None
+        keep_out_m, cone = self._safety.keep_out_m, self._safety.cone
+        found: list[Rows | None] = []
+        if len(horizon.burns_s) > 1 and (keep_out_m is not None or cone is not None):
+            path = self._path(horizon, dv_m_s, covariance)
+            if keep_out_m is not None:
+                found.append(_outside(path, keep_out_m))
+            if cone is not None:
+                found.append(_inside(path, cone))
+        if keep_out_m is not None and self._safety.passive_s > 0:
+            drifts = self._drifts(horizon, dv_m_s, covariance)
+            found += [_outside(drift, keep_out_m) for drift in drifts]
+        parts = [part for part in found if part is not None]
+        return Rows.joined(parts) if parts else None
 
-    def _samples(self, horizon: Horizon) -> FloatArray:
-        """The instants at which the path is compared with the walls: those of impulses, thinned."""
+    def _path(self, horizon: Horizon, dv_m_s: FloatArray, covariance: FloatArray) -> _Samples:
+        """The planned path at the instants of later impulses, thinned.
+
+        The position is better known again when the next impulse is decided, so its covariance grows over
+        two intervals only. In the first minute the margin is smaller: what is a little nearer than the
+        whole margin is led away gently.
+        """
         t_s = horizon.burns_s[1:]
-        if len(t_s) <= _MOST_SAMPLES:
-            return t_s
-        spread = np.geomspace(_DENSE_SAMPLES, len(t_s) - 1, _MOST_SAMPLES - _DENSE_SAMPLES)
-        kept = np.unique(np.concatenate([np.arange(_DENSE_SAMPLES), spread.astype(np.int64)]))
-        return np.asarray(t_s[kept])
+        if len(t_s) > _MOST_SAMPLES:
+            spread = np.geomspace(_DENSE_SAMPLES, len(t_s) - 1, _MOST_SAMPLES - _DENSE_SAMPLES)
+            t_s = t_s[np.unique(np.concatenate([np.arange(_DENSE_SAMPLES), spread.astype(np.int64)]))]
+        unseen_s = _UNSEEN_INTERVALS * (t_s[0] - horizon.t_s)
+        lead = np.clip((t_s - horizon.t_s) / _RAMP_S, 0, 1)
+        return _Samples(
+            horizon,
+            t_s,
+            horizon.last(t_s),
+            horizon.path(dv_m_s, t_s)[:, :3],
+            self._spread(horizon, np.minimum(t_s - horizon.t_s, unseen_s), covariance, dv_m_s[0]),
+            self._margin * (_NEAR_TERM + (1 - _NEAR_TERM) * lead),
+        )
 
-    def _execution(self, dv_m_s: FloatArray) -> FloatArray:
-        """(6, 6) covariance that the errors of an impulse add, the larger one in all directions."""
-        sigma = max(self._thrusters.size, self._thrusters.direction_rad) * np.linalg.norm(dv_m_s)
-        added = np.zeros((6, 6))
-        added[3:, 3:] = np.eye(3) * sigma**2
-        return added
-
-    def _drifts(self, horizon: Horizon, dv_m_s: FloatArray, error: FloatArray) -> list[Rows | None]:
+    def _drifts(
+        self, horizon: Horizon, dv_m_s: FloatArray, covariance: FloatArray
+    ) -> Iterator[_Samples]:
         """Each motion that follows if an impulse is the last one.
 
         The state is assumed to be known then as well as it is now.
         """
-        assert self._safety.keep_out_m is not None
         sizes = np.linalg.norm(dv_m_s, axis=1)
         sizes[0] = np.inf
-        burning = np.argsort(-sizes, kind="stable")[:_MOST_DRIFTS]
+        largest = np.argsort(-sizes, kind="stable")[:_MOST_DRIFTS]
         after_s = np.linspace(0, self._safety.passive_s, _DRIFT_SAMPLES + 1)[1:]
-        phi = horizon.motion.transition(horizon.t_s + after_s)[:, :3]
-        spread = np.einsum("kij,jl,kml->kim", phi, error, phi)
-        parts = []
-        for burn in burning[sizes[burning] > _BURN_M_S]:
+        for burn in largest[sizes[largest] > 0]:
             t_s = horizon.burns_s[burn] + after_s
             alone = dv_m_s.copy()
             alone[burn + 1 :] = 0
-            path = horizon.path(alone, t_s)[:, :3]
-            last = np.full(len(t_s), burn)
-            margin = np.full(len(t_s), self._margin)
-            parts.append(_outside(horizon, t_s, last, path, spread, margin, self._safety.keep_out_m))
-        return parts
+            yield _Samples(
+                horizon,
+                t_s,
+                np.full(len(t_s), burn),
+                horizon.path(alone, t_s)[:, :3],
+                self._spread(horizon, after_s, covariance, dv_m_s[burn]),
+                np.full(len(t_s), self._margin),
+            )
+
+    def _spread(
+        self, horizon: Horizon, after_s: FloatArray, covariance: FloatArray, dv_m_s: FloatArray
+    ) -> FloatArray:
+        """(K, 3, 3) covariance of the position some time after a state and an impulse (3,).
+
+        The larger error of the impulse is counted in all directions.
+        """
+        sigma = max(self._thrusters.size, self._thrusters.direction_rad) * np.linalg.norm(dv_m_s)
+        error = covariance + np.diag(np.repeat([0.0, sigma**2], 3))
+        phi = horizon.motion.transition(horizon.t_s + after_s)[:, :3]
+        return np.asarray(np.einsum("kij,jl,kml->kim", phi, error, phi))
 
 
-def _outside(
-    horizon: Horizon,
-    t_s: FloatArray,
-    last: IntArray,
-    path: FloatArray,
-    spread: FloatArray,
-    margin: FloatArray,
-    semi_axes: FloatArray,
-) -> Rows | None:
-    """Half-spaces beyond tangent planes of the ellipsoid, for samples (K, 3) near to it.
+def _outside(samples: _Samples, semi_axes_m: FloatArray) -> Rows | None:
+    """Half-spaces beyond tangent planes of the ellipsoid, for the samples near to it.
 
     Between two samples that touch the unit sphere at a distance ℓ, a straight path is up to ℓ²/8 within
     it, and the samples stay that much farther out.
     """
-    scaled = path / semi_axes
+    scaled = samples.r_rtn_m / semi_axes_m
     steps = np.linalg.norm(np.diff(scaled, axis=0), axis=1)
-    if len(steps):
-        longest = np.maximum(np.append(steps, 0), np.insert(steps, 0, 0))
-    else:
-        longest = np.zeros(len(scaled))
+    longest = np.maximum(np.append(steps, 0), np.insert(steps, 0, 0))
     bulge = np.minimum(longest**2 / 8, _MOST_BULGE)
-    normals = _outward(scaled) / semi_axes
-    sigma = np.sqrt(np.einsum("ki,kij,kj->k", normals, spread, normals))
-    least = 1 + bulge + margin * sigma
+    normals = _outward(scaled) / semi_axes_m
+    sigma = np.sqrt(np.einsum("ki,kij,kj->k", normals, samples.spread_m2, normals))
+    least = 1 + bulge + samples.sigmas * sigma
     near = np.flatnonzero(np.linalg.norm(scaled, axis=1) < least + _NEAR)
-    if not len(near):
-        return None
-    return _half_spaces(horizon, t_s[near], last[near], normals[near], least[near])
+    return _half_spaces(samples, near, normals[near], least[near])
 
 
 def _outward(scaled: FloatArray) -> FloatArray:
     """(K, 3) unit vectors from the centre towards a way around the unit sphere.
 
-    Outside they point to the path itself. Where the path passes through, they turn evenly from where it
-    enters to where it leaves.
+    Outside they point to the path itself. Where the path passes through, they turn from where it enters
+    to where it leaves, over the direction in the middle of the two.
     """
     size = np.linalg.norm(scaled, axis=1)
-    normals = scaled / np.maximum(size, 1e-9)[:, None]
-    inside = size < 1
-    edges = np.flatnonzero(np.diff(inside.astype(int), prepend=0, append=0))
+    normals = scaled / np.maximum(size, _TINY)[:, None]
+    edges = np.flatnonzero(np.diff(size < 1, prepend=False, append=False))
     for enters, leaves in zip(edges[::2], edges[1::2], strict=True):
-        if enters == 0 or leaves == len(scaled):
-            continue
-        first, final = normals[enters - 1], normals[leaves]
-        middle = first + final
-        if np.linalg.norm(middle) < 0.2:  # straight through: sideways, on the side of the path
-            middle = scaled[enters:leaves].mean(axis=0)
-            middle -= first * (first @ middle)
-            if np.linalg.norm(middle) < 1e-3:
-                middle = np.cross(first, [0.0, 0.0, 1.0] if abs(first[2]) < 0.9 else [1.0, 0.0, 0.0])
-        middle /= np.linalg.norm(middle)
-        for k in range(enters, leaves):
-            share = 2 * (k - enters + 1) / (leaves - enters + 1)
-            one, two = (first, middle) if share < 1 else (middle, final)
-            turned = one * (1 - share % 1) + two * (share % 1) if share < 2 else final
-            normals[k] = turned / np.linalg.norm(turned)
+        if enters > 0 and leaves < len(scaled):
+            first, final = normals[enters - 1], normals[leaves]
+            middle = _between(first, final, scaled[enters:leaves].mean(axis=0))
+            share = np.linspace(-1, 1, leaves - enters + 2)[1:-1, None]
+            turned = np.where(share < 0, -share * first, share * final) + (1 - abs(share)) * middle
+            normals[enters:leaves] = turned / np.linalg.norm(turned, axis=1)[:, None]
     return np.asarray(normals)
 
 
-def _inside(
-    horizon: Horizon,
-    t_s: FloatArray,
-    last: IntArray,
-    path: FloatArray,
-    spread: FloatArray,
-    margin: FloatArray,
-    cone: Cone,
-) -> Rows | None:
-    """The facets of the pyramid inside the cone, for samples (K, 3) that are nearer than its length."""
-    axis = cone.axis_rtn
-    across = np.linalg.svd(axis[None])[2][1:]
+def _between(first: FloatArray, final: FloatArray, inside: FloatArray) -> FloatArray:
+    """Unit vector between two others; where they are opposite, on the side where the path is inside."""
+    middle = first + final
+    if np.linalg.norm(middle) < _OPPOSITE:
+        middle = inside - first * (first @ inside)
+        if np.linalg.norm(middle) < _TINY:
+            middle = np.cross(first, np.eye(3)[np.argmin(np.abs(first))])
+    return np.asarray(middle / np.linalg.norm(middle))
+
+
+def _inside(samples: _Samples, cone: Cone) -> Rows | None:
+    """The facets of the pyramid inside the cone, for the samples that are nearer than its length.
+
+    Of each sample, the facets count that are no farther from it than from the axis.
+    """
+    across = np.linalg.svd(cone.axis_rtn[None])[2][1:]
     turns = 2 * np.pi * np.arange(_FACETS) / _FACETS
     slope = np.tan(cone.half_angle_rad) * np.cos(np.pi / _FACETS)
-    facets = slope * axis - np.cos(turns)[:, None] * across[0] - np.sin(turns)[:, None] * across[1]
-    near = np.flatnonzero(np.linalg.norm(path, axis=1) < cone.length_m)
-    if not len(near):
-        return None
-    sigma = np.sqrt(np.einsum("fi,kij,fj->kf", facets, spread[near], facets))
-    least = margin[near, None] * sigma
-    sample, facet = np.nonzero(path[near] @ facets.T - least < slope * path[near] @ axis[:, None])
-    each = near[sample]
-    return _half_spaces(horizon, t_s[each], last[each], facets[facet], least[sample, facet])
+    sideways = np.column_stack([np.cos(turns), np.sin(turns)]) @ across
+    facets = slope * cone.axis_rtn - sideways
+    near = np.flatnonzero(np.linalg.norm(samples.r_rtn_m, axis=1) < cone.length_m)
+    r = samples.r_rtn_m[near]
+    sigma = np.sqrt(np.einsum("fi,kij,fj->kf", facets, samples.spread_m2[near], facets))
+    least = samples.sigmas[near, None] * sigma
+    sample, facet = np.nonzero(r @ facets.T - least < slope * (r @ cone.axis_rtn)[:, None])
+    return _half_spaces(samples, near[sample], facets[facet], least[sample, facet])
 
 
 def _half_spaces(
-    horizon: Horizon, t_s: FloatArray, last: IntArray, normals: FloatArray, least: FloatArray
-) -> Rows:
-    """``normal · r ≥ least`` at (M,) instants; the penalty is for a metre along the normal."""
+    samples: _Samples, which: IntArray, normals: FloatArray, least: FloatArray
+) -> Rows | None:
+    """``normal · r ≥ least`` at (M,) of the samples; the penalty is for a metre along the normal."""
+    if not len(which):
+        return None
+    horizon, t_s = samples.horizon, samples.t_s[which]
     free = horizon.motion.drift(horizon.rtn, t_s)[:, :3]
     transition = horizon.motion.transition(t_s)[:, :3]
     return Rows(
-        last,
+        samples.last[which],
         np.einsum("ki,kij->kj", normals, transition),
         least - np.einsum("ki,ki->k", normals, free),
         np.full(len(t_s), np.inf),

@@ -64,7 +64,7 @@ def clearance(flown: Flown, safety: Safety) -> str:
     r = flown.arcs[..., :3].reshape(-1, 3)
     words = []
     if safety.keep_out_m is not None:
-        words.append(f"least {np.linalg.norm(r / safety.keep_out_m, axis=1).min():.3f} of the ellipsoid")
+        words.append(f"nearest at {np.linalg.norm(r / safety.keep_out_m, axis=1).min():.4f} of it")
     if safety.cone is not None:
         near = r[np.linalg.norm(r, axis=1) < safety.cone.length_m]
         off = np.arccos(near @ safety.cone.axis_rtn / np.linalg.norm(near, axis=1))

@@ -17,9 +17,9 @@ from posse_core._interfaces.navigator import Estimate
 
 _CLOSEST = 0.5
 """The box of a goal is never narrower than this share of the tolerance."""
-_AIM = 0.3
+_AIM = 0.5
 """An impulse aims at this share of the box that made it necessary."""
-_RAMP_S = 100.0
+_RAMP_S = 200.0
 """While a goal is held, the aim narrows over this time, so that a deviation is not undone in haste."""
 
 
@@ -39,10 +39,11 @@ class ImpulsiveMpc(Controller[MpcOptions]):
         check_safety(problem)
         options = self.options
         self._problem = problem
-        self._planner = Planner(problem, options.margin_sigma)
         self._goals = goals_of(problem)
         self._tolerance = half_widths(problem, options.tolerance_m, options.tolerance_m_s)
+        self._swing = half_widths(problem, 0.0, 0.0)
         self._least_m_s = max(problem.thrusters.least_m_s, options.deadband_m_s)
+        self._planner = Planner(problem, options.margin_sigma, self._least_m_s)
         self._plan: Solution | None = None
         self._passed = 0
 
@@ -73,5 +74,5 @@ class ImpulsiveMpc(Controller[MpcOptions]):
         known = tolerance - np.sqrt(np.diag(covariance))
         phi = horizon.motion.transition(goals.t_s)
         predicted = np.sqrt(np.einsum("kij,jl,kil->ki", phi, covariance, phi))
-        inner = np.maximum(known, _CLOSEST * tolerance)
+        inner = np.maximum(np.maximum(known, _CLOSEST * tolerance), self._swing[goals.waypoint])
         return np.asarray(np.maximum(inner, self.options.significance * predicted))

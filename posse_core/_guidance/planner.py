@@ -18,14 +18,19 @@ class Planner:
     Args:
         problem: for the limit of impulses and the safety rules.
         margin_sigma: standard deviations of the predicted position that are kept from each wall.
+        least_m_s: smaller impulses are not made.
         accuracy: how far the value of a plan may be above the optimum of its convex programme, relative.
     """
 
     def __init__(
-        self, problem: ControlProblem, margin_sigma: float = 0.0, accuracy: float = 1e-2
+        self,
+        problem: ControlProblem,
+        margin_sigma: float = 0.0,
+        least_m_s: float = 0.0,
+        accuracy: float = 1e-2,
     ) -> None:
         self._largest_m_s, self._accuracy = problem.largest_m_s, accuracy
-        self._walls = Walls(problem, margin_sigma)
+        self._walls = Walls(problem, margin_sigma, least_m_s)
 
     def plan(
         self, horizon: Horizon, boxes: Rows, covariance: FloatArray, guess: Solution | None

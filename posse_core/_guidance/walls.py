@@ -92,11 +92,12 @@ class Walls:
     Args:
         problem: for the safety and the thrusters' errors.
         margin_sigma: how many standard deviations of the predicted position are kept from each wall.
+        least_m_s: smaller impulses are not made.
     """
 
-    def __init__(self, problem: ControlProblem, margin_sigma: float) -> None:
+    def __init__(self, problem: ControlProblem, margin_sigma: float, least_m_s: float) -> None:
         self._safety, self._thrusters = problem.safety, problem.thrusters
-        self._margin = margin_sigma
+        self._margin, self._least_m_s = margin_sigma, least_m_s
 
     def rows(self, horizon: Horizon, dv_m_s: FloatArray, covariance: FloatArray) -> Rows | None:
         """The half-spaces about the path with the impulses (N, 3); None if none is near.
@@ -124,8 +125,9 @@ class Walls:
         """The planned path at the instants of later impulses, thinned.
 
         The position is better known again when the next impulse is decided, so its covariance grows over
-        two intervals only. In the first minute the margin is smaller: what is a little nearer than the
-        whole margin is led away gently.
+        two intervals only. An impulse that is too small to be made counts as an error of the velocity.
+        In the first minute the margin is smaller: what is a little nearer than the whole margin is led
+        away gently.
         """
         t_s = horizon.burns_s[1:]
         if len(t_s) > _MOST_SAMPLES:
@@ -133,12 +135,15 @@ class Walls:
             t_s = t_s[np.unique(np.concatenate([np.arange(_DENSE_SAMPLES), spread.astype(np.int64)]))]
         unseen_s = _UNSEEN_INTERVALS * (t_s[0] - horizon.t_s)
         lead = np.clip((t_s - horizon.t_s) / _RAMP_S, 0, 1)
+        unmade = np.diag(np.repeat([0.0, self._least_m_s**2], 3))
         return _Samples(
             horizon,
             t_s,
             horizon.last(t_s),
             horizon.path(dv_m_s, t_s)[:, :3],
-            self._spread(horizon, np.minimum(t_s - horizon.t_s, unseen_s), covariance, dv_m_s[0]),
+            self._spread(
+                horizon, np.minimum(t_s - horizon.t_s, unseen_s), covariance + unmade, dv_m_s[0]
+            ),
             self._margin * (_NEAR_TERM + (1 - _NEAR_TERM) * lead),
         )
 

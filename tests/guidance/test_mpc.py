@@ -217,3 +217,15 @@ def test_the_plan_of_an_estimate_does_not_depend_on_the_attitudes_covariance() -
         controller.start(task)
         commands.append(controller.command(estimate(BEHIND, 0.0, covariance)))
     np.testing.assert_array_equal(*commands)
+
+
+def test_after_the_last_waypoint_only_the_safety_rules_remain() -> None:
+    task = replace(to_hold(NEAR_CIRCULAR, 400.0, (0.0, -25.0, 0.0)), safety=Safety(SPHERE_M))
+    (goal,) = task.waypoints
+    task = replace(task, waypoints=(replace(goal, t_s=100.0, until_s=100.0),))
+    moving = replace(task.waypoints[0], v_rtn_m_s=np.array([0.0, 0.05, 0.0]))
+    flight = fly(ImpulsiveMpc(MpcOptions()), replace(task, waypoints=(moving,)), BEHIND)
+    assert np.linalg.norm(flight.states[10, :3] - goal.r_rtn_m) < 0.05
+    assert np.linalg.norm(flight.arcs[..., :3], axis=-1).min() > SPHERE_M[0]
+    free = replace(task, waypoints=(moving,), safety=Safety())
+    assert not fly(ImpulsiveMpc(MpcOptions()), free, BEHIND).dv[11:].any()

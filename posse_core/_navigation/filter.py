@@ -43,14 +43,14 @@ class Outcome:
 
     Attributes:
         belief: after it; as before if the reading was refused.
-        innovation: how the reading agreed with the belief before.
+        innovation: how the reading agreed with the belief before; None where it could not be compared.
         accepted: whether it was used.
         log_likelihood: of the reading, up to a number that is the same for all beliefs. No keypoint
             counts for less than one at the gate.
     """
 
     belief: Belief
-    innovation: Innovation
+    innovation: Innovation | None
     accepted: bool
     log_likelihood: float
 
@@ -76,7 +76,7 @@ class Filter:
         S = J @ prior @ J.T + excess + noise
         if not (np.isfinite(S).all() and np.isfinite(residual).all()):
             # Part of the target would be behind the camera, or beyond its lens.
-            return self._refused(belief, Innovation(np.nan, len(residual), len(residual)), -np.inf)
+            return self._refused(belief, None, -np.inf)
         group = 2 if keypoints else len(residual)
         limit = float(chi2.isf(self._options.gate_probability, group))
         distances, log_dets = _group_distances(residual, S, group)
@@ -97,7 +97,7 @@ class Filter:
         return Outcome(after, innovation, True, likelihood)
 
     @staticmethod
-    def _refused(belief: Belief, innovation: Innovation, likelihood: float) -> Outcome:
+    def _refused(belief: Belief, innovation: Innovation | None, likelihood: float) -> Outcome:
         return Outcome(belief, innovation, False, likelihood)
 
     def _inflation(self, residual: FloatArray, S: FloatArray) -> float:

@@ -183,8 +183,9 @@ class Bank:
         return found if mirrored is None else [*found, Hypothesis(mirrored, _FIRST * MIRRORED)]
 
     def _alike(self, belief: Belief, R_eci_from_body: FloatArray) -> bool:
+        """Whether an attitude, or one that looks the same, agrees with a belief's."""
         symmetry = self._nearest_symmetry(belief.x.R_eci_from_body, R_eci_from_body)
-        return _turn_between(belief, R_eci_from_body @ symmetry.T)
+        return _agrees(belief, R_eci_from_body @ symmetry.T)
 
     def _born(self, eye: Eye, readings: Readings, seen: SeenAttitude) -> Belief | None:
         """A belief with the attitude of a pose, updated by the frame that the pose is from."""
@@ -277,7 +278,7 @@ class Bank:
         return tuple(sorted(likely, key=lambda h: -h.weight))
 
 
-def _turn_between(belief: Belief, R_eci_from_body: FloatArray) -> bool:
+def _agrees(belief: Belief, R_eci_from_body: FloatArray) -> bool:
     """Whether an attitude agrees with a belief's."""
     turn = frames.rotation_vector_from_matrix(belief.x.R_eci_from_body.T @ R_eci_from_body)
     within = turn @ np.linalg.solve(belief.covariance[ATTITUDE, ATTITUDE], turn) <= 3.0**2

@@ -125,6 +125,7 @@ def _regression(function: Callable[[FloatArray], FloatArray], covariance: FloatA
     values = function(np.concatenate([arms, -arms]))
     mean = values.mean(axis=0)
     slopes = (values[:SIZE] - values[SIZE:]) / (2 * np.sqrt(SIZE))
-    jacobian = solve_triangular(root, slopes, lower=True, trans="T").T
+    # Where part of a target is behind the camera the residual is NaN, and so is the result.
+    jacobian = solve_triangular(root, slopes, lower=True, trans="T", check_finite=False).T
     left = values - mean - np.concatenate([arms, -arms]) @ jacobian.T
     return Linear(mean, jacobian, left.T @ left / len(left))

@@ -250,7 +250,7 @@ class NavigatorConformance(Conformance):
             innovation = navigator.update(readings)
             if innovation is not None:
                 assert isinstance(innovation, Innovation)
-                assert innovation.nis >= 0
+                assert 0 <= innovation.nis < np.inf
                 assert 0 <= innovation.rejected <= innovation.dof
                 assert innovation.dof > 0
 

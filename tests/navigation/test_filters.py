@@ -123,3 +123,23 @@ def test_a_line_of_sight_holds_the_direction_where_keypoints_are_refused():
     assert innovation.dof == 22 + 2 + 1
     truth = world.truth()[-1]
     assert np.linalg.norm(errors(truth, navigator.estimate(truth.t_s))[:3]) < 0.1
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_camera_that_looks_away_is_no_catastrophe(kind):
+    """Its attitude is read as turned by 180°, so the whole target should be behind it."""
+    world = World(t_s=np.arange(0.0, 150.0, 10.0))
+    rng = np.random.default_rng(8)
+    navigator = kind(KalmanOptions())
+    navigator.start(world.problem(rng))
+    for read in world.readings(rng):
+        if read.index == 7:
+            w, x, y, z = read.q_eci_from_camera
+            read = replace(read, q_eci_from_camera=np.array([-y, z, w, -x]))
+        innovation = navigator.update(read)
+        assert innovation is None or np.isfinite(innovation.nis)
+        assert np.isfinite(navigator.estimate(read.t_s).covariance).all()
+    truth = world.truth()[-1]
+    error = errors(truth, navigator.estimate(truth.t_s))
+    assert np.linalg.norm(error[:3]) < 1.0
+    assert np.degrees(np.linalg.norm(error[6:9])) < 3.0

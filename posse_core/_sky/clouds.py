@@ -15,7 +15,7 @@ from posse_core._frames import rotated
 from posse_core._randomness import random_generator
 from posse_core._sky.atmosphere import RADIUS_M
 from posse_core._sky.detail import Detail, make_detail
-from posse_core._sky.pyramid import Pyramid
+from posse_core._sky.pyramid import Pyramid, lookup
 
 MAP_WIDTH = 2048
 DETAIL_SHARE = 0.2
@@ -23,6 +23,7 @@ DETAIL_SHARE = 0.2
 _COVER_LAT_DEG = (-90, -62, -48, -35, -20, -8, 5, 14, 25, 40, 55, 70, 90)
 _COVER = (0.50, 0.86, 0.82, 0.62, 0.50, 0.52, 0.68, 0.55, 0.44, 0.60, 0.72, 0.70, 0.62)
 """Cloud cover at these latitudes, after MODIS' zonal means (King et al. 2013)."""
+_THRESHOLD_STEPS = 180
 
 
 @dataclass(frozen=True)
@@ -38,49 +39,68 @@ class Clouds:
     detail: Detail
 
     def at(
-        self, normal: Float32Array, latitude_rad: Float32Array, footprint_m: Float32Array, t_s: float
-    ) -> tuple[Float32Array, Float32Array, Float32Array]:
-        """Sample the clouds above points on the ground.
+        self, drifted: Float32Array, latitude_rad: Float32Array, footprint_m: Float32Array
+    ) -> tuple[Float32Array, Float32Array]:
+        """Sample the field above points on the ground.
 
         Args:
-            normal: (3, n) unit normals of the ground, ECEF axes.
-            latitude_rad: (n,) latitudes of the points.
-            footprint_m: (n,) width that a pixel covers there.
-            t_s: time since the epoch, for the drift.
+            drifted: (3, ...) unit normals of the ground as by :func:`drifted`.
+            latitude_rad: (...) latitudes of the points.
+            footprint_m: (...) width that a pixel covers there.
 
         Returns:
-            (n,) the field minus the threshold for cloud; (n,) the standard deviation of the structure
-            that the footprint averages out; (3, n) the slope of the fine structure, ECEF axes, per
-            kilometre.
+            (...) the field, without the structure that the footprint averages out; (3, ...) the slope of
+            the fine structure, ECEF axes, per kilometre.
         """
-        turn = -drift_rad_s(latitude_rad) * np.float32(t_s)
-        cosine, sine = np.cos(turn), np.sin(turn)
-        turned = np.stack(
-            [normal[0] * cosine - normal[1] * sine, normal[0] * sine + normal[1] * cosine, normal[2]]
-        )
-        level = np.log2(footprint_m / np.float32(2 * np.pi * RADIUS_M / MAP_WIDTH))
-        x = np.arctan2(turned[1], turned[0]) * np.float32(0.5 / np.pi) + np.float32(0.5)
+        level = np.log2(footprint_m * np.float32(MAP_WIDTH / (2 * np.pi * RADIUS_M)))
+        x = np.arctan2(drifted[1], drifted[0]) * np.float32(0.5 / np.pi) + np.float32(0.5)
         y = np.float32(0.5) - latitude_rad * np.float32(1 / np.pi)
         field = self.base.between(x, y, level)
-        field -= threshold(latitude_rad)
         # How broken the clouds are varies over the globe; another part of the map provides this
         # variation.
-        broken = self.base.at((x + np.float32(0.381)) % 1, y, np.maximum(level, 3))
-        strength = np.sqrt(DETAIL_SHARE) * np.clip(0.9 + 0.5 * broken, 0.25, 1.7)
-        strength = np.asarray(strength, dtype=np.float32)
-        fine, slope = self.detail.at(turned, footprint_m)
-        field += strength * fine
-        lost = DETAIL_SHARE * self.detail.lost_variance(footprint_m) + (1 - DETAIL_SHARE) * np.clip(
-            level / 8, 0, 1
-        )
-        return field, np.sqrt(lost.astype(np.float32)), np.asarray(strength * slope)
+        x += np.float32(0.381)
+        x -= np.floor(x)
+        strength = self.base.at(x, y, np.maximum(level, 3))
+        strength *= np.float32(0.5)
+        strength += np.float32(0.9)
+        np.clip(strength, np.float32(0.25), np.float32(1.7), out=strength)
+        strength *= np.float32(np.sqrt(DETAIL_SHARE))
+        fine, slope = self.detail.at(drifted, footprint_m)
+        fine *= strength
+        field += fine
+        slope *= strength
+        return field, slope
+
+    def lost(self, footprint_m: Float32Array) -> Float32Array:
+        """(...) widths that a pixel covers → (...) standard deviation of the structure that it averages
+        out."""
+        level = np.log2(footprint_m * np.float32(MAP_WIDTH / (2 * np.pi * RADIUS_M)))
+        variance = DETAIL_SHARE * self.detail.lost_variance(footprint_m)
+        variance += (1 - DETAIL_SHARE) * np.clip(level / 8, 0, 1)
+        return np.asarray(np.sqrt(variance))
+
+
+def drifted(normal: Float32Array, latitude_rad: Float32Array, t_s: float) -> Float32Array:
+    """(3, ...) unit normals of the ground, ECEF axes, and (...) latitudes → (3, ...) normals where the
+    clouds that are above them at ``t_s`` after the epoch were at the epoch."""
+    turn = -drift_rad_s(latitude_rad) * np.float32(t_s)
+    cosine, sine = np.cos(turn), np.sin(turn)
+    return np.stack(
+        [normal[0] * cosine - normal[1] * sine, normal[0] * sine + normal[1] * cosine, normal[2]]
+    )
 
 
 def threshold(latitude_rad: Float32Array) -> Float32Array:
     """(...) latitudes → (...) values of the field above which there is cloud."""
-    grid = np.deg2rad(np.linspace(-90, 90, 181))
-    values = -ndtri(np.interp(np.rad2deg(grid), _COVER_LAT_DEG, _COVER))
-    return np.asarray(np.interp(latitude_rad, grid, values), dtype=np.float32)
+    column = (latitude_rad + np.float32(np.pi / 2)) * np.float32(_THRESHOLD_STEPS / np.pi)
+    return np.asarray(lookup(_threshold_table(), column, np.zeros_like(column)))
+
+
+@functools.cache
+def _threshold_table() -> Float32Array:
+    """(1, _THRESHOLD_STEPS + 1) thresholds at latitudes from −90° to 90°."""
+    latitude_deg = np.linspace(-90, 90, _THRESHOLD_STEPS + 1)
+    return np.asarray(-ndtri(np.interp(latitude_deg, _COVER_LAT_DEG, _COVER)), dtype=np.float32)[None]
 
 
 def drift_rad_s(latitude_rad: Float32Array) -> Float32Array:

@@ -10,12 +10,15 @@ import numpy as np
 from posse_core._arrays import Float32Array, FloatArray
 from posse_core._randomness import random_generator
 from posse_core._sky.atmosphere import RADIUS_M
-from posse_core._sky.pyramid import Pyramid
+from posse_core._sky.pyramid import Pyramid, lookup
 
 TILE_PX = 1024
 TILE_M = 512e3
 """Side of the tile, which repeats. Its noise has wavelengths of 64 km and less."""
 TEXEL_M = TILE_M / TILE_PX
+_LEAST_WEIGHT = np.float32(0.1)
+"""Projections of the tile that would have less weight are left out."""
+_TINY = np.float32(1e-30)
 
 
 @dataclass(frozen=True)
@@ -28,35 +31,37 @@ class Detail:
     """
 
     tile: Pyramid
-    kept: FloatArray
+    kept: Float32Array
 
     def at(self, normal: Float32Array, footprint_m: Float32Array) -> tuple[Float32Array, Float32Array]:
-        """(3, n) unit vectors, ECEF axes, and (n,) pixel widths → noise (n,), and slope (3, n) per km,
-        ECEF axes."""
-        noise, slope = np.zeros_like(normal[0]), np.zeros_like(normal)
+        """(3, ...) unit vectors, ECEF axes, and (...) pixel widths → noise (...), and slope (3, ...) per
+        km, ECEF axes."""
+        noise, slope = np.zeros_like(footprint_m), np.zeros_like(normal)
         level = np.log2(footprint_m / np.float32(TEXEL_M))
         # The tile is projected along each of the three axes, and the projections are blended by how
         # close each axis is to the vertical.
         weights = np.square(np.square(np.square(normal)))
-        weights /= weights.sum(axis=0)
-        for side in range(3):
-            near = np.flatnonzero(weights[side] > 0.03)
-            if not len(near):
+        weights -= _LEAST_WEIGHT * weights.sum(axis=0)
+        np.maximum(weights, 0, out=weights)
+        weights /= np.maximum(weights.sum(axis=0), _TINY)
+        for side, weight in enumerate(weights):
+            if weight.max() == 0:
                 continue
             right, down = (side + 1) % 3, (side + 2) % 3
-            u = normal[right, near] * np.float32(RADIUS_M / TILE_M)
-            v = normal[down, near] * np.float32(RADIUS_M / TILE_M)
-            sample = self.tile.at(u - np.floor(u), v - np.floor(v), level[near])
-            sample *= weights[side, near, None]
-            noise[near] += sample[:, 0]
-            slope[right, near] += sample[:, 1]
-            slope[down, near] += sample[:, 2]
+            u = normal[right] * np.float32(RADIUS_M / TILE_M)
+            v = normal[down] * np.float32(RADIUS_M / TILE_M)
+            sample = self.tile.at(u - np.floor(u), v - np.floor(v), level)
+            sample *= weight
+            noise += sample[0]
+            slope[right] += sample[1]
+            slope[down] += sample[2]
         return noise, slope
 
     def lost_variance(self, footprint_m: Float32Array) -> Float32Array:
-        """(n,) pixel widths → (n,) shares of the variance that a pixel averages out."""
+        """(...) pixel widths → (...) shares of the variance that a pixel averages out."""
         level = np.log2(footprint_m / np.float32(TEXEL_M))
-        return np.asarray(1 - np.interp(level, np.arange(len(self.kept)), self.kept), dtype=np.float32)
+        kept = lookup(self.kept[None], level, np.zeros_like(level))
+        return np.asarray(1 - kept, dtype=np.float32)
 
 
 @functools.lru_cache(maxsize=2)
@@ -80,7 +85,7 @@ def make_detail(seed: int) -> Detail:
     down = (np.roll(noise, -1, axis=0) - np.roll(noise, 1, axis=0)) / (2e-3 * TEXEL_M)
     tile = Pyramid(np.stack([noise, right, down], axis=-1).astype(np.float32), tiles=True)
     kept = [np.var(_halved(noise, times)) for times in range(7)]
-    return Detail(tile, np.array(kept))
+    return Detail(tile, np.array(kept, dtype=np.float32))
 
 
 def _halved(image: FloatArray, times: int) -> FloatArray:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posse_core._arrays import BoolArray, Float32Array, FloatArray
+from posse_core._arrays import BoolArray, Float32Array, FloatArray, IntArray
 from posse_core._model.bands import SOLAR_BAND_FRACTIONS
 from posse_core._model.scene import FrameState
 from posse_core._sky.atmosphere import (
@@ -22,10 +22,11 @@ from posse_core._sky.atmosphere import (
     limb_row,
     sunlight,
 )
-from posse_core._sky.clouds import Clouds
+from posse_core._sky.clouds import Clouds, drifted, threshold
 from posse_core._sky.ellipsoid import SEMI_AXES_M
 from posse_core._sky.ground import OCEAN_RGB, Ground, glint_radiance
 from posse_core._sky.pyramid import lookup
+from posse_core._sky.surface import Surface
 
 _STRETCH: FloatArray = RADIUS_M / SEMI_AXES_M
 """(3,) scale factors that map the ellipsoid to a sphere of the equatorial radius. Straight lines stay
@@ -52,7 +53,7 @@ class Earth:
 
 
 @dataclass(frozen=True)
-class _Rays:
+class EarthRays:
     """Rays from the camera, in stretched ECEF axes.
 
     Attributes:
@@ -107,26 +108,29 @@ class EarthView:
         Returns:
             (..., 3) W m⁻² sr⁻¹.
         """
-        rays = self._rays(directions_cam, pixel_rad)
-        radiance = np.zeros((len(rays.directions), 3), dtype=np.float32)
+        rays = self.rays(directions_cam, pixel_rad)
+        radiance = self.air_light(rays)
         ground = np.flatnonzero(rays.on_ground > 0)
+        if len(ground):
+            seen = self.ground_light(Surface(self.surface(rays, ground, pixel_rad)))
+            radiance[ground] += rays.on_ground[ground, None] * seen.T
+        return radiance.reshape(directions_cam.shape)
+
+    def air_light(self, rays: EarthRays) -> Float32Array:
+        """(n, 3) radiance of the air beyond the limb, W m⁻² sr⁻¹."""
+        radiance = np.zeros((len(rays.directions), 3), dtype=np.float32)
         air = np.flatnonzero(rays.through_air)
         if len(air) and self._earth.air:
             glow, _ = self._air.sample(
                 limb_row(rays.nearest_m[air] - RADIUS_M), self._azimuth(rays.directions[air])
             )
             radiance[air] = (1 - rays.on_ground[air, None]) * glow * self._sun_rgb_w_m2
-        if len(ground):
-            seen = self._ground(
-                rays.directions[ground], rays.ahead_m[ground], rays.nearest_m[ground], pixel_rad
-            )
-            radiance[ground] += rays.on_ground[ground, None] * seen
-        return radiance.reshape(directions_cam.shape)
+        return radiance
 
     def passed(self, directions_cam: FloatArray, pixel_rad: float) -> Float32Array:
         """Transmission of light from behind the Earth, by ground and air: (..., 3) directions in camera
         axes → (..., 3)."""
-        rays = self._rays(directions_cam, pixel_rad)
+        rays = self.rays(directions_cam, pixel_rad)
         share = np.repeat(1 - rays.on_ground[:, None], 3, axis=1)
         air = np.flatnonzero(rays.through_air)
         if len(air) and self._earth.air:
@@ -136,7 +140,8 @@ class EarthView:
             share[air] *= transmission
         return share.reshape(directions_cam.shape)
 
-    def _rays(self, directions_cam: FloatArray, pixel_rad: float) -> _Rays:
+    def rays(self, directions_cam: FloatArray, pixel_rad: float) -> EarthRays:
+        """Rays in directions (..., 3) of any length, camera axes; n is the number of them."""
         d = directions_cam.reshape(-1, 3) @ (_STRETCH[:, None] * self._R_ecef_from_cam).T
         d /= np.sqrt(np.einsum("ni,ni->n", d, d))[:, None]
         ahead_m = -(d @ self._origin_m)
@@ -145,7 +150,7 @@ class EarthView:
         share = np.clip(0.5 - (nearest_m - RADIUS_M) / width_m, 0, 1)
         on_ground = np.where(ahead_m > 0, share, 0).astype(np.float32)
         through_air = (on_ground < 1) & (ahead_m > 0) & (nearest_m < RADIUS_M + TOP_M)
-        return _Rays(d, ahead_m, nearest_m, on_ground, through_air)
+        return EarthRays(d, ahead_m, nearest_m, on_ground, through_air)
 
     def touches(self, directions_cam: FloatArray, reach_rad: float) -> BoolArray:
         """(..., 3) unit vectors, camera axes → (...): whether the Earth or its air is within an angle of
@@ -161,59 +166,82 @@ class EarthView:
         x, y = self._azimuth_axes @ d.T
         return np.asarray(np.arctan2(np.abs(y), x), dtype=np.float32)
 
-    def _ground(
-        self, d: FloatArray, ahead_m: FloatArray, b_m: FloatArray, pixel_rad: float
-    ) -> Float32Array:
-        """(n, 3) radiance of ground, clouds and the air in front of them, for stretched rays."""
+    def surface(self, rays: EarthRays, which: IntArray, pixel_rad: float) -> Float32Array:
+        """(Surface.COUNT, k) angles, light and weather where the rays ``which`` (k,) meet the ground.
+
+        For rays that pass above the ground they are those of the point below where the rays are lowest.
+        """
+        d, b_m = rays.directions[which], rays.nearest_m[which]
         view_cosine = np.sqrt(np.maximum(0, 1 - (b_m / RADIUS_M) ** 2))
-        way_m = ahead_m - RADIUS_M * view_cosine
-        normal = ((self._origin_m[:, None] + way_m * d.T) * (_STRETCH / RADIUS_M)[:, None]).astype(
-            np.float32
-        )
+        way_m = rays.ahead_m[which] - RADIUS_M * view_cosine
+        normal = (self._origin_m[:, None] + way_m * d.T) * (_STRETCH / RADIUS_M)[:, None]
         normal /= np.sqrt(np.einsum("in,in->n", normal, normal))
-        sun_cosine = self._sun.astype(np.float32) @ normal
-        footprint_m = (way_m * pixel_rad / np.sqrt(np.maximum(view_cosine, 0.02))).astype(np.float32)
-        latitude = np.arcsin(np.clip(normal[2], -1, 1))
-        land, water = self._earth.ground.at(normal, latitude, footprint_m)
-        diffuse = land + water[:, None] * (OCEAN_RGB - land)
-        view32 = view_cosine.astype(np.float32)
-        to_eye = -(d / _STRETCH) @ self._sun / np.linalg.norm(d / _STRETCH, axis=1)
-        glint = water * glint_radiance(sun_cosine, view32, to_eye.astype(np.float32))
+        sun_cosine = (self._sun @ normal).astype(np.float32)
+        unstretched = d / _STRETCH
+        length = np.sqrt(np.einsum("ni,ni->n", unstretched, unstretched))
+        to_eye = -(unstretched @ self._sun) / length
+        glint = glint_radiance(sun_cosine, view_cosine.astype(np.float32), to_eye.astype(np.float32))
+        surface = Surface(np.zeros((Surface.COUNT, len(d)), dtype=np.float32))
+        surface.normal[:] = normal
+        footprint_m = surface.footprint_m
+        footprint_m[:] = np.maximum(way_m, 1) * pixel_rad / np.sqrt(np.maximum(view_cosine, 0.02))
+        if self._earth.clouds is not None:
+            latitude = np.arcsin(np.clip(surface.normal[2], -1, 1))
+            aridity = self._earth.ground.aridity(surface.normal, latitude, footprint_m)
+            surface.threshold[:] = threshold(latitude) + np.float32(1.2) * aridity
+            surface.contrast[:] = 1 / (1 + 1.5 * self._earth.clouds.lost(footprint_m))
+            surface.drifted[:] = drifted(surface.normal, latitude, self._t_s)
         if not self._earth.air:
-            irradiance = np.maximum(0, sun_cosine)[:, None] * np.ones(3, dtype=np.float32)
-            direct: Float32Array = np.ones((1, 3), dtype=np.float32)
+            surface.daylight[:] = np.maximum(0, sun_cosine) * np.float32(1 / np.pi)
+            surface.glitter[:] = glint
         else:
             column = (sun_cosine - GROUND_MU_MIN) * np.float32((GROUND_SUNS - 1) / (1 - GROUND_MU_MIN))
             irradiance = lookup(ground_irradiance(), column, np.zeros_like(column))
             direct = sunlight(np.zeros_like(sun_cosine), sun_cosine)
-        radiance = irradiance * diffuse * np.float32(1 / np.pi) + glint[:, None] * direct
-        if self._earth.clouds is not None:
-            self._cover(radiance, irradiance, normal, latitude, sun_cosine, footprint_m)
-        if self._earth.air:
             glow, transmission = self._air.sample(ground_row(view_cosine), self._azimuth(d))
-            radiance = radiance * transmission + glow
-        return np.asarray(radiance * self._sun_rgb_w_m2)
+            surface.daylight[:] = (irradiance * transmission * np.float32(1 / np.pi)).T
+            surface.glitter[:] = (glint[:, None] * direct * transmission).T
+            surface.airlight[:] = glow.T
+        return surface.fields
 
-    def _cover(
-        self,
-        radiance: Float32Array,
-        irradiance: Float32Array,
-        normal: Float32Array,
-        latitude: Float32Array,
-        sun_cosine: Float32Array,
-        footprint_m: Float32Array,
-    ) -> None:
-        """Add clouds to the ground's ``radiance`` (n, 3), in place. Radiance and irradiance are per
-        solar irradiance."""
+    def ground_light(self, surface: Surface) -> Float32Array:
+        """(3, ...) radiance of ground, clouds and the air in front of them, W m⁻² sr⁻¹."""
+        if surface.is_dark:
+            return np.zeros_like(surface.airlight)
+        latitude = np.arcsin(np.clip(surface.normal[2], -1, 1))
+        radiance, water = self._earth.ground.at(surface.normal, latitude, surface.footprint_m)
+        clear = 1 - water
+        for band, ocean in zip(radiance, OCEAN_RGB, strict=True):
+            band *= clear
+            band += ocean * water
+        if self._earth.clouds is not None:
+            cover, bright = self._cover(surface, latitude)
+            np.subtract(1, cover, out=clear)
+            cover *= bright
+            water *= clear
+            for band in radiance:
+                band *= clear
+                band += cover
+        parts = (radiance, surface.daylight, surface.glitter, surface.airlight, self._sun_rgb_w_m2)
+        for band, day, glitter, air, sun_w_m2 in zip(*parts, strict=True):
+            band *= day
+            band += water * glitter
+            band += air
+            band *= sun_w_m2
+        return radiance
+
+    def _cover(self, surface: Surface, latitude: Float32Array) -> tuple[Float32Array, Float32Array]:
+        """Cover of clouds and their reflectance, (...) each."""
         assert self._earth.clouds is not None
-        field, lost, slope = self._earth.clouds.at(normal, latitude, footprint_m, self._t_s)
-        field -= np.float32(1.2) * self._earth.ground.aridity(normal, latitude, footprint_m)
-        depth = field / (1 + 1.5 * lost)
-        cover = np.clip(depth / 1.1 + 0.35, 0, 1)
+        depth, slope = self._earth.clouds.at(surface.drifted, latitude, surface.footprint_m)
+        depth -= surface.threshold
+        depth *= surface.contrast
+        cover = np.clip(depth * np.float32(1 / 1.1) + np.float32(0.35), 0, 1)
         cover *= cover * (3 - 2 * cover)
         # Sides of clouds that face the Sun are brighter, and the more so the lower it is.
-        relief = -(self._sun.astype(np.float32) @ slope) / np.maximum(sun_cosine, 0.15)
-        thick = 1 - np.exp(-np.maximum(depth, 0))
-        bright = (0.46 + 0.48 * thick) * np.clip(1 + 0.6 * relief, 0.65, 1.25)
-        radiance *= (1 - cover)[:, None]
-        radiance += (cover * bright * np.float32(1 / np.pi))[:, None] * irradiance
+        sun = self._sun.astype(np.float32)
+        sun_cosine = np.maximum(np.tensordot(sun, surface.normal, 1), np.float32(0.15))
+        relief = np.tensordot(sun, slope, 1) / sun_cosine
+        bright = np.float32(0.94) - np.float32(0.48) * np.exp(-np.maximum(depth, 0))
+        bright *= np.clip(1 - np.float32(0.6) * relief, np.float32(0.65), np.float32(1.25))
+        return cover, bright

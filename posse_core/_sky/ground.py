@@ -41,15 +41,15 @@ class Ground:
     def at(
         self, normal: Float32Array, latitude_rad: Float32Array, footprint_m: Float32Array
     ) -> tuple[Float32Array, Float32Array]:
-        """Reflectance of the land (n, 3) and share of water (n,).
+        """Reflectance of the land (3, ...) and share of water (...).
 
         Noise varies colours and shores between the map's pixels, where plain interpolation would look
         out of focus.
 
         Args:
-            normal: (3, n) unit normals of the points, ECEF axes.
-            latitude_rad: (n,) latitudes of the points.
-            footprint_m: (n,) width that a pixel covers there.
+            normal: (3, ...) unit normals of the points, ECEF axes.
+            latitude_rad: (...) latitudes of the points.
+            footprint_m: (...) width that a pixel covers there.
         """
         x, y = _map_position(normal, latitude_rad)
         if self.detail is not None:
@@ -60,28 +60,28 @@ class Ground:
         level = np.log2(footprint_m / np.float32(2 * np.pi * RADIUS_M / self.pyramid.width_px))
         sample = self.pyramid.between(x, y, level)
         sample *= np.float32(1 / 255)
-        water = sample[:, 3].copy()
+        land, water = sample[:3], sample[3]
         if self.detail is not None:
             # Where image pixels are finer than the map's, shores are made sharper than on the map.
             steep = np.clip(np.exp2(-level), 1, 3)
             water = np.clip((water - 0.5) * steep + 0.5, 0, 1)
-            sample *= (1 + np.float32(0.03) * noise)[:, None]
-        return np.square(sample[:, :3]), water
+            land *= 1 + np.float32(0.03) * noise
+        return np.square(land, out=land), water
 
     def aridity(
         self, normal: Float32Array, latitude_rad: Float32Array, footprint_m: Float32Array
     ) -> Float32Array:
-        """(n,) 0 … 1: how arid the land is, judged by its yellow. The arguments are those of
+        """(...) 0 … 1: how arid the land around is, judged by its yellow. The arguments are those of
         :meth:`at`."""
         x, y = _map_position(normal, latitude_rad)
         level = np.log2(footprint_m / np.float32(2 * np.pi * RADIUS_M / self.pyramid.width_px))
-        sample = self.pyramid.at(x, y, np.maximum(level, 5)) * np.float32(1 / 255)
-        yellow = (np.square(sample[:, 0]) - np.square(sample[:, 2])) * (1 - sample[:, 3])
+        sample = self.pyramid.at(x, y, np.maximum(level + 3, 5)) * np.float32(1 / 255)
+        yellow = (np.square(sample[0]) - np.square(sample[2])) * (1 - sample[3])
         return np.asarray(np.clip(4 * yellow, 0, 1))
 
 
 def _map_position(normal: Float32Array, latitude_rad: Float32Array) -> tuple[Float32Array, Float32Array]:
-    """Horizontal and vertical positions on the map, 0 … 1, (n,) each."""
+    """Horizontal and vertical positions on the map, 0 … 1, (...) each."""
     x = np.arctan2(normal[1], normal[0]) * np.float32(0.5 / np.pi) + np.float32(0.5)
     return x, np.float32(0.5) - latitude_rad * np.float32(1 / np.pi)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
 
@@ -9,6 +11,8 @@ from posse_core._arrays import AnyArray, Float32Array
 
 MAX_LEVELS = 8
 _ROW = 256
+_MAX_SIDE = 32767
+"""The most positions that OpenCV's remap takes in a row or column."""
 
 
 def lookup(image: AnyArray, column: Float32Array, row: Float32Array) -> AnyArray:
@@ -16,15 +20,20 @@ def lookup(image: AnyArray, column: Float32Array, row: Float32Array) -> AnyArray
 
     Pixel centres are at whole numbers; outside the image its border pixels are repeated.
     """
-    # cv2.remap accepts no side over 32767, so the positions are arranged in rows.
+    if column.ndim == 2 and max(column.shape) <= _MAX_SIDE:
+        return _remapped(image, column, row)
+    # Positions of another shape are arranged in rows.
     count = column.size
     laid = np.zeros((2, -(-count // _ROW) * _ROW), dtype=np.float32)
     laid[0, :count], laid[1, :count] = column.ravel(), row.ravel()
-    columns, rows = laid.reshape(2, -1, _ROW)
-    found = cv2.remap(image, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    found = _remapped(image, *laid.reshape(2, -1, _ROW))
     return np.asarray(
         found.reshape(-1, *image.shape[2:])[:count].reshape(*column.shape, *image.shape[2:])
     )
+
+
+def _remapped(image: AnyArray, column: Float32Array, row: Float32Array) -> AnyArray:
+    return np.asarray(cv2.remap(image, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
 
 
 class Pyramid:
@@ -35,7 +44,10 @@ class Pyramid:
     """
 
     def __init__(self, image: AnyArray, tiles: bool = False) -> None:
-        """image: (h, w) or (h, w, c ≤ 4), uint8 or float32."""
+        """image: (h, w), (h, w, 3) or (h, w, 4), uint8 or float32."""
+        self._channels = image.shape[2] if image.ndim == 3 else 0
+        if self._channels == 3:  # of four OpenCV takes samples in half the time
+            image = np.concatenate([image, np.zeros_like(image[..., :1])], axis=2)
         levels = [image]
         while min(levels[-1].shape[:2]) >= 32 and len(levels) < MAX_LEVELS:
             h, w = levels[-1].shape[:2]
@@ -61,19 +73,25 @@ class Pyramid:
         """Width of the image at full resolution."""
         return int(self._size[0, 0])
 
-    def at(self, x: Float32Array, y: Float32Array, level: Float32Array) -> AnyArray:
-        """Bilinear samples at the nearest level: (...) positions and levels → (..., [c])."""
-        which = np.clip(np.rint(level), 0, len(self._size) - 1).astype(np.intp)
+    def at(self, x: Float32Array, y: Float32Array, level: Float32Array) -> Float32Array:
+        """Bilinear samples at the nearest level: (...) positions and levels → ([c,] ...), float32."""
+        nearest = np.clip(np.rint([level.min(), level.max()]), 0, len(self._size) - 1).astype(np.intp)
+        which: Any = nearest[0]  # one level for all, as in most parts of an image
+        if nearest[0] < nearest[1]:
+            which = np.clip(np.rint(level), *nearest).astype(np.intp)
         column = self._origin[which, 0] + x * self._size[which, 0]
         row = self._origin[which, 1] + y * self._size[which, 1]
-        return lookup(self._sheet, column, row)
+        found = lookup(self._sheet, column, row)
+        if self._channels:
+            found = np.moveaxis(found, -1, 0)[: self._channels]
+        return np.ascontiguousarray(found, dtype=np.float32)
 
     def between(self, x: Float32Array, y: Float32Array, level: Float32Array) -> Float32Array:
-        """As :meth:`at`, but also interpolated between levels, so that no steps are visible; float32."""
+        """As :meth:`at`, but also interpolated between levels, so that no steps are visible."""
+        if level.max() <= 0:
+            return self.at(x, y, level)
         level = np.clip(level, 0, len(self._size) - 1)
         below = np.floor(level)
-        share = level - below
-        fine, coarse = self.at(x, y, below), self.at(x, y, below + 1)
-        if fine.ndim > share.ndim:
-            share = share[..., None]
-        return np.asarray(fine * (1 - share) + coarse * share, dtype=np.float32)
+        found = self.at(x, y, below)
+        found += (level - below) * (self.at(x, y, below + 1) - found)
+        return found

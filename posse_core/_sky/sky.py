@@ -18,6 +18,7 @@ from posse_core._sky.earth import Earth, EarthView
 from posse_core._sky.ellipsoid import entry_distance_m
 from posse_core._sky.environment import environment_map
 from posse_core._sky.ground import blue_marble
+from posse_core._sky.picture import picture
 from posse_core._sky.stars import hipparcos, random_field
 from posse_core._sky.sun import MAX_SUBSAMPLES, box_of_disc, limb_darkened, subpixel_rays
 from posse_core._sky.view import SkyView
@@ -29,7 +30,6 @@ STAR_MARGIN_PX = 32.0
 it."""
 STREAK_POINTS = 1024
 """Maximum number of points in a star's streak."""
-_BAND_PX = 32
 _ROW_ITERATIONS = 8
 
 
@@ -57,7 +57,8 @@ class Sky:
         for moment in moments(self._camera, speed_px_s, STEP_PX, exposure_s, instants):
             light = self._background(frame.after(moment.after_s), moment.first_row, moment.rows)
             if light is not None:
-                light *= np.float32(moment.share)
+                if moment.share != 1:
+                    light *= np.float32(moment.share)
                 radiance_rgb = light if radiance_rgb is None else radiance_rgb + light
         streaks = STREAK_POINTS if instants > 1 else 1
         offsets_s = instants_s(speed_px_s, STEP_PX, exposure_s, streaks)
@@ -88,7 +89,8 @@ class Sky:
         sun_rgb_w_m2 = frame.solar_flux_w_m2 * SOLAR_BAND_FRACTIONS
         image = _Image(camera)
         if earth is not None:
-            self._draw_earth(earth, image, first_row, rows)
+            for box, light in picture(earth, camera, first_row, rows):
+                image.add(box, light)
         moon_rad = float(np.arcsin(min(1.0, moon.RADIUS_M / float(np.linalg.norm(to_moon_m)))))
         box = box_of_disc(camera, to_moon_m / np.linalg.norm(to_moon_m), moon_rad)
         box = box.within_rows(first_row, rows)
@@ -113,29 +115,6 @@ class Sky:
         if self._earth is None:
             return None
         return environment_map(self._earth.seen(frame))
-
-    def _draw_earth(self, earth: EarthView, image: _Image, first_row: int, rows: int) -> None:
-        """Draw the Earth in bands of rows, each limited to the columns that the Earth may touch."""
-        camera = self._camera
-        pixel_rad = camera.pixel_rad
-        for y in range(first_row, first_row + rows, _BAND_PX):
-            band = PixelBox(0, y, camera.width_px, min(_BAND_PX, first_row + rows - y))
-            middles_px = np.arange(_BAND_PX / 2, camera.width_px + _BAND_PX / 2, _BAND_PX)
-            np.minimum(
-                middles_px, camera.width_px - 1, out=middles_px
-            )  # a lens may not map positions outside the image
-            rays = camera.rays(
-                np.stack([middles_px, np.full_like(middles_px, y + band.height / 2)], axis=-1)
-            )
-            rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
-            touched = np.flatnonzero(earth.touches(rays, _BAND_PX * pixel_rad))
-            if not len(touched):
-                continue
-            x0 = int(touched[0]) * _BAND_PX
-            x1 = min(camera.width_px, (int(touched[-1]) + 1) * _BAND_PX)
-            box = PixelBox(x0, y, x1 - x0, band.height)
-            light = earth.light(camera.rays(box.pixel_centres_px()), pixel_rad)
-            image.add(box, light)
 
     def _passed(self, frame: FrameState, earth: EarthView | None, rays_cam: FloatArray) -> Float32Array:
         """Transmission of light from behind the Earth: (..., 3) rays → (..., 3).

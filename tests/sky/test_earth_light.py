@@ -9,7 +9,7 @@ from posse_core._environment.earthlight import earthlight_on_plate
 from posse_core._model.bands import SOLAR_BAND_FRACTIONS
 from posse_core._scenario.sky import SkyConfig
 from posse_core._sky import moon
-from posse_core._sky.clouds import make_clouds
+from posse_core._sky.clouds import drifted, make_clouds
 from posse_core._sky.earth import Earth
 from posse_core._sky.environment import environment_map
 from posse_core._sky.ground import WIND_M_S, blue_marble, glint_radiance
@@ -53,7 +53,7 @@ def test_no_seam_at_the_date_line() -> None:
     steps = []
     for lon in (179.9999, 37.0):
         a, b = (
-            clouds.at(_normal(np.rad2deg(lat), lon + step), lat, np.full(400, 40e3, np.float32), 0.0)[0]
+            clouds.at(_normal(np.rad2deg(lat), lon + step), lat, np.full(400, 40e3, np.float32))[0]
             for step in (0.0, 0.01)
         )
         steps.append(np.abs(a - b).max())
@@ -66,7 +66,7 @@ def test_clouds_depend_on_the_seed_and_drift_with_the_wind() -> None:
     footprint = np.full(500, 2000.0, np.float32)
 
     def row(clouds, t_s: float, shift_deg: float = 0.0) -> np.ndarray:
-        return clouds.at(_normal(0.0, lon + shift_deg), lat, footprint, t_s)[0]
+        return clouds.at(drifted(_normal(0.0, lon + shift_deg), lat, t_s), lat, footprint)[0]
 
     one, other = make_clouds(0), make_clouds(3)
     make_clouds.cache_clear()

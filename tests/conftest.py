@@ -14,6 +14,8 @@ settings.register_profile("default", max_examples=25, derandomize=True, **_SLOW_
 settings.register_profile("thorough", max_examples=1000, **_SLOW_MACHINE)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "default"))
 
+os.environ["POSSE_SHOW_FAULTS"] = "1"  # what nothing foresaw shows its traceback in every test
+
 PACKAGES = Path(__file__).parent / "packages"
 
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 import sys
+import tempfile
+import traceback
 import warnings
 from collections.abc import Sequence
-from typing import TextIO
+from typing import Final, TextIO
 
 import click
 
@@ -14,6 +16,11 @@ from posse_core import __version__
 from posse_core._errors import PosseError
 from posse_core._plugins.loading import load_plugins
 from posse_core._plugins.options import nearest
+
+SHOW_FAULTS: Final = "POSSE_SHOW_FAULTS"
+"""Environment variable: if it is set, an error that nothing foresaw ends in Python's traceback."""
+_SHOWN: Final = 200
+"""The most characters of such an error that the message repeats."""
 
 
 class _Commands(click.Group):
@@ -48,7 +55,7 @@ class _Commands(click.Group):
 def posse() -> None:
     """Labelled, radiometric images of spacecraft: from a TLE and a relative orbit to a dataset.
 
-    Exit codes: 0 success, 1 a check failed, 2 bad input, 3 a component failed.
+    Exit codes: 0 success, 1 a check failed, 2 bad input, 3 a component failed, 4 a fault of POSSE.
     """
 
 
@@ -91,6 +98,28 @@ def _run(arguments: Sequence[str] | None) -> int:
     except BrokenPipeError:  # the reader of our output has gone, as in 'posse plugins | head'
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except Exception as error:
+        if isinstance(error, OSError) and error.filename is not None:
+            _say(f"{error.filename}: {error.strerror}; name another path, or make this one usable")
+            return 2
+        if os.environ.get(SHOW_FAULTS):
+            raise
+        _say_fault(error)
+        return 4
+
+
+def _say_fault(error: Exception) -> None:
+    """Report an error that nothing foresaw, and keep its details in a file."""
+    details = f"posse {__version__}, Python {sys.version}\n{sys.argv}\n\n"
+    details += "".join(traceback.format_exception(error))
+    try:
+        descriptor, path = tempfile.mkstemp(prefix="posse-fault-", suffix=".txt")
+        with os.fdopen(descriptor, "w", encoding="utf-8", errors="replace") as file:
+            file.write(details)
+        where = f"the details are in {path}: send it with your input to those who maintain POSSE"
+    except OSError:  # the disk may be full
+        where = f"set {SHOW_FAULTS}=1 to see the details, and send them to those who maintain POSSE"
+    _say(f"this is a fault of POSSE ({type(error).__name__}: {str(error)[:_SHOWN]}); {where}")
 
 
 def _say(message: str) -> None:

@@ -5,7 +5,14 @@ kit in :mod:`posse_core.testing`. The names stand in ``__init__.pyi``; each is i
 used. Modules whose names begin with an underscore are private and change without notice.
 """
 
+import os
+
 import lazy_loader
+
+# OpenCV reads these once, when it is imported: the largest image that it decodes, since a damaged header
+# of a few bytes may claim 2^30 pixels, its own limit; and no log, since POSSE reports bad images.
+os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(16384**2))
+os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
 
 __version__ = "0.1.0"
 

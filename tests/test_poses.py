@@ -203,10 +203,10 @@ def test_urso_as_a_scenario(tmp_path):
     [
         ("{", "not poses of SPEED"),
         ("[]", "has no poses"),
-        ('[{"filename": "a.jpg"}]', "KeyError: 'q_vbs2tango'"),
+        ('[{"filename": "a.jpg"}]', r"0\.q_vbs2tango.*missing"),
         (
             '[{"filename": "a", "q_vbs2tango": [1, 0, 0], "r_Vo2To_vbs_true": [0, 0, 1]}]',
-            "cannot reshape",
+            r"0\.q_vbs2tango\.3: missing",
         ),
         (
             '[{"filename": "a", "q_vbs2tango": [1, 1, 0, 0], "r_Vo2To_vbs_true": [0, 0, 1]}]',
@@ -218,7 +218,7 @@ def test_urso_as_a_scenario(tmp_path):
         ),
         (
             '[{"filename": "a", "q_vbs2tango": [NaN, 0, 0, 0], "r_Vo2To_vbs_true": [0, 0, 1]}]',
-            "a: the q",
+            r"0\.q_vbs2tango\.0: input should be a finite number",
         ),
     ],
 )
@@ -244,5 +244,5 @@ def test_refusals_write_nothing(tmp_path):
         assert isinstance(result.exception, InputError), result.exception
         assert words in str(result.exception)
         assert not (tmp_path / "new").exists()
-    with pytest.raises(InputError, match="there is no file"):
+    with pytest.raises(InputError, match="there is no such file"):
         read_poses(tmp_path / "none.json")

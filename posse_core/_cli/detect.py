@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -75,33 +76,36 @@ def command(
     boxes, finder = open_models(model, keypoints, registry, given)
     detector = PoseDetector(boxes, finder, score)
     intrinsics = None if camera is None else read_camera(camera)
-    if out is not None:
-        _make_folder(out, files)
     results = []
-    for path in files:
-        image = read_image(path)
-        found = detector.detect(image)
-        rows = [_as_json(d, detector, intrinsics) for d in found]
-        results.append({"image": str(path), "detections": rows})
-        if out is not None:
-            drawn = draw(image, found, detector.classes)
-            write_bytes(out / f"{path.stem}.png", cv2.imencode(".png", drawn)[1].tobytes())
-        if not as_json:
-            text = ", ".join(_as_text(row) for row in rows)
-            click.echo(f"{path}: {text or 'nothing'}")
+    with contextlib.nullcontext() if out is None else _made_folder(out, files) as folder:
+        for path in files:
+            image = read_image(path)
+            found = detector.detect(image)
+            rows = [_as_json(d, detector, intrinsics) for d in found]
+            results.append({"image": str(path), "detections": rows})
+            if folder is not None:
+                drawn = draw(image, found, detector.classes)
+                write_bytes(folder / f"{path.stem}.png", cv2.imencode(".png", drawn)[1].tobytes())
+            if not as_json:
+                text = ", ".join(_as_text(row) for row in rows)
+                click.echo(f"{path}: {text or 'nothing'}")
     if as_json:
         echo_json(results)
 
 
-def _make_folder(out: Path, files: Sequence[Path]) -> None:
+@contextlib.contextmanager
+def _made_folder(out: Path, files: Sequence[Path]) -> Iterator[Path]:
+    """The folder to draw into, which becomes ``out`` when all images are drawn."""
+    from posse_core._files.atomic import atomic_folder
+
     stems = [path.stem for path in files]
     twice = next((stem for stem in stems if stems.count(stem) > 1), None)
     if twice is not None:
         raise InputError(f"--out {out}: two images are named {twice!r}; give their folders one by one")
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"--out {out}: cannot be a folder: {error.strerror}") from None
+    if out.exists() and not out.is_dir():
+        raise InputError(f"--out {out}: cannot be a folder: it is a file")
+    with atomic_folder(out) as folder:
+        yield folder
 
 
 def _files(images: Sequence[Path]) -> list[Path]:

@@ -38,7 +38,6 @@ def command(dataset: Path, formats: tuple[str, ...], out: Path | None) -> None:
     source = Dataset(dataset)
     _ = source.manifest  # raises if the run has not ended: no partial export
     folder = source.folder if out is None else out
-    folder.mkdir(parents=True, exist_ok=True)
     for name, writer in writers.items():
         paths = written(writer, name, source, folder)
         if folder.resolve() == source.folder.resolve():

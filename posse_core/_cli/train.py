@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -45,9 +46,15 @@ def command(dataset: Path, detector: str, out: Path, overrides: tuple[str, ...])
     options = registry.options("detector", detector, options_from(overrides), where="option")
     source = open_dataset(dataset)
     _ = source.sha256  # raises if the run has not ended: frames would be missing
+    model: Model = registry.create("detector", detector, options)
+    is_new = not out.exists()
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"--out {out}: cannot be a folder: {error.strerror}") from None
-    model: Model = registry.create("detector", detector, options)
-    click.echo(model.train(source, out))
+    try:
+        click.echo(model.train(source, out))
+    except InputError:
+        if is_new:
+            shutil.rmtree(out)
+        raise

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
-from posse_core._dataset.files import read_json
-from posse_core._errors import InputError
+from pydantic import Field, field_validator, model_validator
+
 from posse_core._files.atomic import write_json
-from posse_core._model.camera import Camera
+from posse_core._files.reading import FileRecord, read_record
+from posse_core._model.camera import MOST_SIDE_PX, Camera
 from posse_core._model.distortion import BrownConrady
 
 
@@ -34,26 +36,50 @@ def write_camera(camera: Camera, path: Path) -> None:
 
 
 def read_camera(path: Path) -> Camera:
-    """Read a file that :func:`write_camera` wrote.
+    """Read a file that :func:`write_camera` wrote, or the ``camera.json`` of SPEED+.
 
     Raises:
         InputError: The file is missing or of another kind.
     """
-    value = read_json(path)
-    try:
-        K, coefficients = value["cameraMatrix"], [float(x) for x in value.get("distCoeffs", [])]
+    return read_record(path, _CameraFile, "a camera file").camera()
+
+
+Size = Annotated[int, Field(ge=1, le=MOST_SIDE_PX)]
+Positive = Annotated[float, Field(gt=0)]
+
+
+class _CameraFile(FileRecord):
+    """The keys of ``camera.json``; see :func:`write_camera`."""
+
+    Nu: Size
+    Nv: Size
+    ppx: Positive
+    cameraMatrix: tuple[tuple[Positive, float, float], tuple[float, Positive, float], tuple[float, ...]]
+    distCoeffs: tuple[float, ...] = ()
+    lineTime_s: Annotated[float, Field(ge=0)] = 0.0
+
+    @field_validator("distCoeffs")
+    @classmethod
+    def _five(cls, coefficients: tuple[float, ...]) -> tuple[float, ...]:
         if any(coefficients[5:]):
-            raise ValueError("distCoeffs has more than the five coefficients of Brown and Conrady")
+            raise ValueError("has more than the five coefficients of Brown and Conrady")
+        return coefficients[:5]
+
+    @model_validator(mode="after")
+    def _is_a_camera(self) -> _CameraFile:
+        self.camera()  # raises ValueError where the distortion folds over
+        return self
+
+    def camera(self) -> Camera:
+        (fx_px, _, cx_px), (_, fy_px, cy_px), _ = self.cameraMatrix
         return Camera(
-            width_px=int(value["Nu"]),
-            height_px=int(value["Nv"]),
-            fx_px=float(K[0][0]),
-            fy_px=float(K[1][1]),
-            cx_px=float(K[0][2]),
-            cy_px=float(K[1][2]),
-            sensor_width_m=float(value["ppx"] * value["Nu"]),
-            line_time_s=float(value.get("lineTime_s", 0)),
-            distortion=BrownConrady(*coefficients[:5]) if any(coefficients) else None,
+            width_px=self.Nu,
+            height_px=self.Nv,
+            fx_px=fx_px,
+            fy_px=fy_px,
+            cx_px=cx_px,
+            cy_px=cy_px,
+            sensor_width_m=self.ppx * self.Nu,
+            line_time_s=self.lineTime_s,
+            distortion=BrownConrady(*self.distCoeffs) if any(self.distCoeffs) else None,
         )
-    except (KeyError, IndexError, TypeError, ValueError) as error:
-        raise InputError(f"{path}: not a camera file: {type(error).__name__}: {error}") from None

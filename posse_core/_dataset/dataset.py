@@ -6,13 +6,14 @@ import hashlib
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, Annotated, overload
 
 import numpy as np
+from pydantic import Field
 
 from posse_core._arrays import AnyArray, Float32Array, IntArray
 from posse_core._dataset.camera import read_camera
-from posse_core._dataset.files import read_arrays, read_json
+from posse_core._dataset.files import read_arrays
 from posse_core._dataset.frame_table import frame_table
 from posse_core._dataset.images import LabelledImages
 from posse_core._dataset.layout import (
@@ -29,6 +30,7 @@ from posse_core._dataset.lines import LabelLines
 from posse_core._dataset.spacecraft import read_spacecraft
 from posse_core._errors import InputError
 from posse_core._files.atomic import sha256
+from posse_core._files.reading import FileRecord, read_bytes, read_record, read_text
 from posse_core._files.trajectory import load_trajectory
 from posse_core._model.camera import Camera
 from posse_core._model.label_line import LabelLine
@@ -37,6 +39,18 @@ from posse_core._model.trajectory import Trajectory
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+class Partition(FileRecord):
+    """The file that ``posse partition`` writes.
+
+    Attributes:
+        parts: part → indices of its frames.
+        by: what was shuffled, ``frame`` or ``sequence``.
+    """
+
+    parts: dict[str, tuple[Annotated[int, Field(ge=0, lt=2**63)], ...]]
+    by: str = "frame"
 
 
 class Dataset(LabelledImages):
@@ -160,7 +174,7 @@ class Dataset(LabelledImages):
                 f"{self.folder}: the run has not ended (no {MANIFEST}); use 'posse run --resume'"
             )
         try:
-            return Manifest.from_json(path.read_bytes())
+            return Manifest.from_json(read_bytes(path))
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
 
@@ -168,7 +182,7 @@ class Dataset(LabelledImages):
     def digests(self) -> Mapping[str, str]:
         """Image or array file → its SHA-256 when it was written; ``sha256sum`` can check the list."""
         path = inside(self.folder, self.manifest.frame_checksums)
-        rows = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
+        rows = read_text(path).splitlines() if path.is_file() else []
         files = (row.partition("  ") for row in rows if not row.startswith("#"))
         return {name: digest for digest, _, name in files}
 
@@ -196,19 +210,34 @@ class Dataset(LabelledImages):
         """Motion, attitudes, Sun and illumination; the row of a frame is its index.
 
         Raises:
-            InputError: The file is missing or damaged.
+            InputError: The file is missing or damaged, or lacks the row of a frame.
         """
-        return load_trajectory(self.folder / TRAJECTORY)
+        trajectory = load_trajectory(self.folder / TRAJECTORY)
+        if len(self) and self.indices[-1] >= len(trajectory):
+            raise InputError(
+                f"{self.folder / TRAJECTORY}: has {len(trajectory)} rows, and none of frame"
+                f" {self.indices[-1]}; see 'posse validate'"
+            )
+        return trajectory
 
     @property
     def is_divided(self) -> bool:
         """Whether ``posse partition`` has divided the dataset into parts."""
         return (self.folder / PARTITION_FILE).exists()
 
-    def part(self, name: str) -> list[int]:
+    @property
+    def partition(self) -> Partition:
+        """The parts of the dataset.
+
+        Raises:
+            InputError: ``posse partition`` has not divided the dataset, or its file is damaged.
+        """
         if not self.is_divided:
             raise InputError(f"{self.folder}: not divided into parts; run 'posse partition' on it first")
-        parts = read_json(self.folder / PARTITION_FILE)["parts"]
+        return read_record(self.folder / PARTITION_FILE, Partition, "a partition")
+
+    def part(self, name: str) -> list[int]:
+        parts = self.partition.parts
         if name not in parts:
             raise InputError(f"{self.folder}: has no part {name!r}; it has {', '.join(parts)}")
         return [self.position(index) for index in parts[name]]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,8 @@ import numpy as np
 
 from posse_core._arrays import AnyArray
 from posse_core._errors import InputError
+from posse_core._files.pictures import decoded_image
+from posse_core._files.reading import parsed_json, read_bytes, read_npz
 
 
 def read_image(path: Path) -> AnyArray:
@@ -19,9 +20,9 @@ def read_image(path: Path) -> AnyArray:
     Raises:
         InputError: The file is missing, or is not an image.
     """
-    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED) if path.exists() else None
-    if image is None:
-        raise InputError(f"{path}: {'not an image' if path.exists() else 'missing'}")
+    image = decoded_image(read_bytes(path, missing="missing"), cv2.IMREAD_UNCHANGED)
+    if image is None or image.dtype not in (np.uint8, np.uint16):
+        raise InputError(f"{path}: not an image")
     return np.asarray(image if image.ndim == 2 else image[..., 2::-1])
 
 
@@ -31,11 +32,7 @@ def read_arrays(path: Path) -> dict[str, AnyArray]:
     Raises:
         InputError: The file is missing or damaged.
     """
-    try:
-        with np.load(path, allow_pickle=False) as arrays:
-            return dict(arrays)
-    except Exception as error:  # zipfile, zlib and numpy raise various errors for a damaged file
-        raise InputError(f"{path}: cannot be read: {error}") from None
+    return read_npz(path, lambda name: True)
 
 
 def read_json(path: Path) -> dict[str, Any]:
@@ -44,10 +41,7 @@ def read_json(path: Path) -> dict[str, Any]:
     Raises:
         InputError: The file is missing, or does not contain a JSON object.
     """
-    try:
-        value = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read: {error}") from None
+    value = parsed_json(read_bytes(path), str(path))
     if not isinstance(value, dict):
         raise InputError(f"{path}: does not contain a JSON object")
     return value

@@ -44,6 +44,6 @@ def inside(folder: Path, name: str) -> Path:
         InputError: The name leads out of the folder.
     """
     path = PurePosixPath(name)
-    if path.is_absolute() or ".." in path.parts:
+    if path.is_absolute() or ".." in path.parts or "\0" in name:
         raise InputError(f"{folder}: names the file {name!r}, which is outside the folder")
     return folder / name

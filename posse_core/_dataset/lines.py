@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterator
 from itertools import groupby
@@ -10,6 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from posse_core._errors import InputError
+from posse_core._files.reading import check_file, parsed_json
+
+_INDEX_LIMIT = 10**15
 _WHOLE = re.compile(rb'\{"index": ?(\d{1,15})[,}].*\}\n', re.DOTALL)
 
 
@@ -22,6 +25,9 @@ class LabelLines:
     Attributes:
         indices: (F,) int64, ascending; an index that has two lines occurs twice.
         damaged: ``"shard, line n"`` of each complete line that is not a label line.
+
+    Raises:
+        InputError: A shard is not a file.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -29,6 +35,7 @@ class LabelLines:
         self.damaged: list[str] = []
         entries: list[tuple[int, int, int]] = []
         for shard, path in enumerate(self._shards):
+            check_file(path)
             with open(path, "rb") as stream:
                 offset = 0
                 for number, line in enumerate(stream, 1):
@@ -69,7 +76,7 @@ def _index_of(line: bytes) -> int | None:
     if match := _WHOLE.fullmatch(line):
         return int(match[1])
     try:
-        index = json.loads(line)["index"]
-    except (ValueError, KeyError, TypeError):
+        index = parsed_json(line, "a label line")["index"]
+    except (InputError, KeyError, TypeError):
         return None
-    return index if type(index) is int and index >= 0 else None
+    return index if type(index) is int and 0 <= index < _INDEX_LIMIT else None

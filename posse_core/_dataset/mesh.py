@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,6 +14,7 @@ from scipy.spatial.distance import pdist
 from posse_core._arrays import FloatArray, IntArray
 from posse_core._errors import InputError
 from posse_core._files.atomic import write_bytes
+from posse_core._files.reading import read_bytes
 
 _VERTEX = np.dtype([("x", "<f8"), ("y", "<f8"), ("z", "<f8")])
 _FACE = np.dtype([("count", "u1"), ("vertices", "<i4", (3,)), ("part_id", "<i2")])
@@ -28,6 +30,8 @@ property list uchar int vertex_indices
 property short part_id
 end_header
 """
+_COUNT = r"([0-9]{1,9})"
+_HEADER_PATTERN = re.compile(_PLY_HEADER.format(vertices=_COUNT, faces=_COUNT).encode())
 
 
 @dataclass(frozen=True)
@@ -66,21 +70,24 @@ def read_mesh(path: Path) -> Mesh:
     Raises:
         InputError: The file is missing, incomplete, or written by another program.
     """
-    if not path.exists():
-        raise InputError(f"{path}: missing; the dataset is incomplete")
-    header, mark, body = path.read_bytes().partition(b"end_header\n")
-    counts = [int(row.split()[2]) for row in header.splitlines() if row.startswith(b"element ")]
-    if (
-        len(counts) != 2
-        or _PLY_HEADER.format(vertices=counts[0], faces=counts[1]).encode() != header + mark
-    ):
-        raise InputError(f"{path}: not a mesh file of POSSE")
-    split = counts[0] * _VERTEX.itemsize
-    if len(body) != split + counts[1] * _FACE.itemsize:
-        raise InputError(f"{path}: incomplete")
-    faces = np.frombuffer(body[split:], _FACE)
-    return Mesh(
-        vertices_body_m=np.frombuffer(body[:split], "<f8").reshape(-1, 3).copy(),
-        faces=faces["vertices"].astype(np.int32),
-        part_id=faces["part_id"].astype(np.int16),
+    header, mark, body = read_bytes(path, missing="missing; the dataset is incomplete").partition(
+        b"end_header\n"
     )
+    found = re.fullmatch(_HEADER_PATTERN, header + mark)
+    if found is None:
+        raise InputError(f"{path}: not a mesh file of POSSE")
+    vertices, faces = int(found[1]), int(found[2])
+    split = vertices * _VERTEX.itemsize
+    if len(body) != split + faces * _FACE.itemsize:
+        raise InputError(f"{path}: incomplete")
+    rows = np.frombuffer(body[split:], _FACE)
+    mesh = Mesh(
+        vertices_body_m=np.frombuffer(body[:split], "<f8").reshape(-1, 3).copy(),
+        faces=rows["vertices"].astype(np.int32),
+        part_id=rows["part_id"].astype(np.int16),
+    )
+    if not np.isfinite(mesh.vertices_body_m).all():
+        raise InputError(f"{path}: damaged: a vertex is not finite")
+    if not faces or mesh.faces.min() < 0 or mesh.faces.max() >= vertices:
+        raise InputError(f"{path}: damaged: a triangle refers to a vertex that does not exist")
+    return mesh

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from posse_core._arrays import FloatArray
-from posse_core._dataset.files import read_json
 from posse_core._dataset.mesh import Mesh, write_mesh
 from posse_core._errors import InputError
 from posse_core._files.atomic import write_json
+from posse_core._files.reading import FileRecord, read_record
 from posse_core._model.spacecraft import Spacecraft
 
 
@@ -61,14 +61,26 @@ def read_spacecraft(path: Path) -> SpacecraftInfo:
     Raises:
         InputError: The file is missing or of another kind.
     """
-    value = read_json(path)
-    try:
-        return SpacecraftInfo(
-            name=str(value["name"]),
-            parts=tuple(value["parts"]),
-            keypoints_body_m={k: np.array(x, dtype=np.float64) for k, x in value["keypoints"].items()},
-            skeleton=tuple((str(a), str(b)) for a, b in value["skeleton"]),
-            symmetries=tuple(np.array(R, dtype=np.float64) for R in value["symmetries"]),
-        )
-    except (KeyError, AttributeError, TypeError, ValueError) as error:
-        raise InputError(f"{path}: not a spacecraft file: {type(error).__name__}: {error}") from None
+    record = read_record(path, _SpacecraftFile, "a spacecraft file")
+    if record.name != path.stem:
+        raise InputError(f"{path}: name: is {record.name!r}, and the file is named {path.stem!r}")
+    return SpacecraftInfo(
+        name=record.name,
+        parts=record.parts,
+        keypoints_body_m={k: np.array(x) for k, x in record.keypoints.items()},
+        skeleton=record.skeleton,
+        symmetries=tuple(np.array(R) for R in record.symmetries),
+    )
+
+
+Vector = tuple[float, float, float]
+
+
+class _SpacecraftFile(FileRecord):
+    """The keys of ``NAME.json``; see :class:`SpacecraftInfo`."""
+
+    name: str
+    parts: tuple[str, ...]
+    keypoints: dict[str, Vector]
+    skeleton: tuple[tuple[str, str], ...]
+    symmetries: tuple[tuple[Vector, Vector, Vector], ...]

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from posse_core._arrays import FloatArray
 from posse_core._dataset.dataset import Dataset
@@ -18,6 +17,7 @@ from posse_core._files.tables import read_table
 from posse_core._frames import matrix_from_quaternion, unit
 from posse_core._model.camera import Camera
 from posse_core._model.label_line import LabelLine
+from posse_core._scenario.yaml_lines import YamlText
 from posse_core._sky.ellipsoid import SEMI_AXES_M, entry_distance_m
 
 BACKGROUNDS = ("space", "limb", "Earth by day", "Earth by night")
@@ -102,8 +102,8 @@ def _scenario_file(dataset: Dataset, line: LabelLine) -> Path | None:
 def _earth_in(scenario: Path) -> bool:
     """Say whether the sky of a scenario has an Earth."""
     try:
-        return bool(yaml.safe_load(scenario.read_text(encoding="utf-8"))["sky"]["earth"])
-    except (OSError, yaml.YAMLError, KeyError, TypeError) as error:
+        return bool(YamlText.read(scenario).value["sky"]["earth"])
+    except (KeyError, TypeError) as error:
         raise InputError(
             f"{scenario}: not a resolved scenario: {type(error).__name__}: {error}"
         ) from None

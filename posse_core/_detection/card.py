@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import json
-import struct
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
+from pydantic import Field, TypeAdapter, ValidationError
 
 from posse_core._arrays import FloatArray
 from posse_core._dataset.images import LabelledImages
 from posse_core._errors import InputError
+from posse_core._files.reading import FileRecord, check_file, record_of
+from posse_core._model.label_line import first_fault
 
 KEY = "posse_model"
 """The metadata key of safetensors and ONNX files under which the card is stored as JSON."""
 _FORMAT = 1
+_MOST = 1000
+"""The most classes, and the most keypoints, of a network."""
+_Position = Annotated[list[float], Field(min_length=3, max_length=3)]
 
 
 @dataclass(frozen=True)
@@ -38,17 +43,19 @@ class ModelCard:
         version: version of the distribution that trained it.
     """
 
+    __pydantic_config__ = FileRecord.model_config  # how the card of a file is checked
+
     net: str
     task: str
-    classes: tuple[str, ...]
-    input_px: int
+    classes: Annotated[tuple[str, ...], Field(min_length=1, max_length=_MOST)]
+    input_px: Annotated[int, Field(ge=8, le=4096)]
     dataset_sha256: str
     scenario_sha256: str
     version: str
-    keypoints_body_m: Mapping[str, Mapping[str, list[float]]] = field(default_factory=dict)
+    keypoints_body_m: Mapping[str, Mapping[str, _Position]] = field(default_factory=dict)
     symmetries: Mapping[str, list[list[list[float]]]] = field(default_factory=dict)
     options: Mapping[str, Any] = field(default_factory=dict)
-    epochs: int = 0
+    epochs: Annotated[int, Field(ge=0)] = 0
 
     @classmethod
     def of_dataset(
@@ -90,18 +97,14 @@ class ModelCard:
         Raises:
             InputError: The file is missing, of another format, or without a card.
         """
-        try:
-            with open(path, "rb") as stream:
-                (length,) = struct.unpack("<Q", stream.read(8))
-                if length > path.stat().st_size:
-                    raise ValueError("its header is longer than the file")
-                header = json.loads(stream.read(length))
-            metadata = header.get("__metadata__", {})
-        except OSError as error:
-            raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-        except (struct.error, ValueError, AttributeError):
-            raise InputError(f"{path}: not a safetensors file") from None
-        return cls.from_metadata(metadata, path)
+        check_file(path)
+        with open(path, "rb") as stream:
+            length = int.from_bytes(stream.read(8), "little")
+            if length > path.stat().st_size:
+                raise InputError(f"{path}: not a safetensors file: its header is longer than the file")
+            text = stream.read(length)
+        header = record_of(text, _Header, f"{path}: not a safetensors file")
+        return cls.from_metadata(header.metadata, path)
 
     @property
     def keypoint_outputs(self) -> dict[str, slice]:
@@ -136,10 +139,34 @@ class ModelCard:
             raise InputError(
                 f"{path}: has no POSSE metadata; give a model of 'posse train' or 'posse export-onnx'"
             )
+        text, where = metadata[KEY].encode(), f"{path}: its POSSE metadata cannot be read"
+        if record_of(text, _Format, where).format != _FORMAT:
+            raise InputError(f"{where}: written by another version of POSSE")
         try:
-            value = json.loads(metadata[KEY])
-            if value.pop("format") != _FORMAT:
-                raise ValueError("written by another version of POSSE")
-            return cls(**{**value, "classes": tuple(value["classes"])})
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
-            raise InputError(f"{path}: its POSSE metadata cannot be read: {error}") from None
+            card = TypeAdapter(cls).validate_json(text)
+        except ValidationError as error:
+            raise InputError(f"{where}: {first_fault(error)}") from None
+        if len(set(card.classes)) < len(card.classes):
+            raise InputError(f"{where}: classes: one of {', '.join(card.classes)} is given twice")
+        if card.task == "keypoints":
+            card._check_keypoints(where)
+        return card
+
+    def _check_keypoints(self, where: str) -> None:
+        for name in self.classes:
+            if name not in self.keypoints_body_m:
+                raise InputError(f"{where}: keypoints_body_m: has no keypoints of {name!r}")
+        if not 0 < sum(map(len, self.keypoints_body_m.values())) <= _MOST:
+            raise InputError(f"{where}: keypoints_body_m: has no keypoints, or more than {_MOST}")
+
+
+class _Header(FileRecord):
+    """The header of a safetensors file, as far as it is read here."""
+
+    metadata: dict[str, str] = Field(default_factory=dict, alias="__metadata__")
+
+
+class _Format(FileRecord):
+    """The version of a card."""
+
+    format: int

@@ -21,6 +21,7 @@ from posse_core._errors import InputError
 
 NEAR_CIRCULAR_E = 0.01
 _INSTANTS = 181
+_MOST_INSTANTS = 120
 _NEGLIGIBLE_M_S = 1e-9
 _SAME_INSTANT_S = 1e-6
 
@@ -66,7 +67,7 @@ def transfer(
         window_s: first and last instant of an impulse; ``to_roe`` holds at the last.
 
     Raises:
-        InputError: The window is too short for the impulses that are needed.
+        InputError: The window is too short for the impulses that are needed, or too long to be searched.
     """
     n = math.sqrt(mu_m3_s2 / chief_qns[0] ** 3)
     arrival = np.array(from_roe)
@@ -129,9 +130,19 @@ def _tangential(
 def _instants(
     u: float, u_0: float, window_s: tuple[float, float], n: float, step: float
 ) -> list[tuple[float, int]]:
-    """Instants in the window at mean argument of latitude u + k·step, each with the parity of k."""
+    """Instants in the window at mean argument of latitude u + k·step, each with the parity of k.
+
+    Raises:
+        InputError: There are more than can be combined in reasonable time.
+    """
     first = math.ceil((n * window_s[0] + u_0 - u) / step - 1e-9)
     last = math.floor((n * window_s[1] + u_0 - u) / step + 1e-9)
+    if last - first >= _MOST_INSTANTS:
+        raise InputError(
+            f"relative.plan.transfer: the window is too long, since the best three of at most"
+            f" {_MOST_INSTANTS} instants half an orbit apart are sought; make it {_MOST_INSTANTS // 2}"
+            " orbits or shorter"
+        )
     return [((u + k * step - u_0) / n, k % 2) for k in range(first, last + 1)]
 
 

@@ -7,14 +7,12 @@ differ from the model at the outline.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import trimesh
-import yaml
 from pydantic import ValidationError
 
 from posse_core._arrays import BoolArray, FloatArray
@@ -23,10 +21,12 @@ from posse_core._dataset.files import read_image, read_json
 from posse_core._errors import InputError
 from posse_core._evaluation.raster import depth_of_mesh
 from posse_core._evaluation.result import Fault, Report, Result
+from posse_core._files.reading import parsed_json, read_bytes, read_text
 from posse_core._model.camera import Camera
 from posse_core._model.label_line import first_fault
 from posse_core._model.labels import NOT_IN_FRAME, VISIBLE
 from posse_core._model.run_lengths import RunLengths
+from posse_core._scenario.yaml_lines import YamlText
 
 ROUNDED_NUMBER_ERROR = 1e-3
 """How far off another program's numbers about 1 may be, since files may hold four digits: the length of
@@ -56,7 +56,7 @@ def validate_foreign(path: Path) -> Report | None:
         return None
     try:
         results = prove(path)
-    except (KeyError, IndexError, OSError, TypeError, ValueError, yaml.YAMLError) as error:
+    except (ArithmeticError, AttributeError, LookupError, OSError, TypeError, ValueError) as error:
         raise InputError(
             f"{path}: not laid as its format asks: {type(error).__name__}: {error}"
         ) from None
@@ -64,10 +64,7 @@ def validate_foreign(path: Path) -> Report | None:
 
 
 def _json_file(path: Path) -> list[Result]:
-    try:
-        value = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise InputError(f"{path}: not JSON: {error}") from None
+    value = parsed_json(read_bytes(path), str(path))
     if isinstance(value, dict) and {"images", "annotations", "categories"} <= value.keys():
         return _coco(path, value)
     if isinstance(value, list) and value and "r_Vo2To_vbs_true" in value[0]:
@@ -258,7 +255,7 @@ def _depth_faults(depth_mm: FloatArray, model_mm: FloatArray, mask: BoolArray) -
 
 
 def _yolo(folder: Path) -> list[Result]:
-    data = yaml.safe_load((folder / "data.yaml").read_text(encoding="utf-8"))
+    data = YamlText.read(folder / "data.yaml").value
     root, (count, each) = folder / data.get("path", "."), data["kpt_shape"]
     classes = set(data["names"] if isinstance(data["names"], dict) else range(len(data["names"])))
     lists = {part: _yolo_images(root, data[part]) for part in ("train", "val", "test") if data.get(part)}
@@ -273,7 +270,7 @@ def _yolo(folder: Path) -> list[Result]:
         if not image.is_file() or not text.is_file():
             files.faults.append(Fault(number, f"{(text if image.is_file() else image).name}: missing"))
             continue
-        for row in text.read_text(encoding="utf-8").splitlines():
+        for row in read_text(text).splitlines():
             numbers = np.array(row.split(), dtype=np.float64)
             rows.checked += 1
             if len(numbers) != 5 + count * each or int(numbers[0]) not in classes:
@@ -293,7 +290,7 @@ def _yolo_images(root: Path, entry: str) -> set[Path]:
     """Images of a part: a folder's, or those that a text file lists from its own folder."""
     if (root / entry).is_dir():
         return {path for path in (root / entry).rglob("*") if path.suffix.lower() in _IMAGES}
-    names = (root / entry).read_text(encoding="utf-8").split("\n")
+    names = read_text(root / entry).split("\n")
     return {(root / entry).parent / name.strip() for name in names if name.strip()}
 
 

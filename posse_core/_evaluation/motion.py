@@ -8,8 +8,10 @@ import numpy as np
 
 from posse_core import _frames as frames
 from posse_core._dataset.dataset import Dataset
+from posse_core._dataset.layout import TRAJECTORY
 from posse_core._errors import InputError
 from posse_core._evaluation.result import Fault, Result
+from posse_core._files.trajectory import load_trajectory
 from posse_core._model.label_line import LabelLine
 from posse_core._model.trajectory import Trajectory
 
@@ -23,7 +25,7 @@ def check_motion(dataset: Dataset) -> Result:
     """Compare each frame's time, pose and Sun with its row of ``trajectory.npz``."""
     result = Result("trajectory", "time, pose and Sun are those of the frame's row in the trajectory")
     try:
-        trajectory = dataset.trajectory
+        trajectory = load_trajectory(dataset.folder / TRAJECTORY)
     except InputError as error:
         result.faults.append(Fault(None, str(error)))
         return result

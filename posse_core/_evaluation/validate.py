@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from posse_core._dataset.dataset import Dataset
-from posse_core._dataset.files import read_image, read_json
-from posse_core._dataset.layout import IMAGES, LABELS, PARTITION_FILE, TRUTH, inside
+from posse_core._dataset.files import read_image
+from posse_core._dataset.layout import IMAGES, LABELS, TRUTH, inside
 from posse_core._errors import InputError
 from posse_core._evaluation.case import Case
 from posse_core._evaluation.checks import CHECKS, SCHEMA
@@ -19,6 +18,7 @@ from posse_core._evaluation.exports import check_exports
 from posse_core._evaluation.motion import check_motion
 from posse_core._evaluation.result import Fault, Report, Result
 from posse_core._files.atomic import sha256
+from posse_core._files.reading import parsed_json
 from posse_core._model.label_line import LabelLine
 from posse_core._model.manifest import Manifest
 
@@ -102,10 +102,10 @@ def _frame(index: int, line: bytes) -> _Frame:
 def _files_named(line: bytes) -> tuple[str, ...]:
     """The files of a line that is at fault elsewhere."""
     try:
-        values = json.loads(line)
-        return tuple(x for x in (values.get("image"), values.get("truth")) if isinstance(x, str))
-    except ValueError:
+        values = parsed_json(line, LABELS)
+    except InputError:
         return ()
+    return tuple(x for x in (values.get("image"), values.get("truth")) if isinstance(x, str))
 
 
 def _lines(dataset: Dataset) -> Result:
@@ -189,12 +189,11 @@ def _shows_something(path: Path) -> bool:
 
 def _partition(dataset: Dataset, frames: Sequence[_Frame]) -> Result:
     result = Result("partition", "no frame, and no sequence kept whole, is in two parts")
-    path = dataset.folder / PARTITION_FILE
-    if not path.exists():
+    if not dataset.is_divided:
         return result
-    partition = read_json(path)
+    partition = dataset.partition
     part_of: dict[int, str] = {}
-    for part, indices in partition["parts"].items():
+    for part, indices in partition.parts.items():
         for index in indices:
             result.checked += 1
             if part_of.setdefault(index, part) != part:
@@ -204,7 +203,7 @@ def _partition(dataset: Dataset, frames: Sequence[_Frame]) -> Result:
         Fault(i, "is in a part, and not in the dataset") for i in sorted(set(part_of) - there)
     ]
     result.faults += [Fault(i, "is in no part") for i in sorted(there - set(part_of))]
-    if partition.get("by") == "sequence":
+    if partition.by == "sequence":
         result.faults += _leaks(frames, part_of)
     return result
 

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import hashlib
 import json
 import os
+import shutil
+import stat
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
 
 PARTIAL = ".partial"
-"""Suffix of a file that is being written. One that is left over is from a process that was killed."""
+"""Suffix of a file or folder that is being written. One left over is from a process that was killed."""
 
 _CHUNK_BYTES = 1 << 20
 """Bytes read at a time. ``hashlib.file_digest`` is slower for small files: it fills a large buffer."""
@@ -45,6 +48,43 @@ def atomic_file(path: Path) -> Iterator[BinaryIO]:
         raise
 
 
+@contextlib.contextmanager
+def atomic_folder(folder: Path) -> Iterator[Path]:
+    """Give an empty folder, whose files move into ``folder`` when the block ends without an error.
+
+    Otherwise nothing is left. ``folder`` is made if need be; other files in it stay, and files of the
+    same names are replaced, each atomically.
+
+    Raises:
+        OSError: The folder cannot be made, or the disk is full.
+    """
+    above = next(path for path in (folder, *folder.absolute().parents) if path.is_dir())
+    building = Path(tempfile.mkdtemp(PARTIAL, f".{folder.name}.", above))
+    try:
+        yield building
+        folder.mkdir(parents=True, exist_ok=True)
+        for path in sorted(building.rglob("*")):
+            target = folder / path.relative_to(building)
+            if path.is_dir():
+                target.mkdir(exist_ok=True)
+            else:
+                os.replace(path, target)
+    finally:
+        shutil.rmtree(building, ignore_errors=True)
+
+
+def remove_partial(folder: Path) -> None:
+    """Remove what a process that was killed left unfinished directly in a folder."""
+    for name in os.listdir(folder):
+        path = folder / name
+        if not name.endswith(PARTIAL):
+            continue
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            path.unlink(missing_ok=True)
+
+
 def write_bytes(path: Path, data: bytes) -> None:
     """Write a complete file atomically."""
     with atomic_file(path) as stream:
@@ -58,10 +98,17 @@ def write_json(path: Path, value: Any) -> None:
 
 
 def sha256(path: Path | str) -> str:
-    """Return the hexadecimal SHA-256 digest of a file."""
+    """Return the hexadecimal SHA-256 digest of a file.
+
+    Raises:
+        OSError: There is no such file, or it is a folder, a pipe or a device.
+    """
     digest = hashlib.sha256()
-    descriptor = os.open(path, os.O_RDONLY)  # faster than open() for many small files
+    # This is faster than open() for many small files. A pipe would be waited for without O_NONBLOCK.
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
     try:
+        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+            raise IsADirectoryError(errno.EISDIR, "Is not a file", str(path))
         while chunk := os.read(descriptor, _CHUNK_BYTES):
             digest.update(chunk)
     finally:

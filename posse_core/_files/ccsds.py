@@ -16,6 +16,7 @@ import numpy as np
 from posse_core._arrays import FloatArray
 from posse_core._environment.time import SECONDS_PER_DAY, Epoch
 from posse_core._errors import InputError
+from posse_core._files.reading import read_text
 
 TIME_SYSTEMS = ("UTC", "TAI", "TT", "GPS")
 _MINUS_TAI_S = {"TAI": 0.0, "TT": 32.184, "GPS": -19.0}
@@ -57,10 +58,7 @@ def data_lines(
         InputError: The file is of another kind, or has a line or keyword that cannot be used; the
             message names the file and the line.
     """
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read: {error}") from error
+    lines = read_text(path).splitlines()
     if not lines or not re.match(rf"\s*CCSDS_{message}_VERS\s*=", lines[0]):
         raise InputError(
             f"{path}: does not begin with CCSDS_{message}_VERS; give an {message} in keyword notation"
@@ -83,6 +81,8 @@ def data_lines(
             if inside:
                 meta[key.strip()] = value.strip().upper()
         elif not skipping:
+            if inside or not meta:
+                raise InputError(f"{source}: data line before the first META block, or within one")
             yield _data_line(text, meta, epoch, source)
 
 
@@ -94,8 +94,6 @@ def _check_meta(meta: Mapping[str, str], known: Mapping[str, Sequence[str]], sou
 
 
 def _data_line(text: str, meta: Mapping[str, str], epoch: Epoch, source: str) -> DataLine:
-    if not meta:
-        raise InputError(f"{source}: data line before the first META block")
     words = text.split()
     try:
         numbers = np.array([float(word) for word in words[1:]])

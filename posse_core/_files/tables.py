@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 import re
-import zipfile
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,10 +25,14 @@ import numpy as np
 from posse_core._arrays import AnyArray, FloatArray
 from posse_core._errors import InputError
 from posse_core._files.atomic import atomic_file
+from posse_core._files.reading import read_npz, read_text
 
 _VECTOR = ("_x", "_y", "_z")
 _SUFFIXES = {"q": ("_w", *_VECTOR), "r": _VECTOR, "v": _VECTOR, "omega": _VECTOR}
 _EXTRA = "extra_"
+_QUATERNION_LENGTH_ERROR = 1e-3
+"""Largest allowed difference of a quaternion's length from 1."""
+_MISSING = "there is no such file; make one with 'posse propagate'"
 _EXTRA_COLUMN = re.compile(rf"{_EXTRA}(\w+?)((?:\[\d+\])*)")
 
 
@@ -74,9 +78,7 @@ def read_table(path: Path, names: Collection[str], *, extras: bool = False) -> T
                 epoch_utc, raw, found = _read_csv(path, names, extras)
             case _:
                 raise _unknown_suffix(path)
-    except FileNotFoundError:
-        raise InputError(f"there is no file {path}; make one with 'posse propagate'") from None
-    except (OSError, EOFError, TypeError, ValueError, zipfile.BadZipFile) as error:
+    except (csv.Error, TypeError, ValueError) as error:
         raise InputError(f"{path} cannot be read as {path.suffix[1:].upper()}: {error}") from None
     if not raw:
         raise InputError(f"{path} has none of {', '.join(names)}")
@@ -103,7 +105,29 @@ def _checked(array: AnyArray, shape: tuple[int, ...], name: str, path: Path) -> 
     numbers = array.astype(np.float64)
     if numbers.size == 0 or not np.all(np.isfinite(numbers)):
         raise InputError(f"{path}: {name} is empty or has a value that is not a finite number")
+    if name.startswith("q_"):
+        off = np.abs(np.linalg.norm(numbers, axis=-1) - 1) > _QUATERNION_LENGTH_ERROR
+        if off.any():
+            raise InputError(
+                f"{path}: {name}, row {off.argmax() + 1}: a quaternion is not of length one"
+            )
     return numbers
+
+
+def check_orbit(path: Path, r_eci_m: FloatArray, v_eci_m_s: FloatArray) -> None:
+    """Check that each state (F, 3), (F, 3) of a file defines the plane of an orbit, and so RTN axes.
+
+    Raises:
+        InputError: Position and velocity are parallel or zero, or beyond what can be computed with.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        momentum = np.linalg.norm(np.cross(r_eci_m, v_eci_m_s), axis=-1)
+    bad = ~((momentum > 0) & np.isfinite(momentum))
+    if bad.any():
+        raise InputError(
+            f"{path}: state {bad.argmax() + 1}: the target's position and velocity are zero or parallel,"
+            " so its orbit has no plane; give metres and metres per second in ECI axes"
+        )
 
 
 def write_table(
@@ -159,16 +183,19 @@ _Read = tuple[str | None, dict[str, AnyArray], dict[str, AnyArray]]
 
 
 def _read_npz(path: Path, names: Collection[str], extras: bool) -> _Read:
-    with np.load(path, allow_pickle=False) as archive:
-        epoch_utc = str(archive["epoch_utc"]) if "epoch_utc" in archive else None
-        arrays = {name: np.atleast_1d(archive[name]) for name in names if name in archive}
-        more = [name for name in archive.files if extras and name.startswith(_EXTRA)]
-        return epoch_utc, arrays, {name[len(_EXTRA) :]: np.atleast_1d(archive[name]) for name in more}
+    def wanted(name: str) -> bool:
+        return name == "epoch_utc" or name in names or (extras and name.startswith(_EXTRA))
+
+    found = read_npz(path, wanted, _MISSING)
+    epoch_utc = str(found["epoch_utc"]) if "epoch_utc" in found else None
+    arrays = {name: np.atleast_1d(found[name]) for name in names if name in found}
+    more = [name for name in found if name not in arrays and name.startswith(_EXTRA)]
+    return epoch_utc, arrays, {name[len(_EXTRA) :]: np.atleast_1d(found[name]) for name in more}
 
 
 def _read_csv(path: Path, names: Collection[str], extras: bool) -> _Read:
-    with open(path, newline="", encoding="utf-8") as stream:
-        header, *rows = [row for row in csv.reader(stream, skipinitialspace=True) if row] or [[]]
+    lines = io.StringIO(read_text(path, _MISSING), newline="")
+    header, *rows = [row for row in csv.reader(lines, skipinitialspace=True) if row] or [[]]
     index_of = {column: index for index, column in enumerate(header)}
 
     def column_of(name: str) -> FloatArray:
@@ -182,6 +209,10 @@ def _read_csv(path: Path, names: Collection[str], extras: bool) -> _Read:
             arrays[name] = np.stack(parts, axis=-1) if len(parts) > 1 else parts[0]
     more: dict[str, AnyArray] = {}
     for name, shape in (_extra_shapes(header) if extras else {}).items():
+        if math.prod(shape) > len(header):
+            raise InputError(
+                f"{path} has fewer columns of {_EXTRA + name} than the last one's index says"
+            )
         wanted = [_EXTRA + name + suffix for suffix in _suffixes(shape)]
         missing = next((column for column in wanted if column not in index_of), None)
         if missing is not None:
@@ -190,7 +221,8 @@ def _read_csv(path: Path, names: Collection[str], extras: bool) -> _Read:
             )
         parts = [column_of(column) for column in wanted]
         more[name] = np.stack(parts, axis=-1).reshape(len(rows), *shape)
-    epoch_utc = rows[0][index_of["epoch_utc"]] if rows and "epoch_utc" in index_of else None
+    epochs = [row[at : at + 1] for row in rows[:1] if (at := index_of.get("epoch_utc")) is not None]
+    epoch_utc = epochs[0][0] if epochs and epochs[0] else None
     return epoch_utc, arrays, more
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from posse_core._arrays import AnyArray
 from posse_core._errors import InputError
-from posse_core._files.tables import read_table, write_table
+from posse_core._files.tables import check_orbit, read_table, write_table
 from posse_core._model.trajectory import TRAJECTORY_ARRAYS, Trajectory
 
 
@@ -32,5 +32,6 @@ def load_trajectory(path: Path) -> Trajectory:
     if table.epoch_utc is None:
         raise InputError(f"{path} has no 'epoch_utc'; files made by 'posse propagate' have it")
     arrays: dict[str, AnyArray] = {name: table[name] for name in TRAJECTORY_ARRAYS}
+    check_orbit(path, table["r_target_eci_m"], table["v_target_eci_m_s"])
     arrays["sequence"] = arrays["sequence"].astype(np.int64)
     return Trajectory(epoch_utc=table.epoch_utc, **arrays, extras=table.extras)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from posse_core._frames import unit
 from posse_core._model.camera import Camera
 from posse_core._model.poses import Poses
 
+_FARTHEST_M = 1e9
 _QUATERNION_LENGTH_ERROR = 1e-3
 """Largest allowed difference of a quaternion's length from 1."""
 
@@ -28,14 +30,14 @@ def read_poses(path: Path) -> Poses:
         entries = list(read_urso(path) if is_urso(path) else read_speed(path))
         q = np.array([pose.q_cam_from_body for pose in entries], dtype=np.float64).reshape(-1, 4)
         t_m = np.array([pose.t_body_cam_m for pose in entries], dtype=np.float64).reshape(-1, 3)
-    except FileNotFoundError:
-        raise InputError(f"there is no file {path}") from None
-    except (AttributeError, IndexError, KeyError, OSError, TypeError, ValueError) as error:
+    except (csv.Error, IndexError, KeyError, TypeError, ValueError) as error:
         raise InputError(
             f"{path}: not poses of SPEED, SPEED+ or URSO: {type(error).__name__}: {error}"
         ) from None
     if not entries or len(q) != len(t_m):
         raise InputError(f"{path}: has no poses, or one that is cut short")
+    if not np.all(np.abs(t_m) < _FARTHEST_M):  # false for NaN
+        raise InputError(f"{path}: a position is not finite, or is beyond {_FARTHEST_M:g} m")
     bad = ~(np.abs(np.linalg.norm(q, axis=1) - 1) < _QUATERNION_LENGTH_ERROR) | ~(t_m[:, 2] > 0)
     if bad.any():
         raise InputError(
@@ -52,6 +54,6 @@ def camera_beside(labels: Path) -> Camera | None:
         InputError: The file cannot be read.
     """
     for folder in (labels.parent, labels.absolute().parent.parent):
-        if (folder / "camera.json").exists():
+        if (folder / "camera.json").is_file():
             return read_camera(folder / "camera.json")
     return None

@@ -5,11 +5,13 @@ With R the matrix of the scalar-first quaternion, x_cam = R x_body + r.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from pydantic import AliasChoices, Field, RootModel
+
 from posse_core._dataset.dataset import Dataset
+from posse_core._files.reading import FileRecord, read_record
 from posse_core._files.text import text_file, write_items
 from posse_core._formats.needs import labels_with
 from posse_core._interfaces.writer import Writer
@@ -40,6 +42,19 @@ class SpeedWriter(Writer):
 
 def read_speed(path: Path) -> Iterator[NamedPose]:
     """Read the image name and pose of every entry of SPEED or SPEED+."""
-    for entry in json.loads(path.read_text(encoding="utf-8")):
-        q = entry["q_vbs2tango_true"] if "q_vbs2tango_true" in entry else entry["q_vbs2tango"]
-        yield NamedPose(entry["filename"], q, entry["r_Vo2To_vbs_true"])
+    for entry in read_record(path, _SpeedFile, "poses of SPEED, SPEED+ or URSO").root:
+        yield NamedPose(entry.filename, entry.q_vbs2tango, entry.r_Vo2To_vbs_true)
+
+
+class _SpeedEntry(FileRecord):
+    """A pose; SPEED+ has added ``_true`` to the quaternion's key."""
+
+    filename: str
+    q_vbs2tango: tuple[float, float, float, float] = Field(
+        validation_alias=AliasChoices("q_vbs2tango_true", "q_vbs2tango")
+    )
+    r_Vo2To_vbs_true: tuple[float, float, float]
+
+
+class _SpeedFile(RootModel[list[_SpeedEntry]]):
+    """The labels of a dataset."""

@@ -10,9 +10,11 @@ rotation of axes (JPL's convention).
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Iterator
 from pathlib import Path
 
+from posse_core._files.reading import read_text
 from posse_core._model.poses import NamedPose
 
 _POSES = "_poses_gt.csv"
@@ -30,11 +32,9 @@ def read_urso(path: Path) -> Iterator[NamedPose]:
     q2, q3, q4) thereby becomes that of the quaternion (q4, q1, −q2, q3), and the position becomes F r.
     """
     images = path.with_name(path.name.removesuffix(_POSES) + "_images.csv")
-    names = images.read_text(encoding="utf-8").splitlines() if images.exists() else None
-    with open(path, newline="", encoding="utf-8") as stream:
-        for number, row in enumerate(csv.DictReader(stream, skipinitialspace=True)):
-            x, y, z, q1, q2, q3, q4 = (
-                float(row[key]) for key in ("x", "y", "z", "q1", "q2", "q3", "q4")
-            )
-            name = names[number] if names else str(number)
-            yield NamedPose(name, (q4, q1, -q2, q3), (x, -y, z))
+    names = read_text(images).splitlines() if images.exists() else None
+    lines = io.StringIO(read_text(path), newline="")
+    for number, row in enumerate(csv.DictReader(lines, skipinitialspace=True)):
+        x, y, z, q1, q2, q3, q4 = (float(row[key]) for key in ("x", "y", "z", "q1", "q2", "q3", "q4"))
+        name = names[number] if names else str(number)
+        yield NamedPose(name, (q4, q1, -q2, q3), (x, -y, z))

@@ -15,12 +15,14 @@ from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.layout import PARTS
 from posse_core._errors import InputError
 from posse_core._files.atomic import write_bytes
+from posse_core._files.reading import read_text
 from posse_core._formats.images import link_or_copy
 from posse_core._formats.needs import labels_with
 from posse_core._interfaces.writer import Writer
 from posse_core._model.camera import Camera
 from posse_core._model.label_line import LabelLine
 from posse_core._model.labels import NOT_IN_FRAME
+from posse_core._scenario.yaml_lines import YamlText
 
 NEEDS = ("box_visible_px", "keypoints")
 
@@ -99,11 +101,11 @@ def read_yolo(folder: Path, camera: Camera) -> Iterator[LabelLine]:
 
     The box of an empty file is null. Keypoints outside the image are left out.
     """
-    data = yaml.safe_load((folder / "data.yaml").read_text(encoding="utf-8"))
+    data = YamlText.read(folder / "data.yaml").value
     size = (camera.width_px, camera.height_px)
     for index, path in enumerate(sorted((folder / "labels").glob("*.txt"))):
         labels: dict[str, Any] = {"box_visible_px": None}
-        row = [float(number) for number in path.read_text().split()]
+        row = [float(number) for number in read_text(path).split()]
         if row:
             class_ = int(row[0])
             (cx, cy, width, height), points = row[1:5], iter(row[5:])

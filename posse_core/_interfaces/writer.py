@@ -18,7 +18,9 @@ class Writer(Component[OptionsT]):
 
     @abstractmethod
     def write(self, dataset: Dataset, folder: Path) -> Sequence[Path]:
-        """Write the files into an existing folder atomically, and return their paths.
+        """Write the files into an empty folder, and return their paths.
+
+        When this returns, they move into the folder that the user named, all or none.
 
         Image paths in the files are relative to the dataset's folder.
 

@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 
 from posse_core._arrays import FloatArray
 from posse_core._model.distortion import BrownConrady
+
+MOST_SIDE_PX: Final = 16384
+"""Largest width and height of an image."""
 
 
 @dataclass(frozen=True)

@@ -32,10 +32,10 @@ def nearest(name: str, known: Iterable[str]) -> str:
 
 def validated(
     model: type[ModelT],
-    raw: Mapping[str, Any],
+    raw: Mapping[str, Any] | bytes,
     where: Callable[[tuple[int | str, ...]], str],
 ) -> ModelT:
-    """Validate ``raw`` by ``model``.
+    """Validate ``raw``, a mapping or JSON, by ``model``.
 
     ``where`` converts the path of a key, such as ``("orbit", "tle")``, to text for the message, such as
     "s.yaml, line 3: orbit.tle".
@@ -44,14 +44,15 @@ def validated(
         InputError: A value is wrong; the message is one line about the first fault and its remedy.
     """
     try:
+        if isinstance(raw, bytes):
+            return model.model_validate_json(raw)
         return model.model_validate(raw)
     except ValidationError as error:
-        raise InputError(_explain(model, raw, error, where)) from None
+        raise InputError(_explain(model, error, where)) from None
 
 
 def _explain(
     model: type[BaseModel],
-    raw: Mapping[str, Any],
     error: ValidationError,
     where: Callable[[tuple[int | str, ...]], str],
 ) -> str:
@@ -67,8 +68,9 @@ def _explain(
     value = first.get("input")
     message = first["msg"].removeprefix("Value error, ")
     message = message[:1].lower() + message[1:]
-    shown = "" if isinstance(value, Mapping | BaseModel) else f" (it is {_short(value)})"
-    return f"{where(path)}: {message}{shown}"
+    if isinstance(value, Mapping | BaseModel) or first["type"] == "json_invalid":
+        return f"{where(path)}: {message}"
+    return f"{where(path)}: {message} (it is {_short(value)})"
 
 
 def _short(value: Any) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from posse_core._environment.time import Epoch
 from posse_core._errors import InputError
 from posse_core._files.oem import read_oem
-from posse_core._files.tables import read_table
+from posse_core._files.tables import check_orbit, read_table
 from posse_core._frames import rtn_from_eci
 from posse_core._interfaces.propagator import PropagationProblem, Propagator
 from posse_core._model.trajectory import Motion
@@ -38,6 +38,7 @@ class FilePropagator(Propagator[FileOptions]):
             return self._from_oem(problem.epoch)
         table = read_table(path, (*_TARGET, *_RTN, *_ECI, "sequence"), extras=True)
         t_s, r_target, v_target = (table[name] for name in _TARGET)
+        check_orbit(path, r_target, v_target)
         names = _ECI if _RTN[0] not in table.arrays and _ECI[0] in table.arrays else _RTN
         r, v = (table[name] for name in names)
         if names is _ECI:
@@ -60,6 +61,7 @@ class FilePropagator(Propagator[FileOptions]):
             raise InputError(
                 f"{chaser_path}: its epochs are not those of {target_path}; export both on one grid"
             )
+        check_orbit(target_path, target.r_eci_m, target.v_eci_m_s)
         r, v = rtn_from_eci(target.r_eci_m, target.v_eci_m_s, chaser.r_eci_m, chaser.v_eci_m_s)
         return Motion(
             target.t_s, target.r_eci_m, target.v_eci_m_s, r, v, np.zeros(len(r), dtype=np.int64)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import platform
 from collections.abc import Mapping
 from importlib import metadata
@@ -10,6 +9,7 @@ from importlib import metadata
 from posse_core import __version__
 from posse_core._dataset.layout import CAMERA, FLIGHT, LABELS, READINGS, SCENARIO, SPACECRAFT, TRAJECTORY
 from posse_core._files.atomic import sha256
+from posse_core._files.reading import parsed_json
 from posse_core._model.manifest import CHECKSUMS, FORMAT, FORMAT_VERSION, Manifest, PluginVersion
 from posse_core._plugins.loading import Plugins
 from posse_core._run.destination import Destination
@@ -39,7 +39,7 @@ def make_manifest(
     """
     folder = destination.folder
     try:
-        renderer = json.loads(destination.store.read(RENDERER_FILE))
+        renderer = parsed_json(destination.store.read(RENDERER_FILE), RENDERER_FILE)
     except FileNotFoundError:
         renderer = {}
     hashed = sorted(

@@ -19,12 +19,14 @@ from posse_core._dataset.layout import (
     SPACECRAFT,
     TRAJECTORY,
     TRUTH,
+    inside,
 )
 from posse_core._dataset.spacecraft import write_spacecraft
 from posse_core._errors import ComponentError, InputError, PosseError, StoreError
-from posse_core._files.atomic import PARTIAL, write_bytes, write_json
+from posse_core._files.atomic import remove_partial, sha256, write_bytes, write_json
+from posse_core._files.reading import read_bytes, read_text
 from posse_core._files.store import Store, is_remote
-from posse_core._files.trajectory import save_trajectory
+from posse_core._files.trajectory import load_trajectory, save_trajectory
 from posse_core._interfaces.executor import FrameMade
 from posse_core._model.manifest import Manifest
 from posse_core._model.spacecraft import Spacecraft
@@ -33,11 +35,17 @@ from posse_core._plugins.loading import Plugins
 from posse_core._run.destination import Destination, open_destination
 from posse_core._run.exports import export_digests
 from posse_core._run.manifest import make_manifest
-from posse_core._run.shards import LabelLog
+from posse_core._run.shards import LabelLog, shard_path
 from posse_core._scenario.component import create
 from posse_core._scenario.load import dump_scenario
 from posse_core._scenario.model import Scenario
 from posse_core._simulator.returned import written
+
+_UNUSABLE = {
+    *(errno.EACCES, errno.EROFS, errno.EPERM),
+    *(errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ELOOP, errno.ENAMETOOLONG),
+}
+"""Errors of a folder that cannot be written to."""
 
 
 class Recording:
@@ -62,8 +70,10 @@ class Recording:
         self._frames = frames
         self._plugins = plugins
         self.folder = destination.folder
+        self._recorded = self._read_manifest()
+        self._refuse_strangers(spacecraft)
         self._write_statics(spacecraft)
-        if trajectory is not None and not (self.folder / TRAJECTORY).exists():
+        if trajectory is not None and not self._has_trajectory(trajectory):
             save_trajectory(trajectory, self.folder / TRAJECTORY)
         self._log = LabelLog(self.folder, frames)
         self.done = self._log.recover(self.store.sha256, self.store.read_threads)
@@ -75,11 +85,11 @@ class Recording:
 
     @property
     def is_complete(self) -> bool:
-        """Whether an earlier attempt made every frame."""
-        try:
-            return Manifest.from_json((self.folder / MANIFEST).read_bytes()).is_complete
-        except (FileNotFoundError, InputError):
+        """Whether an earlier attempt made every frame, and all files are as its manifest says."""
+        if self._recorded is None or not self._recorded.is_complete:
             return False
+        listed = {**self._recorded.sha256, **self._recorded.exports}
+        return all(self._is_as_recorded(name, digest) for name, digest in listed.items())
 
     def begin(self) -> None:
         """Prepare for frames to come."""
@@ -127,11 +137,53 @@ class Recording:
         for name in (SPACECRAFT, IMAGES, TRUTH, LABELS):
             (folder / name).mkdir(exist_ok=True)
         for part in (".", SPACECRAFT, IMAGES, TRUTH, LABELS):
-            for name in os.listdir(folder / part):
-                if name.endswith(PARTIAL):
-                    (folder / part / name).unlink(missing_ok=True)
+            remove_partial(folder / part)
         write_camera(self._scenario.camera.camera(), folder / CAMERA)
         write_spacecraft(spacecraft, folder / SPACECRAFT)
+
+    def _read_manifest(self) -> Manifest | None:
+        """The manifest of an earlier attempt, if that has ended and the file is whole."""
+        try:
+            return Manifest.from_json(read_bytes(self.folder / MANIFEST))
+        except InputError:
+            return None
+
+    def _has_trajectory(self, trajectory: Trajectory) -> bool:
+        """Whether the trajectory is there, as the manifest says or, without one, as it was written."""
+        if self._recorded is not None and TRAJECTORY in self._recorded.sha256:
+            return self._is_as_recorded(TRAJECTORY, self._recorded.sha256[TRAJECTORY])
+        try:
+            return len(load_trajectory(self.folder / TRAJECTORY)) == len(trajectory)
+        except InputError:
+            return False
+
+    def _is_as_recorded(self, name: str, digest: str) -> bool:
+        try:
+            return sha256(inside(self.folder, name)) == digest
+        except (OSError, InputError):
+            return False
+
+    def _refuse_strangers(self, spacecraft: Spacecraft) -> None:
+        """Refuse files where only those of the run may be, since ``posse validate`` would find them.
+
+        Raises:
+            InputError: There is such a file; the message names it.
+        """
+        frames = range(self._frames)
+        own = {
+            IMAGES: {f"{index:06d}.png" for index in frames},
+            TRUTH: {f"{index:06d}.npz" for index in frames},
+            LABELS: {shard_path(self.folder, index).name for index in frames},
+            SPACECRAFT: {f"{spacecraft.name}.{suffix}" for suffix in ("json", "ply")},
+        }
+        for part, names in own.items():
+            if not (self.folder / part).is_dir():
+                continue
+            for name in sorted({*os.listdir(self.folder / part)} - names):
+                if not name.startswith("."):
+                    raise InputError(
+                        f"{self.folder}: {part}/{name} is no file of this run; move it elsewhere"
+                    )
 
 
 @contextlib.contextmanager
@@ -194,7 +246,7 @@ def _check_claim(destination: Destination, out: str, scenario: Scenario, *, resu
         raise InputError(
             f"--out {out}: contains another run; choose another folder, or continue it with --resume"
         )
-    if scenario_file.read_text("utf-8") != dump_scenario(scenario):
+    if read_text(scenario_file) != dump_scenario(scenario):
         raise InputError(
             f"--out {out}: its run has another scenario than this one; resume it without"
             " a scenario or options, or choose another folder"
@@ -210,7 +262,7 @@ def _explained(error: OSError, out: str, *, kept: bool) -> PosseError:
     """Turn an error of the disk into one that says what to do."""
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return InputError(f"--out {out}: the disk is full; free some space{_how_to_continue(kept)}")
-    if error.errno in (errno.EACCES, errno.EROFS, errno.EPERM, errno.ENOTDIR, errno.ENAMETOOLONG):
+    if error.errno in _UNUSABLE:
         reason = (error.strerror or "").lower()
         return InputError(f"--out {out}: cannot be written to ({reason}); choose another folder")
     return ComponentError(f"{out}: {error}{_how_to_continue(kept)}")

@@ -20,6 +20,7 @@ from pathlib import Path
 
 from posse_core._dataset.layout import LABELS
 from posse_core._files.atomic import write_bytes
+from posse_core._files.reading import check_file
 from posse_core._model.label_line import LabelLine
 from posse_core._model.manifest import CHECKSUMS
 
@@ -38,6 +39,7 @@ def whole_lines(path: Path) -> Iterator[bytes]:
     """Yield the complete lines of a file with their line breaks, without an incomplete last line."""
     if not path.exists():
         return
+    check_file(path)
     with open(path, "rb") as stream:
         for line in stream:
             if line.endswith(b"\n"):
@@ -129,7 +131,7 @@ def _is_intact(index: int, line: bytes, block: bytes, digest_of: Callable[[str],
             digest, _, name = row.partition("  ")
             if digest_of(name) != digest:
                 return False
-    except OSError:
+    except (OSError, ValueError):  # ValueError: the row's name is damaged
         return False
     return True
 

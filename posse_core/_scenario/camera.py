@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from posse_core._errors import InputError
-from posse_core._model.camera import Camera
+from posse_core._model.camera import MOST_SIDE_PX, Camera
 from posse_core._model.distortion import BrownConrady
 from posse_core._plugins.options import Options, nearest
 from posse_core._scenario.presets import PRESETS
@@ -28,11 +28,11 @@ class CameraConfig(Options):
     width_px: int = Field(
         1280,
         ge=1,
-        le=16384,
+        le=MOST_SIDE_PX,
         description="image width, pixels; a width other than the preset's changes the size of its"
         " pixels",
     )
-    height_px: int = Field(960, ge=1, le=16384, description="image height, pixels")
+    height_px: int = Field(960, ge=1, le=MOST_SIDE_PX, description="image height, pixels")
     hfov_deg: float | None = Field(
         None,
         gt=0,

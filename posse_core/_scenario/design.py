@@ -80,7 +80,7 @@ class Algorithm31(Options):
     """
 
     name: Literal["algorithm-3-1"]
-    relative_orbits: int = Field(25, ge=1, description="H, the number of relative orbits")
+    relative_orbits: int = Field(25, ge=1, le=10_000, description="H, the number of relative orbits")
     delta_e_m: tuple[float, float] = Field(description="a·(δex, δey)")
     delta_i_m: tuple[float, float] = Field(description="a·(δix, δiy) of the first relative orbit")
 
@@ -93,7 +93,7 @@ class Algorithm31Repaired(Options):
     """
 
     name: Literal["algorithm-3-1-repaired"]
-    relative_orbits: int = Field(25, ge=2, description="H, the number of relative orbits")
+    relative_orbits: int = Field(25, ge=2, le=10_000, description="H, the number of relative orbits")
     size_m: float = Field(
         gt=0, description="a·|δe|, which is the least distance; the largest is 4.5 times as much"
     )

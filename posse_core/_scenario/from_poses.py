@@ -36,6 +36,8 @@ EPOCH_UTC = "2022-03-20T12:00:00"
 RADIUS_M = 7.0e6
 _PARALLEL_SINE = 1e-6
 """Two directions count as parallel below this sine of the angle between them."""
+_LEAST_SUN = 1e-100
+"""The Sun's direction is given in numbers between this and its reciprocal."""
 _HEADER = """\
 # The {frames} poses of {labels}, to be rendered anew: posse run {scenario}
 # Assumed, since labels do not say: the Sun at {sun} in camera axes (right, down, forward), never
@@ -50,11 +52,12 @@ def motion_of(poses: Poses, sun_cam: FloatArray) -> dict[str, FloatArray]:
         sun_cam: (3,) direction of the Sun in camera axes, of any length.
 
     Raises:
-        InputError: ``sun_cam`` is zero.
+        InputError: ``sun_cam`` is zero or not finite.
     """
-    if not np.any(sun_cam):
+    if not _LEAST_SUN < np.max(np.abs(sun_cam)) < 1 / _LEAST_SUN:  # false for NaN
         raise InputError(
-            "--sun 0 0 0 is no direction; give three numbers towards the Sun in camera axes"
+            f"--sun {' '.join(map(str, np.asarray(sun_cam)))}: is no direction; give three numbers"
+            " towards the Sun in camera axes"
         )
     t_s = np.arange(len(poses.names), dtype=np.float64)
     sun_eci = unit(sun_eci_m(*Epoch.from_iso(EPOCH_UTC).tdb(t_s)))

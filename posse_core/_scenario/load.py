@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -76,6 +77,7 @@ def load_scenario(
                 return f"option {'.'.join(str(step) for step in path)}"
         return text.where(path)
 
+    _refuse_extremes(raw, (), where)
     _anchor_files(raw, base)
     scenario = _with_complete_options(validated(Scenario, raw, where), registry, where)
     if scenario.camera.camera().distortion is not None:
@@ -149,6 +151,27 @@ _FILES = (
     ("flight", "measurement", "boxes"),
     ("flight", "measurement", "keypoints"),
 )
+
+
+_SMALLEST, _LARGEST = 1e-40, 1e40
+"""No quantity in SI units is beyond these, and powers of those within do not overflow."""
+
+
+def _refuse_extremes(value: Any, path: KeyPath, where: Callable[[KeyPath], str]) -> None:
+    """Refuse numbers that cannot be computed with; NaN and infinity are left to the keys' own checks."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            _refuse_extremes(inner, (*path, key), where)
+    elif isinstance(value, list | tuple):
+        for i, inner in enumerate(value):
+            _refuse_extremes(inner, (*path, i), where)
+    elif isinstance(value, int | float) and (value < 0 or value > 0) and abs(value) != math.inf:
+        if _SMALLEST < abs(value) < _LARGEST:
+            return
+        raise InputError(
+            f"{where(path)}: {str(value)[:40]} is beyond {_SMALLEST:g} to {_LARGEST:g}, which no quantity in"
+            " SI units is"
+        )
 
 
 def _anchor_files(raw: dict[str, Any], base: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
@@ -20,6 +20,9 @@ from posse_core._scenario.presets import with_preset
 from posse_core._scenario.sensor import SensorConfig
 from posse_core._scenario.sky import SkyConfig
 
+MOST_FRAMES: Final = 500_000
+"""The most frames of a run: planning keeps 2 kB of each in memory, and takes 0.25 ms."""
+
 
 class TimesConfig(Options):
     """When frames are taken: at listed times, or evenly spaced over a duration, ends included."""
@@ -32,7 +35,7 @@ class TimesConfig(Options):
     )
     duration_s: float | None = Field(None, gt=0, description="duration, seconds")
     count: int | None = Field(
-        None, ge=1, le=10_000_000, description="number of frames over the duration; null is 101"
+        None, ge=1, le=MOST_FRAMES, description="number of frames over the duration; null is 101"
     )
 
     @model_validator(mode="before")

@@ -11,7 +11,7 @@ from posse_core._arrays import IntArray
 from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.layout import PARTITION_FILE, PARTS
 from posse_core._errors import InputError
-from posse_core._files.atomic import write_json
+from posse_core._files.atomic import atomic_folder, write_json
 from posse_core._files.text import write_csv
 from posse_core._formats.needs import labels_with
 from posse_core._formats.thesis import NEEDS_POSE, POSE_COLUMNS, camera_pose
@@ -79,15 +79,15 @@ def write_partition(
             " parts; divide by frame"
         )
     parts = partition(indices, sequences, shares, seed, by)
-    folder = (dataset.folder / PARTITION_FILE).parent
-    folder.mkdir(exist_ok=True)
-    for part, members in parts.items():
-        images = ([labels.image] for labels in _labels(dataset, members))
-        write_csv(folder / f"{part}_images.csv", ("filename",), images)
-        poses = ([labels.image, *camera_pose(labels)] for labels in _labels(dataset, members))
-        write_csv(folder / f"{part}_pose.csv", ("filename", *POSE_COLUMNS), poses)
-    value = {"seed": seed, "shares": list(shares), "by": by, "parts": parts}
-    write_json(dataset.folder / PARTITION_FILE, value)
+    file = dataset.folder / PARTITION_FILE
+    with atomic_folder(file.parent) as folder:
+        for part, members in parts.items():
+            images = ([labels.image] for labels in _labels(dataset, members))
+            write_csv(folder / f"{part}_images.csv", ("filename",), images)
+            poses = ([labels.image, *camera_pose(labels)] for labels in _labels(dataset, members))
+            write_csv(folder / f"{part}_pose.csv", ("filename", *POSE_COLUMNS), poses)
+        value = {"seed": seed, "shares": list(shares), "by": by, "parts": parts}
+        write_json(folder / file.name, value)
     return parts
 
 

@@ -19,6 +19,7 @@ import numpy as np
 from posse_core._arrays import AnyArray, Float32Array, FloatArray, array_fault
 from posse_core._dataset.dataset import Dataset
 from posse_core._errors import ComponentError
+from posse_core._files.atomic import atomic_folder
 from posse_core._interfaces.detector import Detection, Detector, KeypointFinder
 from posse_core._interfaces.renderer import Renderer
 from posse_core._interfaces.scene import SceneSource
@@ -164,10 +165,16 @@ def checked_paths(made: object, name: str, folder: Path) -> list[Path]:
 
 
 def written(writer: Writer, name: str, dataset: Dataset, folder: Path) -> list[Path]:
-    """Export a dataset, and check the paths that the writer returns."""
-    with failures_named("writer", name):
-        made = writer.write(dataset, folder)
-    return checked_paths(made, name, folder)
+    """Export a dataset, and check the paths that the writer returns.
+
+    The writer works in a folder of its own, whose files move to ``folder`` when it has ended: an export
+    is there as a whole or not at all.
+    """
+    with atomic_folder(folder) as building:
+        with failures_named("writer", name):
+            made = writer.write(dataset, building)
+        paths = checked_paths(made, name, building)
+    return [folder / path.relative_to(building) for path in paths]
 
 
 class CheckedDetector(Detector):

@@ -27,8 +27,10 @@ import trimesh
 
 from posse_core._arrays import AnyArray, FloatArray
 from posse_core._errors import InputError
+from posse_core._files.reading import parsed_json, read_bytes
 from posse_core._frames import matrix_from_quaternion
 from posse_core._model.spacecraft import Material
+from posse_core._spacecraft.draco import MOST_VALUES, check_draco
 from posse_core._spacecraft.raw import (
     RawMesh,
     RawPart,
@@ -54,6 +56,7 @@ def read_gltf(path: Path) -> RawMesh:
         ValueError, KeyError, IndexError, TypeError: the file is damaged.
     """
     file = _open(path)
+    _check_draco(file)
     geometries = _geometries(file)
     parts: list[RawPart] = []
     materials: dict[str, Material] = {}
@@ -100,7 +103,7 @@ class _Node:
 
 
 def _open(path: Path) -> _File:
-    data = path.read_bytes()
+    data = read_bytes(path)
     binary = b""
     try:
         if data[:4] == b"glTF":
@@ -116,12 +119,13 @@ def _open(path: Path) -> _File:
             text, binary = chunks.get(0x4E4F534A, b""), chunks.get(0x004E4942, b"")
         else:
             text = data
-        header = json.loads(text)
-        if not isinstance(header, dict):
-            raise ValueError("not an object")
-    except (ValueError, struct.error, UnicodeDecodeError):
+    except struct.error:
         raise InputError(f"{path}: not a glTF file; export it again") from None
+    header = parsed_json(text, f"{path}: not a glTF file")
+    if not isinstance(header, dict):
+        raise InputError(f"{path}: not a glTF file; export it again")
     _check_extensions(path, header)
+    _check_counts(path, header)
     buffers = [
         _content(path, buffer["uri"]) if "uri" in buffer else binary
         for buffer in header.get("buffers", [])
@@ -144,6 +148,20 @@ def _check_extensions(path: Path, header: dict[str, Any]) -> None:
         )
 
 
+def _check_counts(path: Path, header: dict[str, Any]) -> None:
+    for accessor in header.get("accessors", []):
+        if not 0 <= int(accessor["count"]) <= MOST_VALUES:
+            raise InputError(f"{path}: an accessor has {accessor['count']} values; export it again")
+
+
+def _check_draco(file: _File) -> None:
+    for mesh in file.header.get("meshes", []):
+        for primitive in mesh["primitives"]:
+            record = primitive.get("extensions", {}).get(_DRACO)
+            if record is not None:
+                check_draco(_view(file, record["bufferView"]), file.path)
+
+
 def _content(path: Path, uri: str) -> bytes:
     """The content of a URI, which is data or the path of a file in the model's folder."""
     if uri.startswith("data:"):
@@ -151,7 +169,7 @@ def _content(path: Path, uri: str) -> bytes:
             return base64.b64decode(uri.partition(",")[2], validate=True)
         except binascii.Error:
             raise InputError(f"{path}: the file contains damaged data; export it again") from None
-    return beside(path, urllib.parse.unquote(uri)).read_bytes()
+    return read_bytes(beside(path, urllib.parse.unquote(uri)))
 
 
 def beside(path: Path, name: str) -> Path:
@@ -160,6 +178,8 @@ def beside(path: Path, name: str) -> Path:
     Raises:
         InputError: the file is outside the folder or missing.
     """
+    if "\0" in name:
+        raise InputError(f"{path}: refers to {name!r}, which is no name of a file")
     folder = path.parent.resolve()
     target = (folder / name).resolve()
     if not target.is_relative_to(folder):
@@ -344,13 +364,16 @@ def _picture(file: _File, index: int) -> AnyArray:
     if source is None:
         raise InputError(f"{file.path}: texture {index} has no picture; export it again")
     image = file.header["images"][source]
-    if "uri" in image:
-        data = _content(file.path, image["uri"])
-    else:
-        view = file.header["bufferViews"][image["bufferView"]]
-        start = view.get("byteOffset", 0)
-        data = file.buffers[view["buffer"]][start : start + view["byteLength"]]
+    data = _content(file.path, image["uri"]) if "uri" in image else _view(file, image["bufferView"])
     return decoded(data, file.path, f"picture {image.get('name') or source}")
+
+
+def _view(file: _File, index: int) -> bytes:
+    """The bytes of a buffer view."""
+    view = file.header["bufferViews"][index]
+    start = view.get("byteOffset", 0)
+    data: bytes = file.buffers[view["buffer"]][start : start + view["byteLength"]]
+    return data
 
 
 def _scaled(bumps: AnyArray, scale: float) -> AnyArray:

@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from pydantic import Field, field_validator, model_validator
 
 from posse_core._arrays import FloatArray
 from posse_core._errors import InputError
 from posse_core._model.spacecraft import Part
 from posse_core._plugins.options import Options, nearest, validated
+from posse_core._scenario.yaml_lines import YamlText
 
 Triple = tuple[float, float, float]
 
@@ -105,14 +105,7 @@ def read_mapping(path: Path) -> dict[str, Any]:
     Raises:
         InputError: the file is missing, or not such a file.
     """
-    try:
-        raw = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        mark = getattr(error, "problem_mark", None)
-        line = f", line {mark.line + 1}" if mark is not None else ""
-        raise InputError(f"{path}{line}: not a YAML file") from None
+    raw = YamlText.read(path).value
     if not isinstance(raw, dict):
         raise InputError(f"{path}: not a mapping of keys to values")
     return raw

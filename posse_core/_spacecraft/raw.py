@@ -13,6 +13,7 @@ from scipy.sparse import coo_matrix
 
 from posse_core._arrays import AnyArray, Float32Array, FloatArray, IntArray
 from posse_core._errors import InputError
+from posse_core._files.pictures import decoded_image
 from posse_core._model.spacecraft import Material
 from posse_core._model.srgb import linear_from_srgb
 
@@ -191,10 +192,7 @@ def decoded(data: bytes, path: Path, what: str) -> AnyArray:
     Raises:
         InputError: the image cannot be decoded.
     """
-    try:
-        image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_COLOR)
-    except cv2.error:  # no bytes, or an implausible size
-        image = None
+    image = decoded_image(data, cv2.IMREAD_COLOR)
     if image is None:
         raise InputError(f"{path}: {what} cannot be decoded; re-export it as PNG or JPEG")
     return np.ascontiguousarray(image[..., ::-1])

@@ -12,6 +12,7 @@ import numpy as np
 import trimesh
 
 from posse_core._errors import InputError
+from posse_core._files.reading import read_bytes
 from posse_core._model.spacecraft import Material
 from posse_core._spacecraft.gltf import beside, read_gltf
 from posse_core._spacecraft.raw import (
@@ -25,6 +26,8 @@ from posse_core._spacecraft.raw import (
 )
 
 FORMATS = (".glb", ".gltf", ".obj", ".ply", ".stl")
+_STL_HEADER, _STL_TRIANGLE = 84, 50
+"""Bytes before the triangles of a binary STL file, and of each of them."""
 PLAIN = Material("plain", base_color=(0.7, 0.7, 0.7), roughness=0.8)
 """The material of a part without one."""
 
@@ -36,15 +39,13 @@ def read_mesh(path: Path) -> RawMesh:
         InputError: the file does not exist, has an unknown format, no triangles or numbers that are not
             finite, or is damaged.
     """
-    if not path.exists():
-        raise InputError(f"{path}: no such mesh file")
     suffix = path.suffix.lower()
     if suffix not in FORMATS:
         known = ", ".join(FORMATS)
         raise InputError(f"{path}: {suffix or 'no extension'} is not a mesh format; use one of {known}")
-    if not path.is_file():
+    if path.is_dir():
         raise InputError(f"{path}: a folder, not a mesh file; for a package use the key 'package'")
-    if path.stat().st_size == 0:
+    if not read_bytes(path, missing="no such mesh file"):
         raise InputError(f"{path}: the file is empty; export it again")
     try:
         raw = read_gltf(path) if suffix in (".glb", ".gltf") else _read_other(path, suffix[1:])
@@ -74,7 +75,9 @@ def _without_degenerate(part: RawPart) -> RawPart:
 
 def _read_other(path: Path, kind: str) -> RawMesh:
     """Read OBJ, PLY or STL."""
-    data = path.read_bytes()
+    data = read_bytes(path)
+    if kind == "stl":
+        _check_stl(data, path)
     library = _material_libraries(path, data) if kind == "obj" else {}
     # trimesh only gets the names of materials, because it would need another library for pictures.
     names = "".join(f"newmtl {name}\n" for materials in library.values() for name in materials)
@@ -107,6 +110,16 @@ def _read_other(path: Path, kind: str) -> RawMesh:
     return RawMesh(tuple(parts), used)
 
 
+def _check_stl(data: bytes, path: Path) -> None:
+    """Check that a binary STL file is as long as its header says."""
+    size = _STL_HEADER + _STL_TRIANGLE * int.from_bytes(data[80:_STL_HEADER], "little")
+    if not data.lstrip().startswith(b"solid") and len(data) != size:
+        raise InputError(
+            f"{path}: has {len(data)} bytes, but its header says {size}; it is cut short, or has"
+            " left-over bytes; export it again"
+        )
+
+
 def _material_libraries(path: Path, data: bytes) -> dict[str, dict[str, Material]]:
     """The materials of an OBJ file: name of the material library → name of the material → material."""
     libraries: dict[str, dict[str, Material]] = {}
@@ -119,11 +132,11 @@ def _material_libraries(path: Path, data: bytes) -> dict[str, dict[str, Material
 
 def obj_side_files(path: Path) -> list[Path]:
     """The material libraries of an OBJ file, and their pictures."""
-    libraries = [beside(path, name) for name in _material_libraries(path, path.read_bytes())]
+    libraries = [beside(path, name) for name in _material_libraries(path, read_bytes(path))]
     pictures = [
         beside(library, line.split(maxsplit=1)[1].strip())
         for library in libraries
-        for line in library.read_text(errors="replace").splitlines()
+        for line in read_bytes(library).decode(errors="replace").splitlines()
         if line.startswith("map_Kd ")
     ]
     return [*libraries, *pictures]
@@ -138,7 +151,7 @@ def _materials(path: Path) -> dict[str, Material]:
     """
     materials: dict[str, Material] = {}
     name = ""
-    for number, line in enumerate(path.read_text(errors="replace").splitlines(), start=1):
+    for number, line in enumerate(read_bytes(path).decode(errors="replace").splitlines(), start=1):
         key, _, value = line.strip().partition(" ")
         value = value.strip()
         try:
@@ -157,7 +170,7 @@ def _materials(path: Path) -> dict[str, Material]:
                 materials[name] = replace(materials[name], metallic=min(max(float(value), 0.0), 1.0))
             elif key == "map_Kd":
                 picture = beside(path, value)
-                texture = decoded(picture.read_bytes(), path, picture.name)
+                texture = decoded(read_bytes(picture), path, picture.name)
                 materials[name] = replace(materials[name], base_color_texture=texture)
         except (ValueError, KeyError):
             raise InputError(f"{path}, line {number}: {line.strip()!r} is not understood") from None

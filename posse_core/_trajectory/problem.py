@@ -30,6 +30,7 @@ from posse_core._scenario.design import (
     VBarHop,
     ViewSphere,
 )
+from posse_core._scenario.model import MOST_FRAMES
 from posse_core._scenario.orbit import OrbitConfig, RelativeConfig
 
 _AT_TARGET = np.zeros(3)
@@ -62,6 +63,12 @@ def resolve(
     if not needs_starts:
         return problem
     starts = starts_of(target, relative)
+    if len(t_s) * len(starts) > MOST_FRAMES:
+        raise InputError(
+            f"times and relative.design: {len(t_s)} times of {len(starts)} relative orbits are over"
+            f" {MOST_FRAMES} frames; divide them among several scenarios, and join the datasets by"
+            " 'posse collect'"
+        )
     burns = () if relative.plan is None else planned(relative.plan, starts[0]).burns
     forced = None if relative.design is None else _forced(relative.design, t_s)
     return PropagationProblem(problem.epoch, target, starts, t_s, burns, forced, orbit.tle)

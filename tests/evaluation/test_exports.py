@@ -74,15 +74,15 @@ def test_coco_and_speed_come_back_to_the_bit(exported):
         assert labels.get("keypoints") == shown(line)
         assert all(line[k] == v for k, v in labels.items() if k != "keypoints")
     for pose in read_speed(exported / "speed.json"):
-        assert pose.q_cam_from_body == lines[pose.image]["q_cam_from_body"]
-        assert pose.t_body_cam_m == lines[pose.image]["t_body_cam_m"]
+        assert list(pose.q_cam_from_body) == lines[pose.image]["q_cam_from_body"]
+        assert list(pose.t_body_cam_m) == lines[pose.image]["t_body_cam_m"]
 
 
 def test_the_older_key_of_speed_is_read(tmp_path):
     entry = {"filename": "a.jpg", "q_vbs2tango": [1, 0, 0, 0], "r_Vo2To_vbs_true": [0, 0, 9]}
     (tmp_path / "train.json").write_text(json.dumps([entry]))
     (back,) = read_speed(tmp_path / "train.json")
-    assert back == ("a.jpg", [1, 0, 0, 0], [0, 0, 9])
+    assert back == ("a.jpg", (1, 0, 0, 0), (0, 0, 9))
 
 
 def test_yolo_comes_back_within_rounding(exported):

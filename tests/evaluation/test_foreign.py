@@ -248,7 +248,7 @@ def test_yolo_as_ultralytics_lays_it(away, layout):
 
 def test_yolo_list_that_is_missing(away):
     (away / "yolo/train.txt").unlink()
-    with pytest.raises(InputError, match=r"not laid as its format asks: FileNotFoundError.*train\.txt"):
+    with pytest.raises(InputError, match=r"train\.txt: cannot be read: there is no such file"):
         validate_foreign(away / "yolo")
 
 

@@ -152,7 +152,7 @@ def test_truth_is_full_size_and_never_unpickled(dataset_folder, tmp_path):
         (lambda d: shutil.rmtree(d / "labels"), "not a dataset"),
         (lambda d: (d / "camera.json").unlink(), "camera.json"),
         (lambda d: (d / "camera.json").write_text('{"Nu": 3}'), "not a camera file"),
-        (lambda d: (d / "camera.json").write_text("[]"), "does not contain a JSON object"),
+        (lambda d: (d / "camera.json").write_text("[]"), "not a camera file"),
         (lambda d: (d / "spacecraft/brick.json").unlink(), "no NAME.json"),
         (lambda d: (d / "spacecraft/brick.json").write_text("{}"), "not a spacecraft file"),
     ],

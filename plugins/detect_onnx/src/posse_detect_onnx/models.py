@@ -24,16 +24,21 @@ from posse_core import (
 )
 from posse_detect_onnx.options import OnnxOptions
 
+_BOXES, _KEYPOINTS = ["boxes", "scores", "labels"], ["points", "sigma"]
+"""Names of the outputs of the two tasks' graphs."""
 _SHIPPED_MODELS = Path(__file__).parent / "nets"
 _BEFORE_REASON = re.compile(r"^.*? failed:(/\S+:\d+ .*?\) (?=[A-Z]))?")
 """What onnxruntime writes before the reason: its code, the file, and the line of its own source."""
 
 
-def _open(path: Path, task: str, threads: int) -> tuple[onnxruntime.InferenceSession, ModelCard]:
+def _open(
+    path: Path, task: str, outputs: Sequence[str], threads: int
+) -> tuple[onnxruntime.InferenceSession, ModelCard]:
     """Open a model and its card.
 
     Raises:
-        InputError: The file is not ONNX, has no POSSE model card, or is for another task.
+        InputError: The file is not ONNX, has no POSSE model card, is for another task, or its graph has
+            other inputs or outputs.
     """
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
@@ -44,12 +49,20 @@ def _open(path: Path, task: str, threads: int) -> tuple[onnxruntime.InferenceSes
         session = onnxruntime.InferenceSession(
             str(path), sess_options=options, providers=["CPUExecutionProvider"]
         )
+        metadata = session.get_modelmeta().custom_metadata_map
     except Exception as error:  # onnxruntime's exception classes are not public
         reason = _BEFORE_REASON.sub("", str(error).strip().splitlines()[0])
         raise InputError(f"{path}: not an ONNX file that onnxruntime can run: {reason}") from None
-    card = ModelCard.from_metadata(session.get_modelmeta().custom_metadata_map, path)
+    card = ModelCard.from_metadata(metadata, path)
     if card.task != task:
         raise InputError(f"{path}: this model finds {card.task}, but one that finds {task} is needed")
+    square = [1, card.input_px, card.input_px]
+    taken = {entry.name: entry.shape[1:] for entry in session.get_inputs()}
+    if taken != {"picture": square}:
+        raise InputError(f"{path}: takes {taken}, but POSSE gives it {{'picture': {square}}}")
+    missing = set(outputs) - {entry.name for entry in session.get_outputs()}
+    if missing:
+        raise InputError(f"{path}: does not give {', '.join(sorted(missing))}; export the model again")
     return session, card
 
 
@@ -59,15 +72,14 @@ class OnnxDetector(Detector[OnnxOptions]):
     shipped = _SHIPPED_MODELS / "boxes.onnx"
 
     def load(self, path: Path) -> None:
-        self._session, self._card = _open(path, "boxes", self.options.threads)
+        self._session, self._card = _open(path, "boxes", _BOXES, self.options.threads)
         self.classes = self._card.classes
 
     def predict(self, images: Sequence[AnyArray]) -> list[list[Detection]]:
         found = []
         for image in images:
             square = Square.of_image(image.shape[0], image.shape[1], self._card.input_px)
-            outputs = ["boxes", "scores", "labels"]
-            boxes, scores, labels = self._session.run(outputs, {"picture": _picture(image, square)})
+            boxes, scores, labels = self._session.run(_BOXES, {"picture": _picture(image, square)})
             arrays = boxes[0], scores[0], labels[0]
             found.append(square.detections_out(*arrays, self.classes, *image.shape[:2]))
         return found
@@ -79,7 +91,7 @@ class OnnxKeypoints(KeypointFinder[OnnxOptions]):
     shipped = _SHIPPED_MODELS / "keypoints.onnx"
 
     def load(self, path: Path) -> None:
-        self._session, self._card = _open(path, "keypoints", self.options.threads)
+        self._session, self._card = _open(path, "keypoints", _KEYPOINTS, self.options.threads)
         self.classes = self._card.classes
         self.keypoints_body_m: Mapping[str, FloatArray] = self._card.keypoint_arrays_m
 
@@ -88,7 +100,7 @@ class OnnxKeypoints(KeypointFinder[OnnxOptions]):
         ranges = self._card.keypoint_outputs
         for detection in detections:
             square = Square.around(detection.box_px, self._card.input_px)
-            pixels, sigma = self._session.run(["points", "sigma"], {"picture": _picture(image, square)})
+            pixels, sigma = self._session.run(_KEYPOINTS, {"picture": _picture(image, square)})
             mine = ranges[detection.label]
             found.append(
                 replace(

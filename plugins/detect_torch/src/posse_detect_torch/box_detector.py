@@ -164,7 +164,10 @@ class BoxDetector(Detector[BoxOptionsT]):
         if self._card.net != self.name:
             raise InputError(f"{path}: is a model of {self._card.net!r}, not of {self.name!r}")
         self.classes = self._card.classes
-        net = self.net(self._card)
+        try:
+            net = self.net(self._card)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
         read_weights(path, net)
         self._decoded = self.decoded(net).eval().to(device_of(self.options))
 

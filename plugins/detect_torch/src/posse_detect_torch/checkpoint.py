@@ -5,15 +5,19 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import safetensors
+from pydantic import TypeAdapter, ValidationError
 from safetensors.torch import load_file, save
 from torch import Tensor, nn
 
 from posse_core import InputError, ModelCard, atomic_file
 
 _STATE = "posse_training"
+
+History = list[dict[str, float]]
+"""The losses and metrics of each epoch by name."""
+_HISTORY: TypeAdapter[History] = TypeAdapter(History)
 
 
 def write_model(path: Path, tensors: Mapping[str, Tensor], card: ModelCard) -> None:
@@ -22,24 +26,27 @@ def write_model(path: Path, tensors: Mapping[str, Tensor], card: ModelCard) -> N
         file.write(save(_plain(tensors), card.metadata()))
 
 
-def write_state(path: Path, tensors: Mapping[str, Tensor], card: ModelCard, state: Any) -> None:
-    """Write everything that a training needs to resume, atomically; ``state`` is any JSON value."""
+def write_state(path: Path, tensors: Mapping[str, Tensor], card: ModelCard, state: History) -> None:
+    """Write everything that a training needs to resume, atomically."""
     with atomic_file(path) as file:
         file.write(save(_plain(tensors), {**card.metadata(), _STATE: json.dumps(state)}))
 
 
-def read_state(path: Path) -> tuple[dict[str, Tensor], ModelCard, Any]:
+def read_state(path: Path) -> tuple[dict[str, Tensor], ModelCard, History]:
     """Read what :func:`write_state` wrote: tensors, card and state.
 
     Raises:
         InputError: The file is of another kind.
     """
-    card = ModelCard.read(path)
+    card, tensors = ModelCard.read(path), _tensors(path)
     with safetensors.safe_open(str(path), framework="pt") as file:
         metadata = file.metadata()
     if _STATE not in metadata:
         raise InputError(f"{path}: is not the state of a training; choose another folder with --out")
-    return load_file(path), card, json.loads(metadata[_STATE])
+    try:
+        return tensors, card, _HISTORY.validate_json(metadata[_STATE])
+    except ValidationError:
+        raise InputError(f"{path}: the state of its training is damaged; remove the file") from None
 
 
 def read_weights(path: Path, net: nn.Module) -> None:
@@ -48,10 +55,7 @@ def read_weights(path: Path, net: nn.Module) -> None:
     Raises:
         InputError: The file is damaged or belongs to a network of another kind.
     """
-    try:
-        tensors = load_file(path)
-    except (safetensors.SafetensorError, OSError) as error:
-        raise InputError(f"{path}: cannot be read: {error}") from None
+    tensors = _tensors(path)
     wanted = {name: value.shape for name, value in net.state_dict().items()}
     if wanted != {name: value.shape for name, value in tensors.items()}:
         raise InputError(f"{path}: its tensors do not fit this network; train it again")
@@ -66,12 +70,20 @@ def read_like(path: Path, net: nn.Module) -> None:
     """
     ModelCard.read(path)
     own = net.state_dict()
-    tensors = {k: v for k, v in load_file(path).items() if k in own and own[k].shape == v.shape}
+    tensors = {k: v for k, v in _tensors(path).items() if k in own and own[k].shape == v.shape}
     if not tensors:
         raise InputError(
             f"{path}: none of its tensors fits this network; choose another file for the option start"
         )
     net.load_state_dict(tensors, strict=False)
+
+
+def _tensors(path: Path) -> dict[str, Tensor]:
+    try:
+        return load_file(path)
+    except (safetensors.SafetensorError, OSError, KeyError, ValueError, RuntimeError) as error:
+        # KeyError: a type of numbers that torch does not know
+        raise InputError(f"{path}: cannot be read: {' '.join(str(error).split())}") from None
 
 
 def _plain(tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:

@@ -123,7 +123,13 @@ def learn(make_lesson: Callable[[], Lesson], card: ModelCard, folder: Path) -> P
     history: list[dict[str, float]] = []
     if kept is not None:
         tensors, history = kept
-        _resume(tensors, net, average, optimizer)
+        try:
+            _resume(tensors, net, average, optimizer)
+        except (RuntimeError, ValueError, KeyError) as error:  # of torch, for tensors that do not fit
+            raise InputError(
+                f"{last}: does not fit this network ({str(error).splitlines()[0]}); remove it to begin"
+                " anew"
+            ) from None
     steps = math.ceil(len(lesson) / options.batch)
     with ThreadPoolExecutor(options.threads) as pool:
         for epoch in range(len(history), options.epochs):
@@ -204,7 +210,7 @@ def _save(
     tensors |= {f"average.{k}": v for k, v in average.state_dict().items()}
     for i, state in optimizer.state_dict()["state"].items():
         tensors |= {f"optimizer.{i}.{k}": torch.as_tensor(v) for k, v in state.items()}
-    write_state(path, tensors, card, list(history))
+    write_state(path, tensors, card, [dict(epoch) for epoch in history])
 
 
 def _read_last(path: Path, card: ModelCard) -> tuple[dict[str, Tensor], list[dict[str, float]]]:

@@ -10,9 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from pydantic import ValidationError
 from torch import Tensor, nn
 
-from posse_core import LabelledImages, ModelCard
+from posse_core import InputError, LabelledImages, ModelCard
 from posse_detect_torch.box_detector import BoxDetector, BoxLesson
 from posse_detect_torch.imagenet import load_imagenet
 from posse_detect_torch.learn import Batch
@@ -121,7 +122,11 @@ class SdnDetector(BoxDetector[SdnOptions]):
             "backbone_weights": None,
             "start": None,
         }  # cards record only their digests
-        return _net(len(card.classes), SdnOptions.model_validate(options))
+        try:
+            return _net(len(card.classes), SdnOptions.model_validate(options))
+        except ValidationError as error:
+            key = ".".join(map(str, error.errors()[0]["loc"]))
+            raise InputError(f"its POSSE metadata cannot be read: options.{key}") from None
 
     def decoded(self, net: nn.Module) -> nn.Module:
         assert isinstance(net, Sdn)

@@ -169,8 +169,8 @@ def _refuse_extremes(value: Any, path: KeyPath, where: Callable[[KeyPath], str])
         if _SMALLEST < abs(value) < _LARGEST:
             return
         raise InputError(
-            f"{where(path)}: {str(value)[:40]} is beyond {_SMALLEST:g} to {_LARGEST:g}, which no quantity in"
-            " SI units is"
+            f"{where(path)}: {str(value)[:40]} is beyond {_SMALLEST:g} to {_LARGEST:g}, which no"
+            " quantity in SI units is"
         )
 
 

@@ -201,3 +201,68 @@ def test_a_page_of_an_evaluation_by_the_command(tmp_path):
     code, _, error = run_posse(*arguments, tmp_path / "none" / "page.html")
     assert code == 2
     assert "its folder does not exist" in error
+
+
+def card_with(path, **changes):
+    """The keypoint model with another card, in which ``None`` removes a key."""
+    points = {"points": np.zeros((1, 3, 2), np.float32), "sigma": np.ones((1, 3), np.float32)}
+    model = onnx.load(write_model(path, "keypoints", points))
+    (entry,) = model.metadata_props
+    value = {**json.loads(entry.value), **changes}
+    entry.value = json.dumps({key: x for key, x in value.items() if x is not None})
+    onnx.save(model, path)
+    return path
+
+
+BRICK = {"B1": [0.0, 0, 1]}
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"classes": None}, "classes: field required"),
+        ({"classes": "brick"}, "classes: "),
+        ({"classes": []}, "classes: "),
+        ({"classes": ["brick", "brick"]}, "given twice"),
+        ({"input_px": 0}, "input_px: "),
+        ({"input_px": 10**9}, "input_px: "),
+        ({"input_px": "64"}, "input_px: "),
+        ({"input_px": 32}, r"takes .*64.*, but POSSE gives it .*32"),
+        ({"keypoints_body_m": {"brick": BRICK}}, "has no keypoints of 'plate'"),
+        ({"keypoints_body_m": {"brick": BRICK, "plate": [1, 2]}}, r"keypoints_body_m\.plate: "),
+        ({"keypoints_body_m": {"brick": BRICK, "plate": {"A1": [1, 2]}}}, r"plate\.A1: "),
+        ({"keypoints_body_m": {"brick": {"B1": [0, 0, None]}, "plate": {}}}, r"brick\.B1\.2: "),
+        ({"keypoints_body_m": {"brick": {}, "plate": {}}}, "has no keypoints, or more than 1000"),
+        ({"symmetries": {"brick": 3}}, r"symmetries\.brick: "),
+        ({"options": [1]}, "options: "),
+        ({"epochs": -1}, "epochs: "),
+        ({"format": 2}, "another version"),
+        ({"format": None}, "format: missing"),
+        ({"surprise": 1}, None),
+    ],
+)
+def test_a_card_of_another_shape_is_told_by_its_key(changes, words, tmp_path):
+    path = card_with(tmp_path / "k.onnx", **changes)
+    finder = OnnxKeypoints(OnnxOptions())
+    if words is None:  # a later version may add a key
+        finder.load(path)
+        return
+    with pytest.raises(InputError, match=words) as told:
+        finder.load(path)
+    assert "k.onnx" in str(told.value)
+    assert "\n" not in str(told.value)
+
+
+def test_a_card_that_is_nested_without_end_is_refused(tmp_path):
+    path = boxes_model(tmp_path / "m.onnx")
+    model = onnx.load(path)
+    model.metadata_props[0].value = '{"format": 1, "options": ' + "[" * 10_000 + "]" * 10_000 + "}"
+    onnx.save(model, path)
+    with pytest.raises(InputError, match=r"m\.onnx: its POSSE metadata cannot be read"):
+        OnnxDetector(OnnxOptions()).load(path)
+
+
+def test_a_graph_without_the_outputs_of_its_task_is_refused(tmp_path):
+    path = write_model(tmp_path / "m.onnx", "boxes", {"boxes": np.zeros((1, 1, 4), np.float32)})
+    with pytest.raises(InputError, match=r"m\.onnx: does not give labels, scores"):
+        OnnxDetector(OnnxOptions()).load(path)

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
+from pathlib import Path
 
 import cv2
 import numpy as np
+import scipy
 from scipy.ndimage import map_coordinates
 from scipy.special import ndtri
 
+from posse_core import _frames
 from posse_core._arrays import Float32Array
+from posse_core._files.cache import cached_array
 from posse_core._frames import rotated
 from posse_core._randomness import random_generator
 from posse_core._sky.atmosphere import RADIUS_M
@@ -24,6 +28,8 @@ _COVER_LAT_DEG = (-90, -62, -48, -35, -20, -8, 5, 14, 25, 40, 55, 70, 90)
 _COVER = (0.50, 0.86, 0.82, 0.62, 0.50, 0.52, 0.68, 0.55, 0.44, 0.60, 0.72, 0.70, 0.62)
 """Cloud cover at these latitudes, after MODIS' zonal means (King et al. 2013)."""
 _THRESHOLD_STEPS = 180
+_STORM_REACH = 14.0
+"""How far from its centre a storm is computed; there it turns the air by less than 3 µrad."""
 
 
 @dataclass(frozen=True)
@@ -111,9 +117,12 @@ def drift_rad_s(latitude_rad: Float32Array) -> Float32Array:
 
 @functools.lru_cache(maxsize=2)
 def make_clouds(seed: int) -> Clouds:
-    """The clouds for a seed. This takes about a second."""
-    random = random_generator(seed, -1, "clouds")
-    return Clouds(Pyramid(_base(random)), make_detail(seed))
+    """The clouds for a seed. Those of the last seed are in the user's cache."""
+    versions = (np.__version__, scipy.__version__, cv2.__version__)
+    sources = (Path(__file__).read_bytes(), Path(_frames.__file__).read_bytes())
+    recipe = (*sources, repr((seed, versions)).encode())
+    base = cached_array("clouds", recipe, lambda: _base(random_generator(seed, -1, "clouds")))
+    return Clouds(Pyramid(base), make_detail(seed))
 
 
 def _base(random: np.random.Generator) -> Float32Array:
@@ -167,9 +176,10 @@ def _warped(random: np.random.Generator) -> Float32Array:
             ]
         )
         size = random.uniform(0.07, 0.17)
-        cosine = p @ c
-        angle = sign * random.uniform(1.2, 3.2) * np.exp(-2 * (1 - cosine) / size**2)
-        p = rotated(p, c, angle)
+        strength = sign * random.uniform(1.2, 3.2)
+        apart = 2 * (1 - p @ c) / size**2
+        near = apart < _STORM_REACH
+        p[near] = rotated(p[near], c, strength * np.exp(-apart[near]))
     volume = _noise_volume(random)
     for frequency, strength in ((6.0, 0.07), (14.0, 0.03)):
         shift = [

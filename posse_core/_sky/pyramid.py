@@ -52,19 +52,19 @@ class Pyramid:
         while min(levels[-1].shape[:2]) >= 32 and len(levels) < MAX_LEVELS:
             h, w = levels[-1].shape[:2]
             levels.append(cv2.resize(levels[-1], (w // 2, h // 2), interpolation=cv2.INTER_AREA))
-        vertical = cv2.BORDER_WRAP if tiles else cv2.BORDER_REPLICATE
-        padded = []
-        for level in levels:
-            wide = cv2.copyMakeBorder(level, 0, 0, 1, 1, cv2.BORDER_WRAP)
-            padded.append(cv2.copyMakeBorder(wide, 1, 1, 0, 0, vertical))
-        # Level 0 is at the top, and all others are in a row below it.
-        beside = np.cumsum([0, *(level.shape[1] for level in padded[1:])])
-        corners = [(0, 0), *((int(x), padded[0].shape[0]) for x in beside[:-1])]
-        height = padded[0].shape[0] + padded[1].shape[0]
-        width = max(padded[0].shape[1], int(beside[-1]))
+        # Level 0 is at the top, and all others are in a row below it, each with a border of a pixel.
+        sizes = [np.array(level.shape[:2]) + 2 for level in levels]
+        beside = np.cumsum([0, *(width for _, width in sizes[1:])])
+        corners = [(0, 0), *((int(x), int(sizes[0][0])) for x in beside[:-1])]
+        height = int(sizes[0][0] + sizes[1][0])
+        width = max(int(sizes[0][1]), int(beside[-1]))
         self._sheet = np.zeros((height, width, *image.shape[2:]), dtype=image.dtype)
-        for (x0, y0), level in zip(corners, padded, strict=True):
-            self._sheet[y0 : y0 + level.shape[0], x0 : x0 + level.shape[1]] = level
+        for (x0, y0), (h, w), level in zip(corners, sizes, levels, strict=True):
+            framed = self._sheet[y0 : y0 + h, x0 : x0 + w]
+            framed[1:-1, 1:-1] = level
+            framed[:, 0], framed[:, -1] = framed[:, -2], framed[:, 1]
+            above, below = (-2, 1) if tiles else (1, -2)
+            framed[0], framed[-1] = framed[above], framed[below]
         self._origin = np.array(corners, dtype=np.float32) + np.float32(0.5)
         self._size = np.array([level.shape[1::-1] for level in levels], dtype=np.float32)
 

@@ -91,14 +91,14 @@ def _sun_table() -> Float32Array:
 
 
 def sunlight(height_m: RealArray, mu: RealArray) -> Float32Array:
-    """(...) heights and cosines of the Sun's zenith angle → (..., 3) transmission of sunlight to
-    there."""
-    height = np.asarray(np.clip(height_m, 0, TOP_M), dtype=np.float64)
+    """Heights and cosines of the Sun's zenith angle, of shapes that broadcast to (...) → (..., 3)
+    transmission of sunlight to there."""
+    height: FloatArray = np.asarray(np.clip(height_m, 0, TOP_M), dtype=np.float64)
     horizon = -np.sqrt(np.maximum(0, 1 - (RADIUS_M / (RADIUS_M + height)) ** 2))
-    above = (mu - horizon) / (1 - horizon)
-    row = np.sqrt(height / TOP_M) * (_HEIGHTS - 1)
-    column = np.sqrt(np.maximum(0, above)) * (_SUNS - 1)
-    share = lookup(_sun_table(), column.astype(np.float32), row.astype(np.float32))
+    above = ((mu - horizon) / (1 - horizon)).astype(np.float32)
+    row = (np.sqrt(height / TOP_M) * (_HEIGHTS - 1)).astype(np.float32)
+    column = np.sqrt(np.maximum(0, above)) * np.float32(_SUNS - 1)
+    share = lookup(_sun_table(), column, np.ascontiguousarray(np.broadcast_to(row, column.shape)))
     share[above < 0] = 0
     return np.asarray(share)
 
@@ -119,7 +119,7 @@ def ground_irradiance() -> Float32Array:
     direct = np.maximum(0, mu)[..., None] * sunlight(np.zeros_like(mu), mu)
     edges_m = TOP_M * np.linspace(0, 1, 65) ** 2
     height_m = (edges_m[1:, None] + edges_m[:-1, None]) / 2
-    lit = sunlight(*np.broadcast_arrays(height_m, mu))
+    lit = sunlight(height_m, mu)
     scattering = densities(height_m[:, 0])[:, :2] @ np.stack(
         [RAYLEIGH_DEPTH, AEROSOL_ALBEDO * AEROSOL_DEPTH]
     )
@@ -227,13 +227,12 @@ def _trace(
     toward_sun = (distance_m * sun_zenith_cosine + along_m[:, :, None] * forward[:, None, :]) / radius_m[
         :, :, None
     ]
-    shape = toward_sun.shape
-    heights = np.broadcast_to((radius_m - RADIUS_M)[:, :, None], shape)
-    lit = sunlight(heights, toward_sun)
-    by_species = np.einsum("rskb,rsab->rkab", scattered.astype(np.float32), lit)
+    lit = sunlight((radius_m - RADIUS_M)[:, :, None], toward_sun)
+    # (rays, band, species, steps) @ (rays, band, steps, azimuths)
+    by_species = scattered.astype(np.float32).transpose(0, 3, 2, 1) @ lit.transpose(0, 3, 1, 2)
     rayleigh = 3 / (16 * np.pi) * (1 + forward**2)
     g = AEROSOL_ASYMMETRY
     haze = (1 - g * g) / (4 * np.pi * (1 + g * g - 2 * g * forward) ** 1.5)
-    glow = by_species[:, 0] * rayleigh[..., None] + by_species[:, 1] * haze[..., None]
+    glow = by_species[:, :, 0] * rayleigh[:, None] + by_species[:, :, 1] * haze[:, None]
     transmission = np.exp(-column.sum(axis=1) @ behind)[:, None, :] * np.ones((1, len(azimuth_rad), 1))
-    return glow.astype(np.float32), transmission.astype(np.float32)
+    return glow.transpose(0, 2, 1).astype(np.float32), transmission.astype(np.float32)

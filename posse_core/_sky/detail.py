@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,20 +39,13 @@ class Detail:
         km, ECEF axes."""
         noise, slope = np.zeros_like(footprint_m), np.zeros_like(normal)
         level = np.log2(footprint_m / np.float32(TEXEL_M))
-        # The tile is projected along each of the three axes, and the projections are blended by how
-        # close each axis is to the vertical.
-        weights = np.square(np.square(np.square(normal)))
-        weights -= _LEAST_WEIGHT * weights.sum(axis=0)
-        np.maximum(weights, 0, out=weights)
-        weights /= np.maximum(weights.sum(axis=0), _TINY)
-        for side, weight in enumerate(weights):
-            if weight.max() == 0:
-                continue
+        for side, weight in _projections(normal):
             right, down = (side + 1) % 3, (side + 2) % 3
             u = normal[right] * np.float32(RADIUS_M / TILE_M)
             v = normal[down] * np.float32(RADIUS_M / TILE_M)
             sample = self.tile.at(u - np.floor(u), v - np.floor(v), level)
-            sample *= weight
+            if weight is not None:
+                sample *= weight
             noise += sample[0]
             slope[right] += sample[1]
             slope[down] += sample[2]
@@ -62,6 +56,27 @@ class Detail:
         level = np.log2(footprint_m / np.float32(TEXEL_M))
         kept = lookup(self.kept[None], level, np.zeros_like(level))
         return np.asarray(1 - kept, dtype=np.float32)
+
+
+def _projections(normal: Float32Array) -> Iterator[tuple[int, Float32Array | None]]:
+    """Axes along which the tile is projected at (3, ...) unit vectors, with their weights (...).
+
+    Projections are blended by how close each axis is to the vertical. The weight is None where it is 1
+    everywhere, as in most parts of an image.
+    """
+    reach = np.abs(normal).reshape(3, -1)
+    least, most = (x.astype(np.float64) ** 8 for x in (reach.min(axis=1), reach.max(axis=1)))
+    main = int(least.argmax())
+    if most.sum() - most[main] <= _LEAST_WEIGHT * least[main]:
+        yield main, None
+        return
+    weights = np.square(np.square(np.square(normal)))
+    weights -= _LEAST_WEIGHT * weights.sum(axis=0)
+    np.maximum(weights, 0, out=weights)
+    weights /= np.maximum(weights.sum(axis=0), _TINY)
+    for side, weight in enumerate(weights):
+        if weight.max() > 0:
+            yield side, weight
 
 
 @functools.lru_cache(maxsize=2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 from posse_core._model.scene import EnvironmentMap
@@ -28,4 +29,5 @@ def environment_map(earth: EarthView) -> EnvironmentMap:
     up = np.broadcast_to(-cosine, (rows * n, columns * n))
     directions = np.stack([sine * np.sin(phi), up, sine * np.cos(phi)], axis=-1)
     light = earth.light(directions, np.pi / (rows * n))
-    return EnvironmentMap(light.reshape(rows, n, columns, n, 3).mean(axis=(1, 3)))
+    means = cv2.resize(light, (columns, rows), interpolation=cv2.INTER_AREA)
+    return EnvironmentMap(np.asarray(means, dtype=np.float32))

@@ -248,7 +248,7 @@ def test_npz_holds_plain_arrays(trajectory: Trajectory, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("none.npz", None, "there is no file"),
+        ("none.npz", None, "there is no such file"),
         ("t.txt", "", r"must end in \.npz or \.csv"),
         ("t.npz", "not a zip", "cannot be read as NPZ"),
         ("t.npz", "", "cannot be read as NPZ"),

@@ -150,13 +150,15 @@ def read_npz(path: Path, wanted: Callable[[str], bool], missing: str = MISSING) 
         with np.load(path, allow_pickle=False) as arrays:
             return {name: arrays[name] for name in arrays.files if wanted(name)}
     except Exception as error:  # zipfile, zlib and numpy raise various errors for a damaged file
-        raise _unreadable(path, error) from None
+        raise _unreadable(path, error, " as NPZ") from None
 
 
 def _dotted(key: tuple[int | str, ...]) -> list[str]:
     return [".".join(map(str, key))] if key else []
 
 
-def _unreadable(path: Path, error: Exception) -> InputError:
+def _unreadable(path: Path, error: Exception, kind: str = "") -> InputError:
     reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-    return InputError(f"{path}: cannot be read: {' '.join(reason.split()) or type(error).__name__}")
+    return InputError(
+        f"{path}: cannot be read{kind}: {' '.join(reason.split()) or type(error).__name__}"
+    )

@@ -125,8 +125,8 @@ def check_orbit(path: Path, r_eci_m: FloatArray, v_eci_m_s: FloatArray) -> None:
     bad = ~((momentum > 0) & np.isfinite(momentum))
     if bad.any():
         raise InputError(
-            f"{path}: state {bad.argmax() + 1}: the target's position and velocity are zero or parallel,"
-            " so its orbit has no plane; give metres and metres per second in ECI axes"
+            f"{path}: the target's position and velocity are zero or parallel in state"
+            f" {bad.argmax() + 1}, so its orbit has no plane; give metres and metres per second in ECI"
         )
 
 

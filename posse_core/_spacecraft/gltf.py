@@ -16,6 +16,7 @@ import binascii
 import importlib.util
 import io
 import json
+import os
 import struct
 import urllib.parse
 from dataclasses import dataclass, replace
@@ -181,7 +182,7 @@ def beside(path: Path, name: str) -> Path:
     if "\0" in name:
         raise InputError(f"{path}: refers to {name!r}, which is no name of a file")
     folder = path.parent.resolve()
-    target = (folder / name).resolve()
+    target = Path(os.path.realpath(folder / name))  # Path.resolve raises for a loop of links
     if not target.is_relative_to(folder):
         raise InputError(
             f"{path}: refers to {name!r}, which is outside its folder; move it into the model's folder"

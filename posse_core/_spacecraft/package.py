@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path, PurePosixPath
 
 from pydantic import Field, field_validator
@@ -67,6 +68,6 @@ class Package(SceneSource[PackageOptions]):
 def _inside(folder: Path, name: str) -> Path:
     """The path of the mesh, after a check that it is in the folder even when links are followed."""
     mesh = folder / name
-    if not mesh.resolve().is_relative_to(folder.resolve()):
+    if not Path(os.path.realpath(mesh)).is_relative_to(folder.resolve()):
         raise InputError(f"{folder / DESCRIPTION}: mesh {name!r} leads out of the package by a link")
     return mesh

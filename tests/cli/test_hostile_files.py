@@ -256,6 +256,8 @@ def test_meshes_that_are_not_what_they_claim(tmp_path):
     (tmp_path / "deep.gltf").write_text("[" * 10_000)
     (tmp_path / "folder.obj").mkdir()
     os.mkfifo(tmp_path / "pipe.obj")
+    (tmp_path / "loop.obj").write_text("mtllib loop.mtl\n" + BOX_OBJ)
+    (tmp_path / "loop.mtl").symlink_to("loop.mtl")
     out = tmp_path / "p"
     for name, words in {
         "more.stl": ["left-over"],
@@ -264,6 +266,7 @@ def test_meshes_that_are_not_what_they_claim(tmp_path):
         "deep.gltf": ["not a glTF file"],
         "folder.obj": ["a folder"],
         "pipe.obj": ["a pipe"],
+        "loop.obj": ["'loop.mtl'"],
         f"{'x' * 300}.obj": ["too long"],
     }.items():
         refused("import", tmp_path / name, "--scale", 1, "--out", out, words=[name[:20], *words])

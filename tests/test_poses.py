@@ -246,3 +246,55 @@ def test_refusals_write_nothing(tmp_path):
         assert not (tmp_path / "new").exists()
     with pytest.raises(InputError, match="there is no such file"):
         read_poses(tmp_path / "none.json")
+
+
+CENTRE_BODY_M = np.array([0.1, -0.2, 0.3])
+
+
+def labels_of_motion(folder, t_s, n_rad_s):
+    """What a camera that looks back along the track sees of a body that turns at a constant rate, its
+    labels' origin off its centre of mass; and the chaser's velocity (F, 3), RTN axes.
+
+    The chaser is on a relative ellipse by Clohessy and Wiltshire's equations.
+    """
+    a_m, b_m, u = 0.4, 0.3, n_rad_s * t_s
+    r_rtn_m = np.stack([a_m * np.cos(u), 8 - 2 * a_m * np.sin(u), b_m * np.sin(u)], axis=-1)
+    v_m_s = n_rad_s * np.stack([-a_m * np.sin(u), -2 * a_m * np.cos(u), b_m * np.cos(u)], axis=-1)
+    centre_cam_m = np.stack([-r_rtn_m[:, 2], r_rtn_m[:, 0], r_rtn_m[:, 1]], axis=-1)
+    turns = Rotation.from_rotvec(np.outer(0.016 * t_s, [0.6, 0, 0.8]))
+    origin_cam_m = centre_cam_m - turns.apply(CENTRE_BODY_M)
+    entries = zip(turns.as_quat()[:, [3, 0, 1, 2]].tolist(), origin_cam_m.tolist(), strict=True)
+    return write_speed(folder / "motion.json", list(entries)), r_rtn_m, v_m_s
+
+
+def test_poses_one_after_another_are_a_motion_on_an_orbit(tmp_path):
+    """Pose by pose as before; the target on a circle by Kepler's law, the chaser with its own velocity."""
+    t_s = 5.0 * np.arange(60)
+    labels, r_rtn_m, v_m_s = labels_of_motion(tmp_path, t_s, np.sqrt(3.986004418e14 / 7.0e6**3))
+    options = ("--every", 5, "--centre-of-mass", *CENTRE_BODY_M)
+    states, scenario, _ = imported(labels, *options, "--sun", 1, 0.2, -0.3)
+    registry = load_plugins().registry
+    made = make_trajectory(scenario, registry)
+    np.testing.assert_allclose(made.t_s, t_s)
+    assert set(made.sequence) == {0}
+    np.testing.assert_allclose(made.r_chaser_rtn_m, r_rtn_m, atol=1e-9)
+    np.testing.assert_allclose(made.v_chaser_rtn_m_s, v_m_s, atol=1e-6)
+    r, v = made.r_target_eci_m, made.v_target_eci_m_s
+    np.testing.assert_allclose(np.linalg.norm(r, axis=1), 7.0e6)
+    np.testing.assert_allclose(np.sum(v**2, axis=1), 3.986004418e14 / 7.0e6)
+    np.testing.assert_allclose((r[2:] - r[:-2]) / 10, v[1:-1], rtol=1e-5, atol=0.1)
+    for i in (0, 30):
+        q, r_cam = (json.loads(labels.read_text())[i][k] for k in ("q_vbs2tango", "r_Vo2To_vbs_true"))
+        assert states[i].craft.R_cam_from_body == pytest.approx(matrix(q), abs=1e-12)
+        centre = np.array(r_cam) + matrix(q) @ CENTRE_BODY_M
+        assert states[i].craft.t_body_cam_m == pytest.approx(centre, abs=1e-9)
+    to_sun = states[0].R_cam_from_eci @ states[0].r_sun_eci_m
+    assert to_sun / np.linalg.norm(to_sun) == pytest.approx(np.array([1, 0.2, -0.3]) / np.sqrt(1.13))
+
+
+def test_one_pose_is_no_motion(tmp_path):
+    labels = write_speed(tmp_path / "train.json", [((1, 0, 0, 0), (0, 0, 9))])
+    result = run(labels, "--out", tmp_path / "anew", "--target", "cubesat", "--every", 5)
+    assert isinstance(result.exception, InputError)
+    assert "--every: there is one pose" in str(result.exception)
+    assert not (tmp_path / "anew").exists()

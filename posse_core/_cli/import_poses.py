@@ -36,13 +36,36 @@ from posse_core._plugins.loading import load_plugins
     type=click.Path(path_type=Path),
     help="A camera.json as in SPEED+; by default the one beside LABELS or in the folder above.",
 )
+@click.option(
+    "--every",
+    "every_s",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="SECONDS",
+    help="The poses are one motion, so many seconds apart; by default each stands by itself.",
+)
+@click.option(
+    "--centre-of-mass",
+    "centre_m",
+    nargs=3,
+    type=float,
+    default=(0.0, 0.0, 0.0),
+    metavar="X Y Z",
+    help="The target's centre of mass in the labels' body axes, m, which becomes its origin.",
+)
 def command(
-    labels: Path, out: Path, target: str, sun_cam: tuple[float, float, float], camera_file: Path | None
+    labels: Path,
+    out: Path,
+    target: str,
+    sun_cam: tuple[float, float, float],
+    camera_file: Path | None,
+    every_s: float | None,
+    centre_m: tuple[float, float, float],
 ) -> None:
     """Make a scenario with the poses of LABELS: SPEED's or SPEED+'s JSON, or URSO's poses_gt.csv.
 
     'posse run OUT/scenario.yaml' then renders them anew. The labels do not say where the Sun and the
-    Earth are, so the Sun is assumed in the direction of --sun, and there is no Earth.
+    Earth are, so the Sun is assumed in the direction of --sun, and there is no Earth. A motion is put on
+    a circular orbit, with the camera looking back along it.
     """
     import numpy as np
 
@@ -54,9 +77,9 @@ def command(
     registry.options("scene", target, {}, where=f"--target {target}")
     if out.exists():
         raise InputError(f"{out}: this folder exists already; name a new one")
-    poses = read_poses(labels)
+    poses = read_poses(labels).with_origin(np.array(centre_m))
     camera = read_camera(camera_file) if camera_file else camera_beside(labels)
-    path = write_scenario(labels, poses, np.array(sun_cam), target, camera, out)
+    path = write_scenario(labels, poses, np.array(sun_cam), target, camera, out, every_s=every_s)
     if camera is None:
         click.echo(
             f"posse: no camera.json beside {labels}; the scenario has the default camera;"

@@ -4,10 +4,11 @@ them."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from posse_core._arrays import FloatArray
+from posse_core._frames import matrix_from_quaternion
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,11 @@ class Poses:
     names: tuple[str, ...]
     q_cam_from_body: FloatArray
     t_body_cam_m: FloatArray
+
+    def with_origin(self, r_body_m: FloatArray) -> Poses:
+        """The same poses of body axes whose origin is at ``r_body_m`` (3,) of these."""
+        moved_m = self.t_body_cam_m + matrix_from_quaternion(self.q_cam_from_body) @ r_body_m
+        return replace(self, t_body_cam_m=moved_m)
 
 
 class NamedPose(NamedTuple):

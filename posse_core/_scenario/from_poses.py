@@ -3,7 +3,8 @@
 The labels give the pose of the spacecraft in camera axes, and nothing about orbit, time or illumination.
 These are assumed for each frame by itself: the target is on a circular orbit between the Earth and the
 Sun, so never in shadow; the Sun is in one direction of the camera axes; frames are one second apart, and
-each is a sequence of its own.
+each is a sequence of its own. Labels of one motion in order of time are instead put on one circular
+orbit, with the camera's axes fixed in the RTN axes.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import yaml
+from scipy.interpolate import CubicSpline
 
 from posse_core._arrays import FloatArray
 from posse_core._constants import Constants
@@ -26,6 +28,7 @@ from posse_core._frames import (
     R_a_from_b_by_directions,
     R_eci_from_rtn,
     matrix_from_quaternion,
+    matrix_from_rotation_vector,
     quaternion_from_matrix,
     unit,
 )
@@ -43,6 +46,14 @@ _HEADER = """\
 # Assumed, since labels do not say: the Sun at {sun} in camera axes (right, down, forward), never
 # in eclipse; no Earth. With sky.earth true the Earth is opposite to the Sun, fully lit.
 """
+_HEADER_OF_SEQUENCE = """\
+# The {frames} poses of {labels}, to be rendered anew: posse run {scenario}
+# Assumed, since labels do not say: one motion, the poses {every} s apart, on a circular orbit; the
+# camera looks back along it, its image's top away from the Earth; the Sun at {sun} in camera axes
+# (right, down, forward) at the first pose, and where the orbit takes it later; no Earth.
+"""
+R_RTN_FROM_CAM = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+"""The camera of a sequence: right along N, down along −R, forward along −T."""
 
 
 def motion_of(poses: Poses, sun_cam: FloatArray) -> dict[str, FloatArray]:
@@ -54,21 +65,12 @@ def motion_of(poses: Poses, sun_cam: FloatArray) -> dict[str, FloatArray]:
     Raises:
         InputError: ``sun_cam`` is zero or not finite.
     """
-    if not _LEAST_SUN < np.max(np.abs(sun_cam)) < 1 / _LEAST_SUN:  # false for NaN
-        raise InputError(
-            f"--sun {' '.join(map(str, np.asarray(sun_cam)))}: is no direction; give three numbers"
-            " towards the Sun in camera axes"
-        )
     t_s = np.arange(len(poses.names), dtype=np.float64)
-    sun_eci = unit(sun_eci_m(*Epoch.from_iso(EPOCH_UTC).tdb(t_s)))
+    sun_eci = _sun_eci(t_s)
     r_target_m = RADIUS_M * sun_eci
     along = unit(np.cross(ECLIPTIC_NORTH_ECI, sun_eci))
     v_target_m_s = np.sqrt(Constants().mu_earth_m3_s2 / RADIUS_M) * along
-    # A rotation about the Sun's direction is arbitrary: the image's top is kept near ecliptic north.
-    up_cam = np.array([0.0, -1.0, 0.0])
-    if np.linalg.norm(np.cross(unit(sun_cam), up_cam)) < _PARALLEL_SINE:
-        up_cam = np.array([0.0, 0.0, 1.0])
-    R_eci_from_cam = R_a_from_b_by_directions(sun_eci, ECLIPTIC_NORTH_ECI, sun_cam, up_cam)
+    R_eci_from_cam = _R_eci_from_cam(sun_eci, sun_cam)
     R_rtn_from_cam = np.swapaxes(R_eci_from_rtn(r_target_m, v_target_m_s), -1, -2) @ R_eci_from_cam
     R_eci_from_body = R_eci_from_cam @ matrix_from_quaternion(poses.q_cam_from_body)
     return {
@@ -83,8 +85,70 @@ def motion_of(poses: Poses, sun_cam: FloatArray) -> dict[str, FloatArray]:
     }
 
 
+def sequence_of(poses: Poses, sun_cam: FloatArray, every_s: float) -> dict[str, FloatArray]:
+    """Arrays of a trajectory in which the camera sees these poses one after another.
+
+    Velocities are those of cubic splines through the positions.
+
+    Args:
+        sun_cam: (3,) direction of the Sun in camera axes at the first pose, of any length.
+        every_s: time from one pose to the next.
+
+    Raises:
+        InputError: ``sun_cam`` is zero or not finite, or there is one pose alone.
+    """
+    if len(poses.names) < 2:
+        raise InputError("--every: there is one pose, and a sequence has two or more")
+    t_s = every_s * np.arange(len(poses.names))
+    R_eci_from_cam = _R_eci_from_cam(_sun_eci(t_s[:1]), sun_cam)[0]
+    rate_rad_s = np.sqrt(Constants().mu_earth_m3_s2 / RADIUS_M**3)
+    turned = matrix_from_rotation_vector(rate_rad_s * t_s[:, None] * np.array([0.0, 0.0, 1.0]))
+    R_eci_from_rtn = R_eci_from_cam @ R_RTN_FROM_CAM.T @ turned
+    R_eci_from_cam = R_eci_from_rtn @ R_RTN_FROM_CAM
+    r_rtn_m = -poses.t_body_cam_m @ R_RTN_FROM_CAM.T
+    R_eci_from_body = R_eci_from_cam @ matrix_from_quaternion(poses.q_cam_from_body)
+    return {
+        "t_s": t_s,
+        "sequence": np.zeros(len(t_s)),
+        "r_target_eci_m": RADIUS_M * R_eci_from_rtn[:, :, 0],
+        "v_target_eci_m_s": RADIUS_M * rate_rad_s * R_eci_from_rtn[:, :, 1],
+        "r_chaser_rtn_m": r_rtn_m,
+        "v_chaser_rtn_m_s": CubicSpline(t_s, r_rtn_m)(t_s, 1),
+        "q_eci_from_body": quaternion_from_matrix(R_eci_from_body),
+        "q_eci_from_camera": quaternion_from_matrix(R_eci_from_cam),
+    }
+
+
+def _sun_eci(t_s: FloatArray) -> FloatArray:
+    """(F, 3) directions of the Sun."""
+    return unit(sun_eci_m(*Epoch.from_iso(EPOCH_UTC).tdb(t_s)))
+
+
+def _R_eci_from_cam(sun_eci: FloatArray, sun_cam: FloatArray) -> FloatArray:
+    """(F, 3, 3) attitudes of a camera that has the Sun (F, 3) in one direction (3,) of its axes.
+
+    A rotation about the Sun's direction is arbitrary: the image's top is kept near ecliptic north.
+    """
+    if not _LEAST_SUN < np.max(np.abs(sun_cam)) < 1 / _LEAST_SUN:  # false for NaN
+        raise InputError(
+            f"--sun {' '.join(map(str, np.asarray(sun_cam)))}: is no direction; give three numbers"
+            " towards the Sun in camera axes"
+        )
+    up_cam = np.array([0.0, -1.0, 0.0])
+    if np.linalg.norm(np.cross(unit(sun_cam), up_cam)) < _PARALLEL_SINE:
+        up_cam = np.array([0.0, 0.0, 1.0])
+    return R_a_from_b_by_directions(sun_eci, ECLIPTIC_NORTH_ECI, sun_cam, up_cam)
+
+
 def write_scenario(
-    labels: Path, poses: Poses, sun_cam: FloatArray, target: str, camera: Camera | None, out: Path
+    labels: Path,
+    poses: Poses,
+    sun_cam: FloatArray,
+    target: str,
+    camera: Camera | None,
+    out: Path,
+    *,
+    every_s: float | None = None,
 ) -> Path:
     """Write ``scenario.yaml``, its ``trajectory.npz``, and ``images.csv``, the image of each frame.
 
@@ -92,11 +156,12 @@ def write_scenario(
         sun_cam: (3,), as in :func:`motion_of`.
         target: name of the spacecraft to render.
         camera: the camera of the labels; None for the default camera of scenarios.
+        every_s: as in :func:`sequence_of`; None for frames that have nothing to do with each other.
 
     Returns:
         The scenario's path.
     """
-    arrays = motion_of(poses, sun_cam)
+    arrays = motion_of(poses, sun_cam) if every_s is None else sequence_of(poses, sun_cam, every_s)
     out.mkdir(parents=True, exist_ok=True)
     write_table(out / "trajectory.npz", EPOCH_UTC, arrays)
     write_csv(out / "images.csv", ("frame", "filename"), enumerate(poses.names))
@@ -115,8 +180,12 @@ def write_scenario(
         "sky": {"earth": False},
     }
     path = out / "scenario.yaml"
-    header = _HEADER.format(
-        frames=len(poses.names), labels=labels.name, scenario=path, sun=np.asarray(sun_cam).tolist()
+    header = (_HEADER if every_s is None else _HEADER_OF_SEQUENCE).format(
+        frames=len(poses.names),
+        labels=labels.name,
+        scenario=path,
+        sun=np.asarray(sun_cam).tolist(),
+        every=every_s,
     )
     write_bytes(path, (header + yaml.safe_dump(value, sort_keys=False)).encode())
     return path

@@ -268,7 +268,7 @@ def labels_of_motion(folder, t_s, n_rad_s):
 
 
 def test_poses_one_after_another_are_a_motion_on_an_orbit(tmp_path):
-    """Pose by pose as before; the target on a circle by Kepler's law, the chaser with its own velocity."""
+    """Pose by pose as before; the target on a circle by Kepler's law, the chaser at its own velocity."""
     t_s = 5.0 * np.arange(60)
     labels, r_rtn_m, v_m_s = labels_of_motion(tmp_path, t_s, np.sqrt(3.986004418e14 / 7.0e6**3))
     options = ("--every", 5, "--centre-of-mass", *CENTRE_BODY_M)

@@ -77,6 +77,8 @@ def command(
     registry.options("scene", target, {}, where=f"--target {target}")
     if out.exists():
         raise InputError(f"{out}: this folder exists already; name a new one")
+    if not np.isfinite([*centre_m, every_s or 0.0]).all():
+        raise InputError("--every and --centre-of-mass: a number is not finite; give metres and seconds")
     poses = read_poses(labels).with_origin(np.array(centre_m))
     camera = read_camera(camera_file) if camera_file else camera_beside(labels)
     path = write_scenario(labels, poses, np.array(sun_cam), target, camera, out, every_s=every_s)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from posse_core._arrays import FloatArray
+from posse_core._arrays import FloatArray, array_fault
 from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.layout import FLIGHT, TRACK, TRACK_PAGE, TRAJECTORY
 from posse_core._dynamics.plan import Burn
@@ -78,6 +78,12 @@ def frames_of(dataset: Dataset, sequence: int | None) -> list[int]:
         InputError: there are several sequences and none is named, or none of this number; or its frames
             are not two or more at instants of their own.
     """
+    rows = len(dataset.trajectory)
+    if not len(dataset) or dataset.indices[-1] >= rows:
+        raise InputError(
+            f"{dataset.folder}: has {len(dataset)} frames, and its trajectory {rows} rows; see"
+            " 'posse validate'"
+        )
     numbers = dataset.trajectory.sequence[dataset.indices]
     there = np.unique(numbers)
     if sequence is None and len(there) > 1:
@@ -210,14 +216,15 @@ def _impulses(dataset: Dataset, frames: list[int], t_s: FloatArray) -> _Impulses
     path = dataset.folder / FLIGHT
     if path.exists():
         flown, indices = load_flight(path), dataset.indices[frames]
-        if len(flown) != len(dataset):
-            raise InputError(
-                f"{path}: is of {len(flown)} frames, but the dataset has {len(dataset)}; resume the"
-                " flight first"
-            )
-        return _Impulses(
-            flown.burn_s[indices], flown.dv_commanded_rtn_m_s[indices], flown.dv_rtn_m_s[indices]
-        )
+        whole = (flown.burn_s, flown.dv_commanded_rtn_m_s, flown.dv_rtn_m_s)
+        count = len(dataset.trajectory)
+        for array, shape in zip(whole, ((count,), (count, 3), (count, 3)), strict=True):
+            if (fault := array_fault(array, shape, "floating")) is not None:
+                raise InputError(
+                    f"{path}: not the record of the dataset's frames: an array {fault}; resume the"
+                    " flight, or make it again"
+                )
+        return _Impulses(*(array[indices] for array in whole))
     until_s = [after for _, after in pairwise(t_s.tolist())]
     nothing = np.zeros((len(t_s), 3))
     return _Impulses(np.array([*until_s, 2 * t_s[-1] - t_s[-2]]), nothing, nothing)

@@ -99,7 +99,7 @@ def sequence_of(poses: Poses, sun_cam: FloatArray, every_s: float) -> dict[str, 
     """
     if len(poses.names) < 2:
         raise InputError("--every: there is one pose, and a sequence has two or more")
-    t_s = every_s * np.arange(len(poses.names))
+    t_s = every_s * np.arange(len(poses.names), dtype=np.float64)
     R_eci_from_cam = _R_eci_from_cam(_sun_eci(t_s[:1]), sun_cam)[0]
     rate_rad_s = np.sqrt(Constants().mu_earth_m3_s2 / RADIUS_M**3)
     turned = matrix_from_rotation_vector(rate_rad_s * t_s[:, None] * np.array([0.0, 0.0, 1.0]))

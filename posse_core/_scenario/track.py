@@ -9,6 +9,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from posse_core._constants import Constants
+from posse_core._errors import InputError
 from posse_core._plugins.options import validated
 from posse_core._scenario.flight import NavigationConfig, NavigationErrorsConfig
 from posse_core._scenario.load import put
@@ -42,17 +43,33 @@ def read_track_config(scenario: Path, overrides: Mapping[str, Any]) -> TrackConf
     Raises:
         InputError: the scenario cannot be read, or a key or value is not valid.
     """
-    made = YamlText.read(scenario).value if scenario.exists() else {}
-    raw = {key: made[key] for key in ("constants", "seed") if key in made}
-    flight = made.get("flight") or {}
+    text = YamlText.read(scenario) if scenario.exists() else YamlText.of({}, str(scenario))
+    made = _mapping(text, text.value)
+    flight = _mapping(text, made.get("flight"), "flight")
+    errors = _mapping(text, flight.get("errors"), "flight", "errors")
+    raw: dict[str, Any] = {key: made[key] for key in ("constants", "seed") if key in made}
     raw |= {key: flight[key] for key in NavigationConfig.model_fields if key in flight}
-    known = NavigationErrorsConfig.model_fields
-    raw["errors"] = {key: value for key, value in raw.get("errors", {}).items() if key in known}
+    raw["errors"] = {
+        key: value for key, value in errors.items() if key in NavigationErrorsConfig.model_fields
+    }
     given = {tuple(key.split(".")): value for key, value in overrides.items()}
     for path, value in sorted(given.items(), key=lambda item: item[0][-1] != "name"):
         put(raw, path, value)
 
     def where(path: KeyPath) -> str:
-        return f"option {'.'.join(str(step) for step in path)}"
+        if any(path[:length] in given for length in range(1, len(path) + 1)):
+            return f"option {'.'.join(str(step) for step in path)}"
+        return text.where(path if path[0] in made else ("flight", *path))
 
     return validated(TrackConfig, raw, where)
+
+
+def _mapping(text: YamlText, value: Any, *path: str) -> dict[str, Any]:
+    """The keys at a path of a scenario; none where it has no such key.
+
+    Raises:
+        InputError: there is a value in place of keys.
+    """
+    if value is not None and not isinstance(value, dict):
+        raise InputError(f"{text.where(path)}: holds a value, not keys; restore the file from a copy")
+    return value or {}

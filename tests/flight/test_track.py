@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from small_flight import NATURAL, SCENARIO
 import posse_core
 from posse_core import Dataset
 from posse_core._evaluation.flight import flight_errors
-from posse_core._files.flight import load_flight
+from posse_core._files.flight import load_flight, save_flight
 
 WHITE = {
     "measurement.source": "truth",
@@ -168,7 +169,7 @@ def test_json_is_the_summary(natural, tmp_path):
         (["d", "-o", "measurement.boxes=no.onnx"], "no.onnx"),
         (["bare", "-o", "measurement.source=truth"], "add 'keypoints' to the scenario's annotators"),
         (["one", "-o", "measurement.source=truth", "--sequence", 4], "sequence 4 has 1 frame"),
-        (["still", "-o", "measurement.source=truth"], "trajectory.npz: the target"),
+        (["falls", "-o", "measurement.source=truth"], "trajectory.npz: the target"),
     ],
 )
 def test_bad_input_is_told_in_one_line(bad, arguments, message):
@@ -178,6 +179,35 @@ def test_bad_input_is_told_in_one_line(bad, arguments, message):
     assert message in error
     assert error.count("\n") == 1
     assert not (bad / "t").exists()
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "message"),
+    [
+        ("scenario.yaml", "[]", "scenario.yaml: holds a value, not keys"),
+        ("scenario.yaml", "flight: 3", "scenario.yaml, line 1: flight: holds a value, not keys"),
+        ("scenario.yaml", "flight: {navigator: ekg}", "no navigator named 'ekg'"),
+        ("scenario.yaml", "seed: -1", "scenario.yaml, line 1: seed: input should be greater"),
+        ("flight.npz", "nothing", "flight.npz: not the record of a flight"),
+        ("trajectory.npz", "nothing", "trajectory.npz"),
+    ],
+)
+def test_damaged_files_are_told_in_one_line(natural, tmp_path, file, content, message):
+    shutil.copytree(natural, tmp_path / "d")
+    (tmp_path / "d" / file).write_text(content)
+    options = ["-o", "measurement.source=truth", "--out", tmp_path / "t"]
+    code, _, error = run_posse("track", tmp_path / "d", *options)
+    assert (code, error.count("\n")) == (2, 1), error
+    assert message in error
+
+
+def test_the_record_of_another_flight(flown, tmp_path):
+    shutil.copytree(flown, tmp_path / "d")
+    record = load_flight(flown / "flight.npz")
+    save_flight(replace(record, burn_s=record.burn_s[:-1]), tmp_path / "d" / "flight.npz")
+    code, _, error = run_posse("track", tmp_path / "d")
+    assert (code, error.count("\n")) == (2, 1), error
+    assert "flight.npz: not the record of the dataset's frames" in error
 
 
 def test_a_model_that_does_not_know_the_spacecraft(natural, tmp_path):
@@ -195,12 +225,13 @@ def test_a_model_that_does_not_know_the_spacecraft(natural, tmp_path):
 
 @pytest.fixture(scope="module")
 def bad(natural, tmp_path_factory) -> Path:
-    """A folder with datasets: a good one, one without keypoints, one of a frame, one without orbit."""
+    """A folder with datasets: a good one, one without keypoints, one of a frame, one that falls."""
     folder = tmp_path_factory.mktemp("bad")
     (folder / "d").symlink_to(natural)
     changed(natural, folder / "bare", without="keypoints")
     changed(natural, folder / "one", sequence=lambda t_s: np.arange(len(t_s)))
-    changed(natural, folder / "still", v_target_eci_m_s=lambda t_s: np.zeros((len(t_s), 3)))
+    falls_m_s = 0.01 * Dataset(natural).trajectory.v_target_eci_m_s
+    changed(natural, folder / "falls", v_target_eci_m_s=lambda _: falls_m_s)
     return folder
 
 

@@ -65,8 +65,9 @@ class Pyramid:
             framed[:, 0], framed[:, -1] = framed[:, -2], framed[:, 1]
             above, below = (-2, 1) if tiles else (1, -2)
             framed[0], framed[-1] = framed[above], framed[below]
-        self._origin = np.array(corners, dtype=np.float32) + np.float32(0.5)
-        self._size = np.array([level.shape[1::-1] for level in levels], dtype=np.float32)
+        # By axis and level.
+        self._origin = np.array(corners, dtype=np.float32).T.copy() + np.float32(0.5)
+        self._size = np.array([level.shape[1::-1] for level in levels], dtype=np.float32).T.copy()
 
     @property
     def width_px(self) -> int:
@@ -75,12 +76,14 @@ class Pyramid:
 
     def at(self, x: Float32Array, y: Float32Array, level: Float32Array) -> Float32Array:
         """Bilinear samples at the nearest level: (...) positions and levels → ([c,] ...), float32."""
-        nearest = np.clip(np.rint([level.min(), level.max()]), 0, len(self._size) - 1).astype(np.intp)
+        nearest = np.clip(np.rint([level.min(), level.max()]), 0, self._size.shape[1] - 1).astype(
+            np.intp
+        )
         which: Any = nearest[0]  # one level for all, as in most parts of an image
         if nearest[0] < nearest[1]:
             which = np.clip(np.rint(level), *nearest).astype(np.intp)
-        column = self._origin[which, 0] + x * self._size[which, 0]
-        row = self._origin[which, 1] + y * self._size[which, 1]
+        column = self._origin[0][which] + x * self._size[0][which]
+        row = self._origin[1][which] + y * self._size[1][which]
         found = lookup(self._sheet, column, row)
         if self._channels:
             found = np.moveaxis(found, -1, 0)[: self._channels]
@@ -90,7 +93,7 @@ class Pyramid:
         """As :meth:`at`, but also interpolated between levels, so that no steps are visible."""
         if level.max() <= 0:
             return self.at(x, y, level)
-        level = np.clip(level, 0, len(self._size) - 1)
+        level = np.clip(level, 0, self._size.shape[1] - 1)
         below = np.floor(level)
         found = self.at(x, y, below)
         found += (level - below) * (self.at(x, y, below + 1) - found)

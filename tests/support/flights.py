@@ -79,7 +79,7 @@ def approach() -> Motion:
 def scenario(motion: Motion, every: int) -> dict[str, Any]:
     """A scenario of ``small_run``'s box with this motion; only every so many frames are imaged."""
     burns = [
-        {"t_s": float(t), "dv_rtn_m_s": dv.tolist()}
+        {"t_s": float(t), "dv_rtn_m_s": np.round(dv, 15).tolist()}  # what is left of zero is none
         for t, dv in zip(motion.t_s[:-1], motion.dv_rtn_m_s[:-1], strict=True)
         if dv.any()
     ]

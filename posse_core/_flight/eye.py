@@ -16,13 +16,14 @@ from posse_core._detection.models import open_models
 from posse_core._detection.pnp import MIN_POINTS, solve_pose
 from posse_core._detection.pose_detector import PoseDetector
 from posse_core._errors import InputError
-from posse_core._interfaces.detector import Detection
+from posse_core._interfaces.detector import Detection, PoseEstimate
 from posse_core._interfaces.navigator import KeypointReading, LineOfSight, RangeReading, Readings
 from posse_core._model.camera import Camera
 from posse_core._model.label_line import LabelLine
 from posse_core._plugins.registry import Registry
 from posse_core._randomness import random_generator
 from posse_core._scenario.flight import MeasurementConfig
+from posse_core._simulator.frame import Frame
 
 _MIDDLE_SHARE = 0.1
 """Standard deviation of the body's origin from the middle of its box, over the box's diagonal."""
@@ -57,6 +58,7 @@ class Eye(ABC):
         labels: LabelLine,
         image: AnyArray,
         q_eci_from_camera: FloatArray,
+        expected: Frame | None = None,
     ) -> Readings:
         """The readings of a frame.
 
@@ -64,6 +66,8 @@ class Eye(ABC):
             labels: the frame's true labels.
             image: (H, W) or (H, W, 3) its image.
             q_eci_from_camera: (4,) the camera's attitude as the chaser knows it.
+            expected: the frame that the chaser expected to see, by which keypoints are corrected; None
+                where there is none.
         """
         config = self._config
         began_s = time.perf_counter()
@@ -82,12 +86,42 @@ class Eye(ABC):
         if seen.keypoints is None:
             return readings
         found = seen.keypoints
-        pose = solve_pose(found.points_body_m, found.points_px, found.sigma_px, self._camera)
-        return replace(readings, keypoints=found if config.use == "keypoints" else None, pose=pose)
+        alone = pose = self._pose(found)
+        if expected is not None:
+            found = self._corrected(found, expected)
+            pose = self._pose(found)
+        return replace(
+            readings,
+            keypoints=found if config.use == "keypoints" else None,
+            pose=pose,
+            pose_alone=alone,
+        )
 
     @abstractmethod
     def _look(self, labels: LabelLine, image: AnyArray) -> _Seen | None:
         """What is found in a frame; None if that is nothing."""
+
+    def _pose(self, found: KeypointReading) -> PoseEstimate | None:
+        return solve_pose(found.points_body_m, found.points_px, found.sigma_px, self._camera)
+
+    def _corrected(self, found: KeypointReading, expected: Frame) -> KeypointReading:
+        """Keypoints without the error that is made in the expected frame, whose pose is known exactly.
+
+        Nets err alike in images of nearly the same view, so most of an error that would stay for many
+        frames is in both. Where nothing is found in the expected frame, nothing is taken off.
+        """
+        craft = expected.state.craft
+        seen = self._look(expected.labels, expected.image)
+        if seen is None or seen.keypoints is None:
+            return found
+        there_m = found.points_body_m @ craft.R_cam_from_body.T + craft.t_body_cam_m
+        error_px = seen.keypoints.points_px - self._camera.project(there_m)
+        known = np.isfinite(error_px).all(axis=1)
+        return KeypointReading(
+            found.points_body_m[known],
+            (found.points_px - error_px)[known],
+            found.sigma_px[known],
+        )
 
     def _line_of_sight(self, box_px: FloatArray) -> LineOfSight:
         x, y, width, height = box_px

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -28,6 +29,7 @@ from posse_core._interfaces.executor import Executor, FrameResult
 from posse_core._model.flight_record import FlightRecord
 from posse_core._model.spacecraft import Spacecraft
 from posse_core._plugins.loading import Plugins, load_plugins
+from posse_core._randomness import derived_seed
 from posse_core._run.recording import Recording, recording
 from posse_core._run.worker import write_frame, write_renderer
 from posse_core._scenario.component import create
@@ -61,8 +63,9 @@ def fly(
     craft = built(create(registry, "scene", scenario.target), scenario.target.name)
     problem = flight_problem(scenario, craft, registry)
     if out is None:
-        with Simulator(scenario, registry) as simulator:
-            flight = _flight(scenario, problem, craft, simulator, plugins)
+        with contextlib.ExitStack() as stack:
+            simulator = stack.enter_context(Simulator(scenario, registry))
+            flight = _flight(scenario, problem, craft, simulator, plugins, stack)
             steps = list(progress(flight.steps({}), len(problem.frames_s)))
         return flight_record(steps, problem.control, _least(problem))
     if is_remote(out):
@@ -71,9 +74,10 @@ def fly(
     with recording(out, scenario, craft, frames, plugins, resume=resume) as dataset:
         if dataset.is_complete:
             return load_flight(dataset.folder / FLIGHT)
-        with Simulator(scenario, registry) as simulator:
+        with contextlib.ExitStack() as stack:
+            simulator = stack.enter_context(Simulator(scenario, registry))
             write_renderer(simulator, dataset.store)
-            flight = _flight(scenario, problem, craft, simulator, plugins)
+            flight = _flight(scenario, problem, craft, simulator, plugins, stack)
             log = ReadingsLog(dataset.folder)
             known = log.recover(dataset.done)
             dataset.begin()
@@ -92,9 +96,20 @@ def _flight(
     craft: Spacecraft,
     simulator: Simulator,
     plugins: Plugins,
+    stack: contextlib.ExitStack,
 ) -> Flight:
-    eye = open_eye(problem.config.measurement, craft, simulator.camera, scenario.seed, plugins.registry)
-    return Flight(scenario, problem, simulator, eye, plugins.registry)
+    """The flight; what it opens is closed with ``stack``."""
+    measurement = problem.config.measurement
+    expecting = None
+    if measurement.correction is not None:
+        # Noise and clouds are drawn anew: the chaser knows neither.
+        own = {
+            "renderer": measurement.correction,
+            "seed": derived_seed(scenario.seed, -1, "expected-frames"),
+        }
+        expecting = stack.enter_context(Simulator(scenario.model_copy(update=own), plugins.registry))
+    eye = open_eye(measurement, craft, simulator.camera, scenario.seed, plugins.registry)
+    return Flight(scenario, problem, simulator, eye, plugins.registry, expecting)
 
 
 def _least(problem: FlightProblem) -> float:

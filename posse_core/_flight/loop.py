@@ -35,9 +35,12 @@ class Flight:
         simulator: Simulator,
         eye: Eye,
         registry: Registry,
+        expecting: Simulator | None = None,
     ) -> None:
+        """expecting: makes the frames that the chaser expects to see, if it compares them."""
         config = problem.config
         self._problem, self._simulator, self._eye = problem, simulator, eye
+        self._expecting = expecting
         self._states = States(scenario, registry, None)
         self._chaser = Chaser(problem.propagator, problem.motion, problem.start)
         self._watch = Watch(config.navigator, registry, problem.navigation)
@@ -66,13 +69,15 @@ class Flight:
 
     def _step(self, index: int, t_s: float, known: Readings | None, *, last: bool) -> Step:
         problem, config = self._problem, self._problem.config
-        row, R_eci_from_camera_known = self._pointed(index, t_s, self._watch.estimate(t_s))
+        aim = self._watch.estimate(t_s)
+        row, R_eci_from_camera_known = self._pointed(index, t_s, aim)
         frame = None
         readings = known
         if readings is None:
             frame = self._simulator.frame(self._states.of_row(row, index))
             q_known = quaternion_from_matrix(R_eci_from_camera_known)
-            readings = self._eye.read(frame.labels, frame.image, q_known)
+            expected = self._expected(index, aim, q_known)
+            readings = self._eye.read(frame.labels, frame.image, q_known, expected)
         self._watch.read(readings, row)
         burn_s = t_s + config.burn_after_s
         innovations = self._watch.deliver(burn_s)
@@ -87,6 +92,20 @@ class Flight:
                 self._chaser.fire(Burn(burn_s, dv))
                 self._watch.burned(Burn(burn_s, dv_commanded))
         return Step(row, frame, readings, estimate, innovations, burn_s, dv_commanded, dv)
+
+    def _expected(self, index: int, aim: Estimate | None, q_eci_from_camera: FloatArray) -> Frame | None:
+        """The frame that the chaser expects to see."""
+        if self._expecting is None or aim is None or aim.q_eci_from_body is None:
+            return None
+        state = self._expecting.state(
+            index,
+            t_s=aim.t_s,
+            r_rtn_m=aim.r_rtn_m,
+            v_rtn_m_s=aim.v_rtn_m_s,
+            q_eci_from_body=aim.q_eci_from_body,
+            q_eci_from_camera=q_eci_from_camera,
+        )
+        return self._expecting.frame(state)
 
     def _pointed(self, index: int, t_s: float, aim: Estimate | None) -> tuple[Trajectory, FloatArray]:
         """The true state with the camera as its law points it by what the chaser knows of its motion.

@@ -19,6 +19,7 @@ from posse_core._interfaces.navigator import KeypointReading, LineOfSight, Range
 _PARTS = {
     "keypoints": KeypointReading,
     "pose": PoseEstimate,
+    "pose_alone": PoseEstimate,
     "line_of_sight": LineOfSight,
     "range": RangeReading,
 }

@@ -108,20 +108,20 @@ class SinglePose:
 
 
 def single_pose(readings: Readings, row: Trajectory) -> SinglePose | None:
-    """The pose of one frame as seen from the orbit; None where the frame has none.
+    """The pose of one image alone as seen from the orbit; None where the frame has none.
 
     Args:
         row: the target's orbit at the frame, one row.
     """
-    if readings.pose is None:
+    if readings.pose_alone is None:
         return None
     R_eci_from_cam = matrix_from_quaternion(readings.q_eci_from_camera)
     R_rtn_from_eci = R_eci_from_rtn(row.r_target_eci_m[0], row.v_target_eci_m_s[0]).T
     R_rtn_from_cam = R_rtn_from_eci @ R_eci_from_cam
     return SinglePose(
-        -R_rtn_from_cam @ readings.pose.t_body_cam_m,
-        R_rtn_from_cam @ readings.pose.covariance[3:, 3:] @ R_rtn_from_cam.T,
-        quaternion_from_matrix(R_eci_from_cam @ readings.pose.R_cam_from_body),
+        -R_rtn_from_cam @ readings.pose_alone.t_body_cam_m,
+        R_rtn_from_cam @ readings.pose_alone.covariance[3:, 3:] @ R_rtn_from_cam.T,
+        quaternion_from_matrix(R_eci_from_cam @ readings.pose_alone.R_cam_from_body),
     )
 
 

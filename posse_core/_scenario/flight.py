@@ -76,7 +76,7 @@ class MeasurementConfig(Options):
     )
     least_score: float = Field(0.3, ge=0, le=1, description="detections below it are ignored")
     sigma_px: float = Field(
-        2.0,
+        1.0,
         gt=0,
         description="standard deviation of each coordinate of a keypoint, pixels; with nets it is added"
         " in quadrature to what they report",
@@ -86,6 +86,12 @@ class MeasurementConfig(Options):
         gt=0,
         description="a detection is ignored if the mean standard deviation that the net reports is above"
         " this share of the box's larger side",
+    )
+    correction: ComponentChoice | None = Field(
+        None,
+        description="renderer that the chaser carries: each image is compared with one that it makes of"
+        " what the chaser expects to see, and what the nets get wrong there is taken off what they"
+        " found; null: no correction",
     )
     range_sigma_m: float | None = Field(
         None, gt=0, description="standard deviation of a laser range finder, m; null: there is none"
@@ -97,9 +103,11 @@ class MeasurementConfig(Options):
     )
 
     @model_validator(mode="after")
-    def _not_negative(self) -> MeasurementConfig:
+    def _consistent(self) -> MeasurementConfig:
         if self.delay_s != "measured" and self.delay_s < 0:
             raise ValueError("delay_s is negative; readings arrive after their frame")
+        if self.correction is not None and (self.source == "truth" or self.use == "line-of-sight"):
+            raise ValueError("correction is of the keypoints that nets find; leave it out")
         return self
 
 

@@ -209,10 +209,14 @@ def _with_complete_options(scenario: Scenario, registry: Registry, where: Any) -
 
     flight = scenario.flight
     if flight is not None:
-        chosen = {
+        chosen: dict[str, Any] = {
             key: complete(key, getattr(flight, key), "flight", key)
             for key in ("navigator", "controller")
         }
+        correction = flight.measurement.correction
+        if correction is not None:
+            done = complete("renderer", correction, "flight", "measurement", "correction")
+            chosen["measurement"] = flight.measurement.model_copy(update={"correction": done})
         flight = flight.model_copy(update=chosen)
     return scenario.model_copy(
         update={

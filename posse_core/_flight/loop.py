@@ -21,6 +21,7 @@ from posse_core._plugins.registry import Registry
 from posse_core._randomness import random_generator
 from posse_core._scenario.component import create
 from posse_core._scenario.model import Scenario
+from posse_core._simulator.frame import Frame
 from posse_core._simulator.simulator import Simulator
 from posse_core._simulator.states import States
 

@@ -94,11 +94,11 @@ class Readings:
         keypoints: found in the image.
         pose: of the target in camera axes. Beside ``keypoints`` it is computed from them, so it is not a
             second measurement.
-        pose_alone: the pose by the image alone; another than ``pose`` where the keypoints were corrected
-            by what was known before. It is there to compare with, and not a measurement either.
         line_of_sight: to the target.
         range: to the target.
         truth: the true state, for a navigator with the capability ``truth``; None for all others.
+        pose_alone: the pose by the image alone; another than ``pose`` where the keypoints were corrected
+            by what was known before. It is there to compare with, and not a measurement either.
     """
 
     index: int
@@ -107,10 +107,10 @@ class Readings:
     q_eci_from_camera: FloatArray
     keypoints: KeypointReading | None = None
     pose: PoseEstimate | None = None
-    pose_alone: PoseEstimate | None = None
     line_of_sight: LineOfSight | None = None
     range: RangeReading | None = None
     truth: Estimate | None = None
+    pose_alone: PoseEstimate | None = None
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import numpy as np
 from posse_core._arrays import FloatArray
 from posse_core._guidance.goals import Goals, goals_of, half_widths
 from posse_core._guidance.horizon import Horizon
-from posse_core._guidance.impulse import carried_out, check_waypoints
+from posse_core._guidance.impulse import SAME_INSTANT_S, carried_out, check_waypoints
 from posse_core._guidance.options import MpcOptions
 from posse_core._guidance.planner import Planner
 from posse_core._guidance.programme import Solution
@@ -21,6 +21,8 @@ _AIM = 0.5
 """An impulse aims at this share of the box that made it necessary."""
 _RAMP_S = 200.0
 """While a goal is held, the aim narrows over this time, so that a deviation is not undone in haste."""
+_RETURN_S = 60.0
+"""A chaser outside the box of a goal that is held comes back over this time: in less, it costs more."""
 
 
 class ImpulsiveMpc(Controller[MpcOptions]):
@@ -40,6 +42,7 @@ class ImpulsiveMpc(Controller[MpcOptions]):
         options = self.options
         self._problem = problem
         self._goals = goals_of(problem)
+        self._arrival_s = np.array([waypoint.t_s for waypoint in problem.waypoints])
         self._tolerance = half_widths(problem, options.tolerance_m, options.tolerance_m_s)
         self._swing = half_widths(problem, 0.0, 0.0)
         self._least_m_s = max(problem.thrusters.least_m_s, options.deadband_m_s)
@@ -75,4 +78,9 @@ class ImpulsiveMpc(Controller[MpcOptions]):
         phi = horizon.motion.transition(goals.t_s)
         predicted = np.sqrt(np.einsum("kij,jl,kil->ki", phi, covariance, phi))
         inner = np.maximum(np.maximum(known, _CLOSEST * tolerance), self._swing[goals.waypoint])
-        return np.asarray(np.maximum(inner, self.options.significance * predicted))
+        wide = np.maximum(inner, self.options.significance * predicted)
+        held = self._arrival_s[goals.waypoint] < horizon.t_s + SAME_INSTANT_S
+        late = np.clip(1 - (goals.t_s - horizon.t_s) / _RETURN_S, 0, 1)
+        away_m = np.abs(horizon.rtn[:3] - goals.rtn[:, :3])
+        wide[:, :3] = np.maximum(wide[:, :3], (held * late)[:, None] * away_m)
+        return np.asarray(wide)

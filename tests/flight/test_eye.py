@@ -134,3 +134,49 @@ def test_detections_of_another_class_or_without_certainty_are_ignored(label, sig
     assert (readings.keypoints is not None) == read
     if read:
         np.testing.assert_allclose(readings.keypoints.sigma_px, np.hypot(sigma_px, 1.2))
+
+
+class Errs:
+    """Finds keypoints with an error of its own that is the same in every image of nearly one view."""
+
+    ERROR_PX = np.random.default_rng(9).normal(0, 3.0, (12, 2))
+
+    def __init__(self):
+        self.true_px = {}
+
+    def detect(self, image):
+        px = self.true_px[id(image)] + self.ERROR_PX
+        return [posse.Detection("box", 0.9, np.array([200.0, 150.0, 100.0, 80.0]), px, np.ones(12))]
+
+
+def expected_frame(R, t):
+    craft = SimpleNamespace(R_cam_from_body=R, t_body_cam_m=t)
+    image = np.ones((384, 512), np.uint8)
+    return SimpleNamespace(state=SimpleNamespace(craft=craft), labels=labels(), image=image)
+
+
+def test_the_error_in_the_expected_image_is_taken_off():
+    """The expected pose is another than the true one; its own projections are not what is read."""
+    nets = Errs()
+    R, t = cv2.Rodrigues(np.array([0.42, -0.88, 0.21]))[0], np.add(T_BODY_CAM_M, [0.2, 0.1, -0.5])
+    expected = expected_frame(R, t)
+    nets.true_px[id(IMAGE)] = TRUE_PX
+    nets.true_px[id(expected.image)] = cv2.projectPoints(POINTS_BODY_M, R, t, CAMERA.matrix, None)[0][
+        :, 0
+    ]
+    eye = NetEye(MeasurementConfig(sigma_px=0.5, largest_sigma=0.1), CRAFT, CAMERA, 0, nets)
+    plain = eye.read(labels(), IMAGE, Q)
+    np.testing.assert_allclose(plain.keypoints.points_px, TRUE_PX + Errs.ERROR_PX)
+    corrected = eye.read(labels(), IMAGE, Q, expected)
+    np.testing.assert_allclose(corrected.keypoints.points_px, TRUE_PX, atol=1e-9)
+    np.testing.assert_allclose(corrected.pose.t_body_cam_m, T_BODY_CAM_M, atol=1e-4)
+    np.testing.assert_array_equal(corrected.pose_alone.t_body_cam_m, plain.pose.t_body_cam_m)
+
+
+def test_without_a_detection_in_the_expected_image_nothing_is_taken_off():
+    nets = Finds("box", 1.0)
+    expected = expected_frame(R_CAM_FROM_BODY, T_BODY_CAM_M)
+    nets.detect = lambda image: [] if image is expected.image else [nets.found]
+    eye = NetEye(MeasurementConfig(largest_sigma=0.1), CRAFT, CAMERA, 0, nets)
+    readings = eye.read(labels(), IMAGE, Q, expected)
+    np.testing.assert_array_equal(readings.keypoints.points_px, TRUE_PX)

@@ -107,7 +107,7 @@ def _mixed(
     rays_cam = camera.rays(np.stack([u + box.x0, v + box.y0], axis=-1))
     rays = earth.rays(rays_cam, camera.pixel_rad)
     ground = np.flatnonzero(rays.on_ground > 0)
-    if len(ground):
+    if len(ground) and not Surface(fields).is_dark:  # in the night there is nothing to compute
         fields[:, v[ground], u[ground]] = earth.surface(rays, ground, camera.pixel_rad)
     share = inside.astype(np.float32)
     share[v, u] = rays.on_ground

@@ -18,6 +18,8 @@ from posse_core._arrays import BoolArray, FloatArray
 from posse_core._frames import matrix_from_quaternion, rotation_vector_from_matrix
 from posse_core._model.flight_record import FlightRecord
 
+_LEAST_RATE_RAD_S = 1e-4
+"""A rate that is smaller has no relative error: a turn takes seventeen hours."""
 MOTION_DOF = 6
 """Components of position and velocity."""
 THREE_SIGMA_SHARE = float(norm.cdf(3) - norm.cdf(-3))
@@ -75,7 +77,8 @@ class FlightSummary:
         final_estimate_position_error_m, final_estimate_velocity_error_m_s: of the estimate at the last
             frame.
         attitude_error_rad: angle of the estimate's attitude error at the last frame.
-        rate_error: error of the target's angular velocity at the last frame, over its true size.
+        rate_error: error of the target's angular velocity at the last frame, over its true size; NaN
+            for a target that hardly turns, by less than 1e-4 rad/s.
         nees_final: NEES of position and velocity at the last frame.
         nees_in_band: whether it is within the two-sided 95 % band of its χ² distribution.
         nees_share: share of the frames in this band, of those with a NEES.
@@ -204,7 +207,7 @@ def summarise(record: FlightRecord, symmetries: Sequence[FloatArray] = ()) -> Fl
         final_estimate_position_error_m=float(error_m[-1]),
         final_estimate_velocity_error_m_s=float(np.linalg.norm(errors.v_rtn_m_s[-1])),
         attitude_error_rad=float(np.linalg.norm(errors.attitude_rad[-1])),
-        rate_error=omega_error / omega_true if omega_true else np.nan,
+        rate_error=omega_error / omega_true if omega_true > _LEAST_RATE_RAD_S else np.nan,
         nees_final=float(errors.nees_6[-1]),
         nees_in_band=bool(in_band[-1]),
         nees_share=float(in_band[known].mean()) if known.any() else np.nan,

@@ -245,3 +245,10 @@ def test_a_turn_that_leaves_the_looks_is_no_error(record):
     assert asked.attitude_rad == pytest.approx(plain.attitude_rad @ J.T, nan_ok=True)
     assert np.linalg.norm(flight_errors(other).attitude_rad[5]) > 3
     assert summarise(record, [half_turn.as_matrix()]) == summarise(record)
+
+
+def test_a_target_that_hardly_turns_has_no_relative_rate_error():
+    record = flights.flight_record(flights.approach(), seed=3)
+    still = replace(record, omega_true_body_rad_s=np.full_like(record.omega_true_body_rad_s, 1e-6))
+    assert np.isnan(summarise(still).rate_error)
+    assert summarise(record).rate_error > 0

@@ -47,7 +47,7 @@ def scipy_from(q) -> Rotation:
     return Rotation.from_quat([x, y, z, w])
 
 
-@given(st.floats(0, 6000), st.integers(0, 10**6))
+@given(st.floats(1e-30, 6000) | st.just(0.0), st.integers(0, 10**6))
 def test_at_any_time_the_motion_is_the_scenarios(t_s: float, index: int) -> None:
     """Against a trajectory that has a frame at that time."""
     scenario = load_scenario("aqua", REGISTRY, {"times": {"t_s": [t_s]}})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -71,6 +72,11 @@ def naming(source: str) -> Iterator[None]:
         yield
     except InputError as error:
         raise InputError(f"{source}: {error}") from None
+
+
+def free_folder(stem: str) -> str:
+    """The folder of a command without ``--out``: ``out/STEM-20260131-120000``."""
+    return f"out/{stem}-{time.strftime('%Y%m%d-%H%M%S')}"
 
 
 def echo_json(value: Any) -> None:

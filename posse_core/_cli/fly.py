@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +11,14 @@ import click
 import numpy as np
 from tqdm import tqdm
 
-from posse_core._cli.common import echo_json, echo_table, naming, read_scenario, scenario_options
+from posse_core._cli.common import (
+    echo_json,
+    echo_table,
+    free_folder,
+    naming,
+    read_scenario,
+    scenario_options,
+)
 from posse_core._cli.flight_output import bar, plain, shown
 from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
@@ -63,7 +69,7 @@ def command(
         scenario = str(Path(out) / SCENARIO)
     named = {"renderer.name": renderer, "seed": seed}
     checked = read_scenario(scenario, overrides, **named)
-    folder = out or f"out/{Path(scenario).stem}-{time.strftime('%Y%m%d-%H%M%S')}"
+    folder = out or free_folder(Path(scenario).stem)
     with naming(scenario):
         if seeds is None:
             return _one(checked, folder, resume=resume, as_json=as_json)
@@ -71,11 +77,12 @@ def command(
 
 
 def _one(scenario: Any, folder: str, *, resume: bool, as_json: bool) -> int:
+    from posse_core._dataset.dataset import Dataset
     from posse_core._evaluation.flight import summarise
     from posse_core._flight.fly import fly
 
     record = fly(scenario, folder, load_plugins(), resume=resume, progress=bar)
-    summary = summarise(record)
+    summary = summarise(record, Dataset(Path(folder)).spacecraft.symmetries)
     if as_json:
         echo_json({"dataset": folder, **plain(dataclasses.asdict(summary))})
     else:

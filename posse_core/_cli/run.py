@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import sys
-import time
 from collections.abc import Iterable, Iterator
 from functools import partial
 from pathlib import Path
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from tqdm import tqdm
 
-from posse_core._cli.common import DEFAULT_SCENARIO, naming, read_scenario, scenario_options
+from posse_core._cli.common import DEFAULT_SCENARIO, free_folder, naming, read_scenario, scenario_options
 from posse_core._errors import InputError
 from posse_core._plugins.loading import Plugins, load_plugins
 
@@ -78,7 +77,7 @@ def command(
             checked = read_scenario(member, overrides, **named)
             with naming(member):
                 plans[Path(member).stem] = make_plan(checked, plugins.registry)
-    folder = out or _free_folder(Path(source).stem)
+    folder = out or free_folder(Path(source).stem)
     folders = {name: f"{folder}/{name}" if len(plans) > 1 else folder for name in plans}
     results = []
     for name, plan in plans.items():
@@ -117,11 +116,6 @@ def _executor(
     options = plugins.registry.options("executor", name, given, where="--")
     made: Executor = plugins.registry.create("executor", name, options)
     return made
-
-
-def _free_folder(stem: str) -> str:
-    """The folder of a run without ``--out``: ``out/STEM-20260131-120000``."""
-    return f"out/{stem}-{time.strftime('%Y%m%d-%H%M%S')}"
 
 
 def _bar(

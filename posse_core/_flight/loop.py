@@ -17,6 +17,7 @@ from posse_core._frames import matrix_from_quaternion, quaternion_from_matrix
 from posse_core._interfaces.controller import Controller
 from posse_core._interfaces.navigator import Estimate, Readings
 from posse_core._model.trajectory import Trajectory
+from posse_core._plugins.component import failures_named
 from posse_core._plugins.registry import Registry
 from posse_core._randomness import random_generator
 from posse_core._scenario.component import create
@@ -54,7 +55,8 @@ class Flight:
             known: index of a frame → its readings, of an earlier attempt; no image is rendered for them.
         """
         problem, config = self._problem, self._problem.config
-        self._controller.start(problem.control)
+        with failures_named("controller", config.controller.name):
+            self._controller.start(problem.control)
         last_read_s = 0.0
         below_m = config.end.below_m or problem.navigation.radius_m
         for index, t_s in enumerate(problem.frames_s.tolist()):

@@ -88,6 +88,7 @@ from ._model.labels import Labels as Labels
 from ._model.labels import View as View
 from ._model.manifest import Manifest as Manifest
 from ._model.poses import Poses as Poses
+from ._model.ray_hits import RayHits as RayHits
 from ._model.run_lengths import RunLengths as RunLengths
 from ._model.scene import CraftState as CraftState
 from ._model.scene import EnvironmentMap as EnvironmentMap

@@ -11,13 +11,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from posse_core._arrays import AnyArray, BoolArray, FloatArray, IntArray
 from posse_core._geometry.outline import edges_of, extent_px
+from posse_core._geometry.rays import cast_rays
 from posse_core._geometry.tracer import Tracer
 from posse_core._geometry.triangles import Triangles, dot, rotated
 from posse_core._model.camera import Camera, PixelBox
 from posse_core._model.labels import NOT_IN_FRAME, OCCLUDED, VISIBLE, View
+from posse_core._model.ray_hits import RayHits
 from posse_core._model.scene import CraftState, Scene
 from posse_core._model.shutter import LABEL_STEP_PX, Moment, fastest_px_s, moments
 
@@ -91,6 +94,31 @@ class RayCaster:
             keypoints_visibility=visibility,
             whole_box_px=np.concatenate([low_px, high_px - low_px]),
         )
+
+    def rays(
+        self,
+        craft: CraftState,
+        directions: FloatArray,
+        origin_m: ArrayLike = (0.0, 0.0, 0.0),
+        after_s: ArrayLike = 0.0,
+    ) -> RayHits:
+        """What single rays hit, each at its own instant, while the spacecraft and the camera move by
+        their rates.
+
+        The distances are exact in double precision, like those of :meth:`view`; the scene's image plays
+        no part.
+
+        Args:
+            craft: the state at the instant from which ``after_s`` counts. Its axes are those of the
+                rays: the camera's, or those of a sensor elsewhere.
+            directions: (N, 3) of any length but zero, in the state's axes at the ray's own instant.
+            origin_m: (3,) origin of all rays, or (N, 3), in the same axes.
+            after_s: seconds after the instant, of all rays or (N,).
+
+        Raises:
+            ValueError: A direction is zero or not finite.
+        """
+        return cast_rays(self._tracer, craft, directions, origin_m, after_s)
 
     def moments(
         self, craft: CraftState, step_px: float, exposure_s: float = 0.0, instants: int = 1
@@ -236,7 +264,7 @@ class _InstantCaster:
     def first(self, directions: FloatArray) -> tuple[IntArray, FloatArray]:
         """(3, N) ray directions → index of the first triangle (N,), −1 for none, and the planar depth
         (N,) of the hit, infinite for none."""
-        return self.tracer.first(self.camera_m, directions, self.start_m)
+        return self.tracer.first(self.camera_m[:, None], directions, self.start_m)
 
     def pixels(self, box: PixelBox) -> tuple[AnyArray, AnyArray, AnyArray, BoolArray]:
         """``part_id``, ``depth_m``, ``normal_cam`` and ``lit`` of :class:`View` for a box."""
@@ -262,7 +290,7 @@ class _InstantCaster:
             rays = np.flatnonzero(np.take(sunny, triangle))
             point_m = self.camera_m[:, None] + z_m[rays] * np.take(directions, rays, axis=1)
             normal = np.take(self.normal, triangle[rays], axis=1)
-            shadowed = self.tracer.shadowed(point_m, normal, self.sun_direction)
+            shadowed = self.tracer.shadowed(point_m, normal, self.sun_direction[:, None])
             lit[rows].reshape(-1)[rays] = ~shadowed
         return part_id, depth_m, normal_cam, lit
 

@@ -30,29 +30,32 @@ class Tracer:
         TriangleMesh(self._embree, triangles.corners_m.astype(np.float32))
 
     def first(
-        self, origin_m: FloatArray, directions: FloatArray, start: float
+        self, origin_m: FloatArray, directions: FloatArray, start: float | FloatArray
     ) -> tuple[IntArray, FloatArray]:
         """Find the first triangle along each ray x = origin + t d.
 
         Args:
-            origin_m: (3,) origin of the rays.
+            origin_m: (3, 1) origin of all rays, or (3, N).
             directions: (3, N), of any length.
-            start: t at which the search starts. It must be in front of the whole spacecraft, and near
-                it, so that single precision only handles numbers of the spacecraft's size.
+            start: t at which the search starts, of all rays or (N,). It must be in front of the whole
+                spacecraft, and near it, so that single precision only handles numbers of the
+                spacecraft's size.
 
         Returns:
             (N,) index of the triangle, −1 for none, and (N,) t, infinite for none.
         """
-        starts_m = origin_m[:, None] + start * directions
+        starts_m = origin_m + start * directions
         triangle = self._embree.run(_single(starts_m), _single(directions)).astype(np.int64)
         t = np.full(len(triangle), np.inf)
         hit = np.flatnonzero(triangle >= 0)
         aimed = np.take(directions, hit, axis=1)
-        t[hit], inside = self.triangles.meet(triangle[hit], origin_m, aimed)
+        t[hit], inside = self.triangles.meet(triangle[hit], _origins(origin_m, hit), aimed)
         doubtful = hit[~inside]
         if len(doubtful):
             aimed = directions[:, doubtful]
-            triangle[doubtful], t[doubtful] = self.triangles.first_hit(origin_m, aimed)
+            triangle[doubtful], t[doubtful] = self.triangles.first_hit(
+                _origins(origin_m, doubtful), aimed
+            )
         return triangle, t
 
     def shadowed(self, point_m: FloatArray, normal: FloatArray, direction: FloatArray) -> BoolArray:
@@ -61,12 +64,17 @@ class Tracer:
         Args:
             point_m: (3, N) points on the surface.
             normal: (3, N) unit normals, on the side of the surface that the camera sees.
-            direction: (3,) vector to the light.
+            direction: (3, 1) vector to the light for all points, or (3, N).
         """
         starts_m = point_m + _LIFT_SHARE * self.triangles.size_m * normal
-        # Embree's wrapper takes one direction for all rays.
-        blocker = self._embree.run(_single(starts_m), _single(direction[:, None]), query="OCCLUDED")
+        # Embree's wrapper takes one direction for all rays, too.
+        blocker = self._embree.run(_single(starts_m), _single(direction), query="OCCLUDED")
         return np.asarray(blocker >= 0)
+
+
+def _origins(origin_m: FloatArray, rays: IntArray) -> FloatArray:
+    """The origins of some rays, by their index: (3, 1) of all, or (3, n)."""
+    return origin_m if origin_m.shape[1] == 1 else np.take(origin_m, rays, axis=1)
 
 
 def _single(vectors: FloatArray) -> Float32Array:

@@ -46,6 +46,7 @@ class Triangles:
             inside.
         edge_m: (3 edges, T) a point x is inside an edge if inward · x ≥ edge_m.
         part_id: (T,) int16 index in ``spacecraft.parts``.
+        face: (T,) index among the faces of all parts, counted through them in order.
     """
 
     centre_body_m: FloatArray
@@ -56,6 +57,7 @@ class Triangles:
     inward: FloatArray
     edge_m: FloatArray
     part_id: IntArray
+    face: IntArray
 
     @classmethod
     def of(cls, spacecraft: Spacecraft) -> Triangles:
@@ -83,6 +85,7 @@ class Triangles:
             inward=component_first,
             edge_m=np.ascontiguousarray(np.sum(inward * corners, axis=-1).T),
             part_id=part_id,
+            face=np.flatnonzero(whole),
         )
 
     def meet(
@@ -92,7 +95,7 @@ class Triangles:
 
         Args:
             triangle: (N,) index of the triangle of each ray.
-            origin_m: (3,) origin of the rays, body axes, relative to the centre.
+            origin_m: (3, 1) origin of all rays, or (3, N); body axes, relative to the centre.
             directions: (3, N), of any length.
 
         Returns:
@@ -102,7 +105,7 @@ class Triangles:
         height_m = self.plane_m[triangle] - dot(normal, origin_m)
         with np.errstate(divide="ignore", invalid="ignore"):
             t = height_m / dot(normal, directions)
-            point_m = origin_m[:, None] + t * directions
+            point_m = origin_m + t * directions
             inside = t > 0
             for inward, edge_m in zip(self.inward, self.edge_m, strict=True):
                 across_m = dot(np.take(inward, triangle, axis=1), point_m)
@@ -113,7 +116,7 @@ class Triangles:
         """Find the first hit by trying every triangle, for rays that single precision cannot decide.
 
         Args:
-            origin_m: (3,) origin of the rays, body axes, relative to the centre.
+            origin_m: (3, 1) origin of all rays, or (3, N); body axes, relative to the centre.
             directions: (3, N), of any length.
 
         Returns:
@@ -123,12 +126,13 @@ class Triangles:
         count = len(self.plane_m)
         first = np.full(directions.shape[1], -1, dtype=np.int64)
         nearest = np.full(directions.shape[1], np.inf)
+        origins_m = np.broadcast_to(origin_m, directions.shape)
         step = max(1, _BLOCK // count)
         for start in range(0, len(first), step):
-            d = directions[:, start : start + step]
+            o, d = (each[:, start : start + step] for each in (origins_m, directions))
             rays = d.shape[1]
             triangle = np.tile(np.arange(count), rays)
-            t, inside = self.meet(triangle, origin_m, np.repeat(d, count, axis=1))
+            t, inside = self.meet(triangle, np.repeat(o, count, axis=1), np.repeat(d, count, axis=1))
             t = np.where(inside, t, np.inf).reshape(rays, count)
             best = t.argmin(axis=1)
             nearest[start : start + step] = t[np.arange(rays), best]

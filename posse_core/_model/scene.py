@@ -88,6 +88,16 @@ class CraftState:
             sun_direction_cam=R_then_from_now @ self.sun_direction_cam,
         )
 
+    def poses_after(self, after_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """R_cam_from_body (N, 3, 3) and t_body_cam_m (N, 3) of the states :meth:`after` each of (N,)
+        seconds."""
+        rates, times_s = self.rates, after_s[:, None]
+        R_then_from_now = matrix_from_rotation_vector(-times_s * rates.omega_camera_rad_s)
+        R_body_turn = matrix_from_rotation_vector(times_s * rates.omega_body_rad_s)
+        moved_m = self.t_body_cam_m + times_s * rates.v_body_cam_m_s
+        t_body_cam_m = (R_then_from_now @ moved_m[:, :, None])[:, :, 0]
+        return R_then_from_now @ self.R_cam_from_body @ R_body_turn, t_body_cam_m
+
     def body_in_camera(self, x_body_m: FloatArray, after_s: FloatArray) -> FloatArray:
         """Positions of points of the spacecraft, each at its own time: (..., 3) body axes and (...)
         seconds after the instant → (..., 3) camera axes."""

@@ -146,7 +146,7 @@ def test_rays_along_a_long_face_are_decided_in_double_precision(make_scene, seed
     tracer = Tracer(Triangles.of(make_scene({"beam": trimesh.creation.box(2 * half)}).spacecraft))
     camera = np.array([-35.0, 0.1 + rng.uniform(-1e-6, 1e-6), 0.01])
     d = np.stack([np.ones(200), *rng.uniform(-1, 1, (2, 200)) * [[3e-8], [2e-3]]])
-    triangle, x = tracer.first(camera, d, 0.0)
+    triangle, x = tracer.first(camera[:, None], d, 0.0)
     rounding_m = 2e-8
     found = triangle >= 0
     assert (x >= entry(camera, d, half + rounding_m) - rounding_m)[found].all()

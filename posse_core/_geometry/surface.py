@@ -1,0 +1,106 @@
+"""The material at points of a spacecraft's surface, with its textures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from posse_core._arrays import AnyArray, FloatArray, IntArray
+from posse_core._model.spacecraft import Material, Spacecraft
+from posse_core._model.srgb import linear_from_srgb
+
+_LINEAR = np.arange(256) / 255
+_LINEAR_FROM_SRGB = linear_from_srgb(_LINEAR)
+
+
+@dataclass(frozen=True)
+class SurfaceMaterial:
+    """The glTF metallic-roughness material at N points: factors times textures; NaN where there is no
+    surface.
+
+    Attributes:
+        base_color: (N, 3) linear reflectance in red, green, blue, 0 … 1.
+        metallic, roughness, specular: (N,) 0 … 1, as in :class:`posse_core.Material`.
+    """
+
+    base_color: FloatArray
+    metallic: FloatArray
+    roughness: FloatArray
+    specular: FloatArray
+
+
+class Surface:
+    """The materials of one spacecraft's triangles."""
+
+    def __init__(self, spacecraft: Spacecraft) -> None:
+        parts = spacecraft.parts
+        self._corners_m = np.concatenate([part.vertices_body_m[part.faces] for part in parts])
+        self._uv = np.concatenate([part.uv[part.faces].astype(np.float64) for part in parts])
+        names = list(spacecraft.materials)
+        self._materials = [spacecraft.materials[name] for name in names]
+        self._material = np.repeat(
+            [names.index(part.material) for part in parts], [len(part.faces) for part in parts]
+        )
+
+    def at(self, triangle: IntArray, point_body_m: FloatArray) -> SurfaceMaterial:
+        """The material at points.
+
+        Textures are sampled as the renderers do: row 0 is at v = 1, they repeat, and values between the
+        centres of texels are interpolated bilinearly, colours after their sRGB codes are decoded.
+
+        Args:
+            triangle: (N,) as in :class:`posse_core.RayHits`; −1 for no surface.
+            point_body_m: (N, 3) point on each triangle, body axes.
+        """
+        count = len(triangle)
+        base_color = np.full((count, 3), np.nan)
+        metallic, roughness, specular = np.full((3, count), np.nan)
+        on = np.flatnonzero(triangle >= 0)
+        uv = np.full((count, 2), np.nan)
+        uv[on] = self._texture_uv(triangle[on], point_body_m[on])
+        for index in np.unique(self._material[triangle[on]]):
+            material = self._materials[index]
+            rows = on[self._material[triangle[on]] == index]
+            base_color[rows], both = _textures(material, uv[rows])
+            metallic[rows], roughness[rows] = both.T
+            specular[rows] = material.specular
+        return SurfaceMaterial(base_color, metallic, roughness, specular)
+
+    def _texture_uv(self, triangle: IntArray, point_body_m: FloatArray) -> FloatArray:
+        """(n, 2) texture coordinates, interpolated between the corners by barycentric coordinates."""
+        a, b, c = np.moveaxis(self._corners_m[triangle], 1, 0)
+        ab, ac, ap = b - a, c - a, point_body_m - a
+        normal = np.cross(ab, ac)
+        area = np.sum(normal * normal, axis=-1)
+        weight_b = np.sum(np.cross(ap, ac) * normal, axis=-1) / area
+        weight_c = np.sum(np.cross(ab, ap) * normal, axis=-1) / area
+        weights = np.stack([1 - weight_b - weight_c, weight_b, weight_c], axis=-1)
+        return np.asarray(np.sum(weights[..., None] * self._uv[triangle], axis=1))
+
+
+def _textures(material: Material, uv: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Base colour (n, 3), and metallic and roughness (n, 2), at texture coordinates (n, 2)."""
+    color = np.array([material.base_color])
+    both = np.array([[material.metallic, material.roughness]])
+    if material.base_color_texture is not None:
+        color = color * _sampled(material.base_color_texture, _LINEAR_FROM_SRGB, uv)
+    if material.metallic_roughness_texture is not None:
+        both = both * _sampled(material.metallic_roughness_texture, _LINEAR, uv)
+    return np.broadcast_to(color, (len(uv), 3)), np.broadcast_to(both, (len(uv), 2))
+
+
+def _sampled(texture: AnyArray, value: FloatArray, uv: FloatArray) -> FloatArray:
+    """A texture (h, w, c) of codes with the given ``value`` (256,) each, at (n, 2) → (n, c)."""
+    height, width, _ = texture.shape
+    x, y = uv[:, 0] * width - 0.5, (1 - uv[:, 1]) * height - 0.5
+    column, row = np.floor(x), np.floor(y)
+    right, below = (x - column)[:, None], (y - row)[:, None]
+    left_px, top_px = column.astype(np.int64), row.astype(np.int64)
+
+    def texels(down: int, across: int) -> FloatArray:
+        return np.asarray(np.take(value, texture[(top_px + down) % height, (left_px + across) % width]))
+
+    above_mean = texels(0, 0) * (1 - right) + texels(0, 1) * right
+    below_mean = texels(1, 0) * (1 - right) + texels(1, 1) * right
+    return np.asarray(above_mean * (1 - below) + below_mean * below)

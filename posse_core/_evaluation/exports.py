@@ -13,6 +13,8 @@ from posse_core._dataset.dataset import Dataset
 from posse_core._errors import InputError
 from posse_core._evaluation.result import Fault, Result
 from posse_core._formats.bop import read_bop
+from posse_core._formats.colmap import read_colmap
+from posse_core._formats.nerfstudio import read_nerfstudio
 from posse_core._formats.speed import read_speed
 from posse_core._formats.yolo import read_yolo
 from posse_core._model.label_line import LabelLine
@@ -27,6 +29,14 @@ NUMBER_ERROR = 1e-6
 
 def _bop(dataset: Dataset) -> Iterator[Entry]:
     yield from read_bop(dataset.folder / "bop")
+
+
+def _colmap(dataset: Dataset) -> Iterator[Entry]:
+    yield from read_colmap(dataset.folder / "colmap", dataset.camera)
+
+
+def _nerfstudio(dataset: Dataset) -> Iterator[Entry]:
+    yield from read_nerfstudio(dataset.folder / "nerfstudio", dataset.camera)
 
 
 def _coco(dataset: Dataset) -> Iterator[Entry]:
@@ -46,6 +56,8 @@ def _yolo(dataset: Dataset) -> Iterator[Entry]:
 _READERS: dict[str, tuple[str, Callable[[Dataset], Iterator[Entry]]]] = {
     "bop": ("bop/camera.json", _bop),
     "coco": ("coco.json", _coco),
+    "colmap": ("colmap", _colmap),
+    "nerfstudio": ("nerfstudio", _nerfstudio),
     "speed": ("speed.json", _speed),
     "yolo": ("yolo/data.yaml", _yolo),
 }
@@ -60,7 +72,9 @@ def check_exports(dataset: Dataset) -> list[Result]:
             results.append(result)
             try:
                 result.faults = list(_faults(dataset, read(dataset), result))
-            except (InputError, KeyError, IndexError, TypeError, ValueError, OSError) as error:
+            except InputError as error:
+                result.faults.append(Fault(None, str(error)))
+            except (KeyError, IndexError, TypeError, ValueError, OSError) as error:
                 result.faults.append(Fault(None, f"cannot be read: {type(error).__name__}: {error}"))
     return results
 

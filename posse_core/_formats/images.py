@@ -7,6 +7,7 @@ import shutil
 from pathlib import Path
 
 import cv2
+import numpy as np
 
 from posse_core._arrays import AnyArray
 from posse_core._files.atomic import write_bytes
@@ -26,6 +27,13 @@ def link_or_copy(source: Path, target: Path) -> None:
 
 
 def write_png(path: Path, image: AnyArray) -> None:
-    """Write an image (H, W), uint8 or uint16, as PNG atomically."""
-    _, data = cv2.imencode(".png", image)
+    """Write an image as PNG atomically: (H, W), or (H, W, 3) red-green-blue; uint8 or uint16."""
+    _, data = cv2.imencode(".png", image if image.ndim == 2 else image[..., ::-1])
     write_bytes(path, data.tobytes())
+
+
+def eight_bit(image: AnyArray) -> AnyArray:
+    """An image of 8 or 16 bits → the same of 8 bits."""
+    if image.dtype == np.uint8:
+        return image
+    return np.rint(image / 257.0).astype(np.uint8)

@@ -61,12 +61,24 @@ class Triangles:
 
     @classmethod
     def of(cls, spacecraft: Spacecraft) -> Triangles:
-        """Merge the parts. Triangles without area are left out, because no ray can hit them."""
-        low, high = spacecraft.bounds_body_m
+        """Merge the parts of a spacecraft."""
+        parts = spacecraft.parts
+        corners_body_m = np.concatenate([part.vertices_body_m[part.faces] for part in parts])
+        faces = [len(part.faces) for part in parts]
+        part_id = np.repeat(np.arange(len(parts), dtype=np.int16), faces)
+        return cls.of_corners(corners_body_m, part_id, spacecraft.bounds_body_m)
+
+    @classmethod
+    def of_corners(
+        cls, corners_body_m: FloatArray, part_id: IntArray, bounds_body_m: FloatArray
+    ) -> Triangles:
+        """Prepare (T, 3 corners, 3) triangles with their parts (T,), within the (2, 3) bounds.
+
+        Triangles without area are left out, because no ray can hit them.
+        """
+        low, high = bounds_body_m
         centre = (low + high) / 2
-        corners = np.concatenate([p.vertices_body_m[p.faces] - centre for p in spacecraft.parts])
-        faces_by_part = [len(part.faces) for part in spacecraft.parts]
-        part_id = np.repeat(np.arange(len(faces_by_part), dtype=np.int16), faces_by_part)
+        corners = corners_body_m - centre
         sides = np.roll(corners, -1, axis=1) - corners
         normal = np.cross(sides[:, 0], sides[:, 1])
         area = np.linalg.norm(normal, axis=-1)

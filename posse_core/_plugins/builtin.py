@@ -282,6 +282,7 @@ def posse_controllers() -> list[ComponentSpec]:
 
 
 _LABELS_ONLY = frozenset({"labels-only"})
+_GLOBAL_SHUTTER = frozenset({"global-shutter-only"})
 
 
 @hookimpl
@@ -298,6 +299,18 @@ def posse_writers() -> list[ComponentSpec]:
             "boxes, masks and keypoints",
             "posse_core._formats.coco:CocoWriter",
             capabilities=_LABELS_ONLY,
+        ),
+        ComponentSpec(
+            "colmap",
+            "a COLMAP model of each target: poses, sparse points with tracks, masks",
+            "posse_core._formats.colmap:ColmapWriter",
+            capabilities=_GLOBAL_SHUTTER,
+        ),
+        ComponentSpec(
+            "nerfstudio",
+            "transforms.json of each target: poses, sparse points, masks",
+            "posse_core._formats.nerfstudio:NerfstudioWriter",
+            capabilities=_GLOBAL_SHUTTER,
         ),
         ComponentSpec(
             "posse",

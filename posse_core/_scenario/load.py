@@ -80,8 +80,7 @@ def load_scenario(
     _refuse_extremes(raw, (), where)
     _anchor_files(raw, base)
     scenario = _with_complete_options(validated(Scenario, raw, where), registry, where)
-    if scenario.camera.camera().distortion is not None:
-        _refuse_pinhole_writers(scenario, registry, where)
+    _refuse_unable_writers(scenario, registry, where)
     return scenario
 
 
@@ -184,14 +183,22 @@ def _anchor_files(raw: dict[str, Any], base: Path) -> None:
             inner[key] = str((base / inner[key]).absolute())
 
 
-def _refuse_pinhole_writers(scenario: Scenario, registry: Registry, where: Any) -> None:
-    """Refuse them before the run, since writers work only at its end."""
+def _refuse_unable_writers(scenario: Scenario, registry: Registry, where: Any) -> None:
+    """Refuse writers whose formats cannot describe the camera before the run, since they work only at
+    its end."""
+    camera = scenario.camera.camera()
+    limits = (
+        ("pinhole-only", "pinhole cameras", "camera.distortion", camera.distortion is not None),
+        ("global-shutter-only", "a global shutter", "camera.line_time_s", camera.line_time_s > 0),
+    )
     for i, choice in enumerate(scenario.writers):
-        if "pinhole-only" in registry.spec("writer", choice.name).capabilities:
-            raise InputError(
-                f"{where(('writers', i, 'name'))}: {choice.name!r} supports only pinhole cameras,"
-                " and camera.distortion is given; leave one of them out"
-            )
+        capabilities = registry.spec("writer", choice.name).capabilities
+        for capability, supported, key, is_given in limits:
+            if is_given and capability in capabilities:
+                raise InputError(
+                    f"{where(('writers', i, 'name'))}: {choice.name!r} supports only {supported},"
+                    f" and {key} is given; leave one of them out"
+                )
 
 
 def _with_complete_options(scenario: Scenario, registry: Registry, where: Any) -> Scenario:

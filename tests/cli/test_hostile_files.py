@@ -118,7 +118,7 @@ def test_a_damaged_picture_is_told_by_posse_alone(tmp_path, capfd):
     assert capfd.readouterr().err == ""
 
 
-@pytest.mark.parametrize("form", ["coco", "speed", "yolo", "bop", "posse"])
+@pytest.mark.parametrize("form", ["bop", "coco", "colmap", "nerfstudio", "posse", "speed", "yolo"])
 def test_an_export_that_fails_leaves_nothing(dataset, tmp_path, form):
     lines = cuboid.read_lines(dataset)
     lines[4]["keypoints"] = lines[4]["q_cam_from_body"] = "none"

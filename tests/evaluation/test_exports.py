@@ -13,13 +13,16 @@ from posse_core._dataset.dataset import Dataset
 from posse_core._evaluation.validate import validate
 from posse_core._formats.bop import BopWriter, read_bop
 from posse_core._formats.coco import CocoWriter
+from posse_core._formats.colmap import ColmapWriter
+from posse_core._formats.nerfstudio import NerfstudioWriter
 from posse_core._formats.speed import SpeedWriter, read_speed
 from posse_core._formats.yolo import YoloWriter, read_yolo
 from posse_core._plugins.options import NoOptions
 
 FRAME = 3
 IMAGE = "images/000003.png"
-WRITERS = (BopWriter, CocoWriter, SpeedWriter, YoloWriter)
+NAMES = ("bop", "coco", "colmap", "nerfstudio", "speed", "yolo")
+WRITERS = (BopWriter, CocoWriter, ColmapWriter, NerfstudioWriter, SpeedWriter, YoloWriter)
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +55,7 @@ def assert_found(folder, export, words, frame=FRAME):
 def test_clean_exports_pass(exported):
     found = results(exported)
     exports = {name: result.checked for name, result in found.items() if name.endswith("export")}
-    assert exports == {f"{name} export": 12 for name in ("bop", "coco", "speed", "yolo")}
+    assert exports == {f"{name} export": 12 for name in NAMES}
     assert not any(result.faults for result in found.values())
 
 
@@ -190,7 +193,7 @@ def test_coco_of_an_image_that_is_not_there(folder):
 def test_coco_cut_short(folder):
     path = folder / "coco.json"
     path.write_text(path.read_text()[:-100])
-    assert_found(folder, "coco", "cannot be read", frame=None)
+    assert_found(folder, "coco", "not JSON", frame=None)
 
 
 def test_yolo_keypoints_without_the_half_pixel(folder):
@@ -233,3 +236,62 @@ def test_bop_depth_of_eight_bits(folder):
     steps = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     cv2.imwrite(str(path), (steps // 256).astype(np.uint8))
     assert_found(folder, "bop", "depth is not the dataset's")
+
+
+IMAGES = "colmap/brick/sparse/0/images.txt"
+
+
+def alter_row(path, number, alter):
+    """Alter the words of a line of a text file."""
+    lines = path.read_text().splitlines(keepends=True)
+    lines[number] = " ".join(alter(lines[number].split())) + "\n"
+    path.write_text("".join(lines))
+
+
+def test_colmap_quaternion_scalar_last(folder):
+    alter_row(folder / IMAGES, 2 * FRAME + 1, lambda words: [])  # its points would tell, too
+    alter_row(folder / IMAGES, 2 * FRAME, lambda words: [words[0], *words[2:5], words[1], *words[5:]])
+    assert_found(folder, "colmap", "it is scalar-last")
+
+
+def test_colmap_points_without_the_half_pixel(folder):
+    def shifted(words):
+        return [str(float(x) - 0.5) if i % 3 < 2 else x for i, x in enumerate(words)]
+
+    alter_row(folder / IMAGES, 2 * FRAME + 1, shifted)
+    assert_found(folder, "colmap", "a point of 000003.png is 0.707 px from its projection", frame=None)
+
+
+def test_colmap_camera_without_the_half_pixel(folder):
+    path = folder / "colmap/plate/sparse/0/cameras.txt"
+    path.write_text(path.read_text().replace("80.0 60.0", "79.5 59.5"))
+    assert_found(folder, "colmap", "is not the dataset's camera", frame=None)
+
+
+def test_colmap_mask_of_another_frame(folder):
+    masks = folder / "colmap/brick/masks"
+    shutil.copy(masks / "000002.png.png", masks / "000003.png.png")
+    assert_found(folder, "colmap", "mask is not the dataset's")
+
+
+def test_colmap_without_an_image(folder):
+    path = folder / IMAGES
+    lines = path.read_text().splitlines(keepends=True)
+    path.write_text("".join(lines[: 2 * FRAME] + lines[2 * FRAME + 2 :]))
+    assert_found(folder, "colmap", "is not in it")
+
+
+def test_nerfstudio_pose_in_axes_of_opencv(folder):
+    def alter(value):
+        pose = np.array(value["frames"][FRAME]["transform_matrix"]) @ np.diag([1, -1, -1, 1])
+        value["frames"][FRAME]["transform_matrix"] = pose.tolist()
+
+    alter_json(folder / "nerfstudio/brick/transforms.json", alter)
+    found = results(folder)["nerfstudio export"].faults
+    assert {fault.frame for fault in found} == {FRAME}
+    assert {fault.message.split()[0] for fault in found} == {"q_cam_from_body", "t_body_cam_m"}
+
+
+def test_nerfstudio_camera_without_the_half_pixel(folder):
+    alter_json(folder / "nerfstudio/brick/transforms.json", lambda value: value.update(cx=79.5))
+    assert_found(folder, "nerfstudio", "cx is 79.5, the dataset's camera has 80.0", frame=None)

@@ -155,9 +155,9 @@ class Bench:
         caster = RayCaster(scene)
         with measured() as cost:
             for frame in self._setting.frames:
-                view = caster.view(frame.craft)
+                look = Look(Standpoint(frame, Mount(), 0, "annotator"), scene, lambda camera: caster)
                 for annotator in annotators:
-                    annotator.annotate(scene, frame, view)
+                    annotator.annotate(look)
         return Cost(*(value / len(self._boxes) for value in (cost().cpu_s, cost().wall_s)))
 
     def close(self) -> None:

@@ -14,11 +14,11 @@ from statistics import median
 import cv2
 import numpy as np
 
+from posse_core._imaging.image_sensor import ImageSensor
 from posse_core._model.camera import Camera
 from posse_core._model.scene import FrameState
 from posse_core._scenario.sensor import SensorConfig
 from posse_core._scenario.sky import SkyConfig
-from posse_core._sensor.sensor import Sensor
 from posse_core._sky.sky import Sky
 
 CAMERA = Camera(1280, 960, 640.0, 640.0, 639.5, 479.5, 0.036)
@@ -71,7 +71,7 @@ def main() -> None:
     start = time.process_time()
     sky = Sky(SkyConfig(), CAMERA, seed=0)
     print(f"{'load maps and make clouds':32}{time.process_time() - start:8.3f} s")
-    sensor = Sensor(SensorConfig(), CAMERA)
+    sensor = ImageSensor(SensorConfig(), CAMERA)
     for name, up_share in VIEWS.items():
         frame = looking(up_share)
         print(f"{'look: ' + name:32}{seconds(lambda f=frame: sky.look(f)):8.3f} s")

@@ -21,13 +21,13 @@ import numpy as np
 
 from posse_core._arrays import FloatArray
 from posse_core._geometry.raycast import RayCaster
+from posse_core._imaging.image_sensor import ImageSensor
 from posse_core._interfaces.executor import Executor, FrameResult, FrameWorker
 from posse_core._plugins.loading import Plugins, load_plugins
 from posse_core._run.plan import make_plan
 from posse_core._run.run import run
 from posse_core._scenario.load import load_scenario
 from posse_core._scenario.model import Scenario
-from posse_core._sensor.sensor import Sensor
 from posse_core._simulator.simulator import Simulator
 from posse_core._sky.sky import Sky
 from posse_core._trajectory.build import make_trajectory
@@ -98,7 +98,7 @@ def watch_all(clock: Clock, plugins: Plugins, renderer: str) -> None:
     clock.watch(plugins.registry.load("renderer", renderer), "render", "render")
     clock.watch(Sky, "look", "sky")
     clock.watch(Sky, "environment", "sky")
-    clock.watch(Sensor, "expose", "sensor")
+    clock.watch(ImageSensor, "expose", "sensor")
 
 
 def simulated_s(scenario: Scenario, frames: int) -> FloatArray:

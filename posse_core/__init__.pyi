@@ -97,6 +97,7 @@ from ._model.scene import Radiance as Radiance
 from ._model.scene import Rates as Rates
 from ._model.scene import RenderRequest as RenderRequest
 from ._model.scene import Scene as Scene
+from ._model.sky_view import SkyView as SkyView
 from ._model.spacecraft import Material as Material
 from ._model.spacecraft import Part as Part
 from ._model.spacecraft import Spacecraft as Spacecraft
@@ -117,6 +118,5 @@ from ._scenario.camera import preset_camera as preset_camera
 from ._scenario.model import Scenario as Scenario
 from ._simulator.frame import Frame as Frame
 from ._simulator.simulator import Simulator as Simulator
-from ._sky.view import SkyView as SkyView
 
 __version__: str

@@ -1,4 +1,4 @@
-"""The core's annotators. Each derives its labels from a :class:`View`; docs/labels.md explains every
+"""The core's annotators. Each derives its labels from exact geometry; docs/labels.md explains every
 key."""
 
 from __future__ import annotations
@@ -8,14 +8,15 @@ import numpy as np
 from posse_core._annotators import rle
 from posse_core._frames import quaternion_from_matrix
 from posse_core._interfaces.annotator import Annotator
-from posse_core._model.labels import Labels, View
-from posse_core._model.scene import FrameState, Scene
+from posse_core._interfaces.look import Look
+from posse_core._model.labels import Labels
 
 
 class BoxAnnotator(Annotator):
     """``box_visible_px``, ``box_whole_px``."""
 
-    def annotate(self, scene: Scene, frame: FrameState, view: View) -> Labels:
+    def annotate(self, look: Look) -> Labels:
+        view = look.view()
         columns = np.flatnonzero(view.mask.any(axis=0))
         rows = np.flatnonzero(view.mask.any(axis=1))
         visible = None
@@ -30,8 +31,9 @@ class BoxAnnotator(Annotator):
 class MaskAnnotator(Annotator):
     """``mask_rle``, ``mask_area_px``, ``fraction_visible``, ``fraction_lit``."""
 
-    def annotate(self, scene: Scene, frame: FrameState, view: View) -> Labels:
-        height_px, width_px = scene.camera.height_px, scene.camera.width_px
+    def annotate(self, look: Look) -> Labels:
+        camera, view = look.scene.camera, look.view()
+        height_px, width_px = camera.height_px, camera.width_px
         area_px = int(view.mask.sum())
         counts = rle.encode(view.mask, view.box, height_px, width_px)
         return Labels(
@@ -47,8 +49,9 @@ class MaskAnnotator(Annotator):
 class PartsAnnotator(Annotator):
     """``part_area_px`` and the array ``part_id``."""
 
-    def annotate(self, scene: Scene, frame: FrameState, view: View) -> Labels:
-        names = [part.name for part in scene.spacecraft.parts]
+    def annotate(self, look: Look) -> Labels:
+        view = look.view()
+        names = [part.name for part in look.scene.spacecraft.parts]
         area_px = np.bincount(view.part_id[view.mask], minlength=len(names)).tolist()
         return Labels(
             {"part_area_px": dict(zip(names, area_px, strict=True))}, {"part_id": view.part_id}
@@ -58,24 +61,24 @@ class PartsAnnotator(Annotator):
 class DepthAnnotator(Annotator):
     """The array ``depth_m``."""
 
-    def annotate(self, scene: Scene, frame: FrameState, view: View) -> Labels:
-        return Labels(arrays={"depth_m": view.depth_m})
+    def annotate(self, look: Look) -> Labels:
+        return Labels(arrays={"depth_m": look.view().depth_m})
 
 
 class NormalsAnnotator(Annotator):
     """The array ``normal_cam``."""
 
-    def annotate(self, scene: Scene, frame: FrameState, view: View) -> Labels:
-        return Labels(arrays={"normal_cam": view.normal_cam})
+    def annotate(self, look: Look) -> Labels:
+        return Labels(arrays={"normal_cam": look.view().normal_cam})
 
 
 class KeypointsAnnotator(Annotator):
     """``keypoints``: name → [u, v, visibility]."""
 
-    def annotate(self, scene: Scene, frame: FrameState, view: View) -> Labels:
-        keypoints = {}
+    def annotate(self, look: Look) -> Labels:
+        keypoints, view = {}, look.view()
         for name, (u, v), visibility in zip(
-            scene.spacecraft.keypoints_body_m,
+            look.scene.spacecraft.keypoints_body_m,
             view.keypoints_px.tolist(),
             view.keypoints_visibility.tolist(),
             strict=True,
@@ -90,7 +93,8 @@ class PoseAnnotator(Annotator):
     ``sun_direction_body``, and the rates ``v_body_cam_m_s``, ``omega_body_rad_s``,
     ``omega_camera_rad_s``."""
 
-    def annotate(self, scene: Scene, frame: FrameState, view: View) -> Labels:
+    def annotate(self, look: Look) -> Labels:
+        frame = look.state
         sun, camera = frame.craft.sun_direction_cam, -frame.craft.t_body_cam_m
         # Near 0 and π the arc tangent keeps its precision, while the arc cosine loses half of its
         # digits.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field, field_validator, model_validator
 
@@ -14,14 +14,19 @@ from posse_core._model.distortion import BrownConrady
 
 
 def write_camera(camera: Camera, path: Path) -> None:
-    """Write the intrinsics with the keys of SPEED+'s ``camera.json``.
+    """Write a camera's intrinsics."""
+    write_json(path, camera_record(camera))
+
+
+def camera_record(camera: Camera) -> dict[str, Any]:
+    """The intrinsics with the keys of SPEED+'s ``camera.json``.
 
     ``ppx`` and ``ppy`` are the width and height of a pixel and ``fx`` and ``fy`` the focal lengths, in
     metres. ``cameraMatrix`` is in pixels, with the centre of the top-left pixel at (0, 0).
     ``distCoeffs`` are k₁, k₂, p₁, p₂, k₃. ``lineTime_s`` is POSSE's own key.
     """
     pitch_m = camera.pixel_pitch_m
-    value = {
+    return {
         "Nu": camera.width_px,
         "Nv": camera.height_px,
         "ppx": pitch_m,
@@ -32,7 +37,6 @@ def write_camera(camera: Camera, path: Path) -> None:
         "lineTime_s": camera.line_time_s,
         "distCoeffs": camera.distortion_coefficients.tolist(),
     }
-    write_json(path, value)
 
 
 def read_camera(path: Path) -> Camera:
@@ -41,15 +45,15 @@ def read_camera(path: Path) -> Camera:
     Raises:
         InputError: The file is missing or of another kind.
     """
-    return read_record(path, _CameraFile, "a camera file").camera()
+    return read_record(path, CameraFile, "a camera file").camera()
 
 
 Size = Annotated[int, Field(ge=1, le=MOST_SIDE_PX)]
 Positive = Annotated[float, Field(gt=0)]
 
 
-class _CameraFile(FileRecord):
-    """The keys of ``camera.json``; see :func:`write_camera`."""
+class CameraFile(FileRecord):
+    """The keys of ``camera.json``; see :func:`camera_record`."""
 
     Nu: Size
     Nv: Size
@@ -66,7 +70,7 @@ class _CameraFile(FileRecord):
         return coefficients[:5]
 
     @model_validator(mode="after")
-    def _is_a_camera(self) -> _CameraFile:
+    def _is_a_camera(self) -> CameraFile:
         self.camera()  # raises ValueError where the distortion folds over
         return self
 

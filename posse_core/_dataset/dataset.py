@@ -22,11 +22,14 @@ from posse_core._dataset.layout import (
     MANIFEST,
     PARTITION_FILE,
     SCENARIO,
+    SENSORS,
     SPACECRAFT,
     TRAJECTORY,
     inside,
 )
 from posse_core._dataset.lines import LabelLines
+from posse_core._dataset.readings import read_reading
+from posse_core._dataset.sensors import SensorInfo, read_sensor
 from posse_core._dataset.spacecraft import read_spacecraft
 from posse_core._errors import InputError
 from posse_core._files.atomic import sha256
@@ -35,7 +38,9 @@ from posse_core._files.trajectory import load_trajectory
 from posse_core._model.camera import Camera
 from posse_core._model.label_line import LabelLine
 from posse_core._model.manifest import Manifest
+from posse_core._model.reading import Reading
 from posse_core._model.trajectory import Trajectory
+from posse_core._plugins.options import nearest
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -254,6 +259,34 @@ class Dataset(LabelledImages):
         """
         name = self[i].truth
         return read_arrays(inside(self.folder, name)) if name else {}
+
+    @cached_property
+    def sensors(self) -> Mapping[str, SensorInfo]:
+        """The sensors beside the camera, by name.
+
+        Raises:
+            InputError: a sensor's file is damaged.
+        """
+        paths = sorted((self.folder / SENSORS).glob("*.json"))
+        return {path.stem: read_sensor(path) for path in paths}
+
+    def readings(self, i: int, sensor: str) -> tuple[Reading, ...]:
+        """The readings of a sensor at a frame, in order of their instants.
+
+        Their instants and poses are in the label line, ``dataset[i].sensors[sensor]``.
+
+        Raises:
+            IndexError: there is no such position.
+            InputError: there is no such sensor, or a file is missing or damaged.
+        """
+        labels = self[i]
+        taken = labels.sensors if labels.has("sensors") else {}
+        if sensor not in taken:
+            raise InputError(
+                f"{self.folder}: frame {labels.index} has no sensor {sensor!r}{nearest(sensor, taken)};"
+                f" it has {', '.join(taken) or 'none'}"
+            )
+        return tuple(read_reading(self.folder, reading) for reading in taken[sensor])
 
     def depth(self, i: int) -> Float32Array:
         """(H, W) float32 planar z of a frame, metres; NaN off the spacecraft.

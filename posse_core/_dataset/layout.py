@@ -15,6 +15,8 @@ LABELS: Final = "labels"
 IMAGES: Final = "images"
 TRUTH: Final = "truth"
 SPACECRAFT: Final = "spacecraft"
+SENSORS: Final = "sensors"
+"""Folder with a file ``NAME.json`` and a folder ``NAME`` of readings for each sensor."""
 FLIGHT: Final = "flight.npz"
 READINGS: Final = "readings.jsonl"
 FLIGHT_PAGE: Final = "flight.html"
@@ -35,6 +37,25 @@ def spacecraft_file(folder: Path, name: str) -> Path:
 def mesh_file(folder: Path, name: str) -> Path:
     """Return the file of a spacecraft's mesh."""
     return folder / SPACECRAFT / f"{name}.ply"
+
+
+def reading_file(name: str, index: int, number: int, ending: str) -> str:
+    """Return the file of a sensor's reading, relative to the dataset's folder.
+
+    Args:
+        name: of the sensor.
+        index: of the frame.
+        number: of the reading within the frame; the first, at the frame's instant, has no number in
+            its name.
+        ending: of the file, such as ``".npz"``.
+    """
+    which = f"_{number:04d}" if number else ""
+    return f"{SENSORS}/{name}/{index:06d}{which}{ending}"
+
+
+def sensor_file(folder: Path, name: str) -> Path:
+    """Return the file that describes a sensor."""
+    return folder / SENSORS / f"{name}.json"
 
 
 def inside(folder: Path, name: str) -> Path:

@@ -36,6 +36,7 @@ from posse_core._scenario.component import create
 from posse_core._scenario.load import dump_scenario, load_scenario
 from posse_core._scenario.model import Scenario
 from posse_core._simulator.returned import built
+from posse_core._simulator.sensing import sensor_infos
 from posse_core._simulator.simulator import Simulator
 from posse_core._view.flight.page import write_flight_page
 
@@ -71,7 +72,8 @@ def fly(
     if is_remote(out):
         raise InputError(f"--out {out}: a flight is written to a folder of this machine; name one")
     frames = len(problem.frames_s)
-    with recording(out, scenario, craft, frames, plugins, resume=resume) as dataset:
+    sensors = sensor_infos(scenario, registry, craft)
+    with recording(out, scenario, craft, frames, plugins, sensors=sensors, resume=resume) as dataset:
         if dataset.is_complete:
             return load_flight(dataset.folder / FLIGHT)
         with contextlib.ExitStack() as stack:

@@ -8,6 +8,7 @@ single precision suffices at ranges of 100 km.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,6 +60,12 @@ class RayCaster:
         self._keypoints_body_m = (
             np.array([*spacecraft.keypoints_body_m.values()], float).reshape(-1, 3).T
         )
+
+    def through(self, camera: Camera) -> RayCaster:
+        """The ray caster of another camera on the same spacecraft."""
+        other = copy(self)
+        other._camera = camera
+        return other
 
     def view(self, craft: CraftState) -> View:
         """The spacecraft as the camera's rays hit it in one frame, each row at its own time."""

@@ -41,6 +41,32 @@ class Keypoint(NamedTuple):
     visibility: Literal[0, 1, 2]
 
 
+class ReadingLabels(BaseModel):
+    """One reading of a sensor beside the camera: where the spacecraft was at its instant, and more.
+
+    Attributes:
+        t_s: the reading's instant, seconds since the scenario's epoch.
+        q_sensor_from_body: attitude of the spacecraft, scalar first, sensor axes from body axes.
+        t_body_sensor_m: the spacecraft's origin in sensor axes.
+        v_body_sensor_m_s: its velocity relative to the sensor, measured in GCRF axes, in sensor axes.
+        omega_body_rad_s, omega_sensor_rad_s: angular velocities against GCRF axes, of the spacecraft in
+            body axes and of the sensor in its own.
+        files: files of the reading in the dataset's folder.
+        labels: what the sensor itself labels.
+    """
+
+    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+
+    t_s: float
+    q_sensor_from_body: Quaternion
+    t_body_sensor_m: Vector
+    v_body_sensor_m_s: Vector
+    omega_body_rad_s: Vector
+    omega_sensor_rad_s: Vector
+    files: Annotated[tuple[str, ...], Strict(False)] = ()
+    labels: dict[str, JsonValue] = Field(default_factory=dict)
+
+
 class LabelNotMade(InputError, AttributeError):
     """A frame lacks a label: the scenario did not choose the annotator that makes it, or the dataset was
     read from a COCO file, which has few labels."""
@@ -102,6 +128,7 @@ class LabelLine(BaseModel):
     image: str = _NOT_MADE
     truth: str | None = _NOT_MADE
     origin: tuple[str, Count] = _NOT_MADE
+    sensors: dict[str, Annotated[tuple[ReadingLabels, ...], Strict(False)]] = _NOT_MADE
 
     def model_post_init(self, context: Any, /) -> None:
         """Remove labels that were not given, so that reading them calls ``__getattr__``."""
@@ -141,7 +168,22 @@ class LabelLine(BaseModel):
         values = {name: self.__dict__[name] for name in _FIELDS if name in self.__dict__}
         if "mask_rle" in values:
             values["mask_rle"] = dict(self.mask_rle)
+        if "sensors" in values:
+            values["sensors"] = {
+                name: [reading.model_dump() for reading in readings]
+                for name, readings in self.sensors.items()
+            }
         return {**values, **self.extras}
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The files of the frame in the dataset's folder: image, arrays, and those of sensors."""
+        own = [self.__dict__.get(name) for name in ("image", "truth")]
+        readings = [reading for each in self.__dict__.get("sensors", {}).values() for reading in each]
+        return (
+            *(name for name in own if name is not None),
+            *(name for reading in readings for name in reading.files),
+        )
 
     def to_json(self) -> bytes:
         """One line of JSON, UTF-8, without its line feed.

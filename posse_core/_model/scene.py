@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from posse_core._constants import EARTH_ROTATION_RATE_RAD_S
 from posse_core._frames import matrix_from_rotation_vector, turned
 from posse_core._model.bands import SOLAR_BAND_FRACTIONS
 from posse_core._model.camera import Camera, PixelBox
+from posse_core._model.mount import Mount
 from posse_core._model.spacecraft import Spacecraft
 
 
@@ -120,6 +122,22 @@ class CraftState:
 
 
 @dataclass(frozen=True)
+class Onward:
+    """How a state of the scenario's own motion goes on.
+
+    Attributes:
+        duration_s: time until the next frame of the sequence; 0 if it is the last one.
+        at: seconds after the frame's instant, also before it → the state then, by the scenario's
+            propagator and attitude laws, with the random errors of this frame.
+        next_frame: the state of the next frame, with random errors of its own; None if there is none.
+    """
+
+    duration_s: float
+    at: Callable[[float], FrameState]
+    next_frame: Callable[[], FrameState | None]
+
+
+@dataclass(frozen=True)
 class FrameState:
     """The state of one frame: the spacecraft relative to the camera, and both relative to the Earth.
 
@@ -136,6 +154,7 @@ class FrameState:
         solar_flux_w_m2: total irradiance at the target by the whole Sun, at its true distance.
         sun_fraction_target: share of the Sun's disc that the Earth leaves free, seen from the target.
         sun_fraction_camera: the same, seen from the camera.
+        onward: how the scenario goes on from here; None for a state that a caller gave.
     """
 
     index: int
@@ -153,6 +172,7 @@ class FrameState:
     solar_flux_w_m2: float
     sun_fraction_target: float
     sun_fraction_camera: float
+    onward: Onward | None = field(default=None, compare=False, repr=False)
 
     @classmethod
     def of(
@@ -225,6 +245,35 @@ class FrameState:
             R_ecef_from_eci=earth_turn @ self.R_ecef_from_eci,
             r_camera_eci_m=self.r_camera_eci_m + moved_m,
             r_target_eci_m=self.r_target_eci_m + moved_m,  # relative motion is negligible here
+            onward=None,
+        )
+
+    def seen_from(self, mount: Mount) -> FrameState:
+        """The state as a sensor beside the camera sees it: its axes stand in place of the camera's.
+
+        It has no :attr:`onward`.
+        """
+        R_sensor_from_cam = mount.R_camera_from_sensor.T
+        rates, craft = self.craft.rates, self.craft
+        swing_m_s = np.cross(rates.omega_camera_rad_s, mount.position_m)
+        R_eci_from_cam = self.R_cam_from_eci.T
+        return replace(
+            self,
+            craft=replace(
+                craft,
+                R_cam_from_body=R_sensor_from_cam @ craft.R_cam_from_body,
+                t_body_cam_m=R_sensor_from_cam @ (craft.t_body_cam_m - mount.position_m),
+                sun_direction_cam=R_sensor_from_cam @ craft.sun_direction_cam,
+                rates=Rates(
+                    R_sensor_from_cam @ (rates.v_body_cam_m_s - swing_m_s),
+                    rates.omega_body_rad_s,
+                    R_sensor_from_cam @ rates.omega_camera_rad_s,
+                ),
+            ),
+            R_cam_from_eci=R_sensor_from_cam @ self.R_cam_from_eci,
+            r_camera_eci_m=self.r_camera_eci_m + R_eci_from_cam @ mount.position_m,
+            v_camera_eci_m_s=self.v_camera_eci_m_s + R_eci_from_cam @ swing_m_s,
+            onward=None,
         )
 
 

@@ -218,6 +218,19 @@ def posse_annotators() -> list[ComponentSpec]:
 
 
 @hookimpl
+def posse_sensors() -> list[ComponentSpec]:
+    package = "posse_core._sensors"
+    return [
+        ComponentSpec(
+            "camera",
+            "a camera beside the chaser's, labelled like it",
+            f"{package}.camera.camera:CameraSensor",
+            f"{package}.camera.options:CameraOptions",
+        ),
+    ]
+
+
+@hookimpl
 def posse_navigators() -> list[ComponentSpec]:
     package = "posse_core._navigation"
     return [

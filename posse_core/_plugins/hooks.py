@@ -64,6 +64,11 @@ def posse_annotators() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
 
 
 @hookspec
+def posse_sensors() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
+    """Classes of :class:`posse_core.Sensor`, which take readings beside the camera. Since 0.1."""
+
+
+@hookspec
 def posse_detectors() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
     """Classes of :class:`posse_core.Model`. Since 0.1."""
 

@@ -138,6 +138,13 @@ _KINDS = (
         "makes labels from exact geometry",
     ),
     Kind(
+        "sensor",
+        "posse_sensors",
+        "posse_core:Sensor",
+        "takes readings beside the chaser's camera",
+        conformance="posse_core.testing:SensorConformance",
+    ),
+    Kind(
         "detector",
         "posse_detectors",
         "posse_core:Model",

@@ -7,7 +7,16 @@ from collections.abc import Mapping
 from importlib import metadata
 
 from posse_core import __version__
-from posse_core._dataset.layout import CAMERA, FLIGHT, LABELS, READINGS, SCENARIO, SPACECRAFT, TRAJECTORY
+from posse_core._dataset.layout import (
+    CAMERA,
+    FLIGHT,
+    LABELS,
+    READINGS,
+    SCENARIO,
+    SENSORS,
+    SPACECRAFT,
+    TRAJECTORY,
+)
 from posse_core._files.atomic import sha256
 from posse_core._files.reading import parsed_json
 from posse_core._model.manifest import CHECKSUMS, FORMAT, FORMAT_VERSION, Manifest, PluginVersion
@@ -44,7 +53,10 @@ def make_manifest(
         renderer = {}
     hashed = sorted(
         path
-        for pattern in (SCENARIO, TRAJECTORY, CAMERA, FLIGHT, READINGS, f"{SPACECRAFT}/*", f"{LABELS}/*")
+        for pattern in (
+            *(SCENARIO, TRAJECTORY, CAMERA, FLIGHT, READINGS),
+            *(f"{SPACECRAFT}/*", f"{SENSORS}/*.json", f"{LABELS}/*"),
+        )
         for path in folder.glob(pattern)
     )
     return Manifest(

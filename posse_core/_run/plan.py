@@ -4,29 +4,33 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from posse_core._dataset.sensors import SensorInfo
 from posse_core._model.spacecraft import Spacecraft
 from posse_core._model.trajectory import Trajectory
 from posse_core._plugins.registry import Registry
 from posse_core._scenario.component import create
 from posse_core._scenario.model import Scenario
 from posse_core._simulator.returned import built
+from posse_core._simulator.sensing import sensor_infos
 from posse_core._trajectory.build import make_trajectory
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A scenario with its trajectory, which has one row per frame, and its spacecraft."""
+    """A scenario with its trajectory, which has one row per frame, its spacecraft and its sensors."""
 
     scenario: Scenario
     trajectory: Trajectory
     spacecraft: Spacecraft
+    sensors: tuple[SensorInfo, ...]
 
 
 def make_plan(scenario: Scenario, registry: Registry) -> Plan:
-    """Propagate the trajectory and build the spacecraft.
+    """Propagate the trajectory, build the spacecraft and try the sensors.
 
     Raises:
-        InputError: The orbit, the spacecraft or a file of the scenario cannot be used.
+        InputError: The orbit, the spacecraft, a sensor or a file of the scenario cannot be used.
     """
     craft = built(create(registry, "scene", scenario.target), scenario.target.name)
-    return Plan(scenario, make_trajectory(scenario, registry), craft)
+    trajectory = make_trajectory(scenario, registry)
+    return Plan(scenario, trajectory, craft, sensor_infos(scenario, registry, craft))

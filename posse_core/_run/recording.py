@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from posse_core._dataset.camera import write_camera
@@ -16,11 +16,14 @@ from posse_core._dataset.layout import (
     LABELS,
     MANIFEST,
     SCENARIO,
+    SENSORS,
     SPACECRAFT,
     TRAJECTORY,
     TRUTH,
     inside,
+    sensor_file,
 )
+from posse_core._dataset.sensors import SensorInfo, write_sensor
 from posse_core._dataset.spacecraft import write_spacecraft
 from posse_core._errors import ComponentError, InputError, PosseError, StoreError
 from posse_core._files.atomic import remove_partial, sha256, write_bytes, write_json
@@ -61,6 +64,7 @@ class Recording:
         destination: Destination,
         scenario: Scenario,
         spacecraft: Spacecraft,
+        sensors: Sequence[SensorInfo],
         frames: int,
         plugins: Plugins,
         trajectory: Trajectory | None,
@@ -71,8 +75,8 @@ class Recording:
         self._plugins = plugins
         self.folder = destination.folder
         self._recorded = self._read_manifest()
-        self._refuse_strangers(spacecraft)
-        self._write_statics(spacecraft)
+        self._refuse_strangers(spacecraft, sensors)
+        self._write_statics(spacecraft, sensors)
         if trajectory is not None and not self._has_trajectory(trajectory):
             save_trajectory(trajectory, self.folder / TRAJECTORY)
         self._log = LabelLog(self.folder, frames)
@@ -129,15 +133,20 @@ class Recording:
         self._plugins.notify("posse_run_finished", dataset=self.folder, manifest=manifest)
         self._destination.save()
 
-    def _write_statics(self, spacecraft: Spacecraft) -> None:
+    def _write_statics(self, spacecraft: Spacecraft, sensors: Sequence[SensorInfo]) -> None:
         """Write the files that do not depend on frames; first the scenario, which marks a dataset."""
         folder = self.folder
         if not (folder / SCENARIO).exists():
             write_bytes(folder / SCENARIO, dump_scenario(self._scenario).encode())
-        for name in (SPACECRAFT, IMAGES, TRUTH, LABELS):
-            (folder / name).mkdir(exist_ok=True)
-        for part in (".", SPACECRAFT, IMAGES, TRUTH, LABELS):
+        parts = [SPACECRAFT, IMAGES, TRUTH, LABELS]
+        if sensors:
+            parts += [SENSORS, *(f"{SENSORS}/{sensor.name}" for sensor in sensors)]
+        for part in parts:
+            (folder / part).mkdir(exist_ok=True)
+        for part in (".", *parts):
             remove_partial(folder / part)
+        for sensor in sensors:
+            write_sensor(sensor, sensor_file(folder, sensor.name))
         write_camera(self._scenario.camera.camera(), folder / CAMERA)
         write_spacecraft(spacecraft, folder / SPACECRAFT)
 
@@ -163,7 +172,7 @@ class Recording:
         except (OSError, InputError):
             return False
 
-    def _refuse_strangers(self, spacecraft: Spacecraft) -> None:
+    def _refuse_strangers(self, spacecraft: Spacecraft, sensors: Sequence[SensorInfo]) -> None:
         """Refuse files where only those of the run may be, since ``posse validate`` would find them.
 
         Raises:
@@ -175,6 +184,7 @@ class Recording:
             TRUTH: {f"{index:06d}.npz" for index in frames},
             LABELS: {shard_path(self.folder, index).name for index in frames},
             SPACECRAFT: {f"{spacecraft.name}.{suffix}" for suffix in ("json", "ply")},
+            SENSORS: {name for sensor in sensors for name in (sensor.name, f"{sensor.name}.json")},
         }
         for part, names in own.items():
             if not (self.folder / part).is_dir():
@@ -194,6 +204,7 @@ def recording(
     frames: int,
     plugins: Plugins,
     *,
+    sensors: Sequence[SensorInfo] = (),
     trajectory: Trajectory | None = None,
     resume: bool,
 ) -> Iterator[Recording]:
@@ -207,6 +218,7 @@ def recording(
         spacecraft: of the scenario.
         frames: the planned number of frames.
         plugins: that are installed.
+        sensors: beside the camera.
         trajectory: of the frames, if it is known beforehand.
         resume: go on with the dataset that is there.
 
@@ -223,7 +235,7 @@ def recording(
         with destination.claimed():
             fresh = _check_claim(destination, out, scenario, resume=resume)
             try:
-                yield Recording(destination, scenario, spacecraft, frames, plugins, trajectory)
+                yield Recording(destination, scenario, spacecraft, sensors, frames, plugins, trajectory)
             except (OSError, PosseError):
                 made_some = not fresh or any((destination.folder / LABELS).glob("*.jsonl"))
                 if not made_some:

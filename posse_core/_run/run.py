@@ -66,6 +66,7 @@ def run(
         plan.spacecraft,
         frames,
         plugins,
+        sensors=plan.sensors,
         trajectory=plan.trajectory,
         resume=resume,
     ) as dataset:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import hashlib
 import json
 
-from posse_core._dataset.layout import IMAGES, SCENARIO, TRAJECTORY, TRUTH
+from posse_core._dataset.layout import IMAGES, SCENARIO, TRAJECTORY, TRUTH, reading_file
 from posse_core._files.compressed import npz, png
 from posse_core._files.store import Store, open_store
 from posse_core._files.trajectory import load_trajectory
 from posse_core._interfaces.executor import FrameMade
+from posse_core._model.reading import Reading
 from posse_core._plugins.loading import load_plugins
 from posse_core._scenario.load import load_scenario
 from posse_core._simulator.frame import Frame
@@ -54,7 +55,30 @@ def write_frame(frame: Frame, store: Store) -> FrameMade:
     files = {image: png(frame.image)}
     if frame.arrays:
         files[truth] = npz(frame.arrays)
+    labels = frame.labels.model_copy(update={"image": image, "truth": truth if frame.arrays else None})
+    if frame.readings:
+        beside = {}
+        for name, readings in frame.readings.items():
+            own = [_reading_files(reading, name, frame.index, k) for k, reading in enumerate(readings)]
+            beside[name] = tuple(
+                said.model_copy(update={"files": tuple(each)})
+                for said, each in zip(labels.sensors[name], own, strict=True)
+            )
+            for each in own:
+                files |= each
+        labels = labels.model_copy(update={"sensors": beside})
     for name, data in files.items():
         store.write(name, data)
-    labels = frame.labels.model_copy(update={"image": image, "truth": truth if frame.arrays else None})
     return FrameMade(labels, {name: hashlib.sha256(data).hexdigest() for name, data in files.items()})
+
+
+def _reading_files(reading: Reading, sensor: str, index: int, number: int) -> dict[str, bytes]:
+    """The files of a reading by their names in the dataset."""
+    by_ending = dict(reading.files)
+    if reading.image is not None:
+        by_ending[".png"] = png(reading.image)
+    if reading.arrays:
+        by_ending[".npz"] = npz(reading.arrays)
+    return {
+        reading_file(sensor, index, number, ending): by_ending[ending] for ending in sorted(by_ending)
+    }

@@ -101,6 +101,8 @@ def dump_scenario(scenario: Scenario) -> str:
     keys = scenario.model_dump(mode="json")
     if scenario.flight is None:
         del keys["flight"]
+    if not scenario.sensors:
+        del keys["sensors"]
     return yaml.safe_dump(keys, sort_keys=False, allow_unicode=True)
 
 
@@ -120,8 +122,8 @@ def _read(source: str) -> YamlText:
 def put(raw: dict[str, Any], path: tuple[str, ...], value: Any) -> None:
     """Set a nested key. A component given by its name alone becomes a mapping; naming another component
     drops the options of the former one."""
-    is_law = path[0] == "attitude"
-    name_key = "law" if is_law else "name"
+    name_key = {"attitude": "law", "sensors": "type"}.get(path[0], "name")
+    is_below = path[0] in ("attitude", "sensors")
     current = raw
     for step in path[:-1]:
         inner = current.get(step)
@@ -133,7 +135,7 @@ def put(raw: dict[str, Any], path: tuple[str, ...], value: Any) -> None:
             raise InputError(f"option {'.'.join(path)}: {step!r} holds a value, not keys")
         current[step] = inner
         current = inner
-    names_component = path[2 if is_law else 1 :] == (name_key,)
+    names_component = path[2 if is_below else 1 :] == (name_key,)
     if names_component and current.get(name_key) != value:
         current.clear()
     current[path[-1]] = value
@@ -175,7 +177,9 @@ def _refuse_extremes(value: Any, path: KeyPath, where: Callable[[KeyPath], str])
 
 def _anchor_files(raw: dict[str, Any], base: Path) -> None:
     """Make paths absolute: in a scenario file they are relative to that file."""
-    for *blocks, key in _FILES:
+    sensors = raw.get("sensors")
+    names = sensors if isinstance(sensors, dict) else ()
+    for *blocks, key in (*_FILES, *(("sensors", name, "path") for name in names)):
         inner: Any = raw
         for block in blocks:
             inner = inner.get(block) if isinstance(inner, dict) else None
@@ -237,6 +241,10 @@ def _with_complete_options(scenario: Scenario, registry: Registry, where: Any) -
                 }
             ),
             "renderer": complete("renderer", scenario.renderer, "renderer"),
+            "sensors": {
+                name: complete("sensor", choice, "sensors", name)
+                for name, choice in scenario.sensors.items()
+            },
             "annotators": tuple(
                 complete("annotator", c, "annotators", i) for i, c in enumerate(scenario.annotators)
             ),

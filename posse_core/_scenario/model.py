@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -18,10 +19,14 @@ from posse_core._scenario.flight import FlightConfig
 from posse_core._scenario.orbit import OrbitConfig, RelativeConfig
 from posse_core._scenario.presets import with_preset
 from posse_core._scenario.sensor import SensorConfig
+from posse_core._scenario.sensors import SensorChoice
 from posse_core._scenario.sky import SkyConfig
 
 MOST_FRAMES: Final = 500_000
 """The most frames of a run: planning keeps 2 kB of each in memory, and takes 0.25 ms."""
+
+
+_SENSOR_NAME: Final = re.compile(r"[a-z][a-z0-9-]{0,63}")
 
 
 class TimesConfig(Options):
@@ -95,6 +100,11 @@ class Scenario(Options):
     camera: CameraConfig = Field(CameraConfig(), description="the camera's geometry")
     sky: SkyConfig = Field(SkyConfig(), description="what is behind and around the spacecraft")
     sensor: SensorConfig = Field(SensorConfig(), description="from radiance to digital numbers")
+    sensors: Mapping[str, SensorChoice] = Field(
+        {},
+        description="sensors beside the camera, by names of your own, each {type, mount, rate_hz,"
+        " options}; 'posse describe sensor' lists types",
+    )
     renderer: ComponentChoice = Field(
         ComponentChoice(name="mitsuba"),
         description="renderer of the spacecraft: a name, or {name, options}",
@@ -137,6 +147,16 @@ class Scenario(Options):
         if name != "thesis":
             return raw
         return {**raw, "constants": {"solar_constant_w_m2": THESIS_SOLAR_CONSTANT_W_M2, **given}}
+
+    @field_validator("sensors")
+    @classmethod
+    def _names_of_folders(cls, sensors: Mapping[str, SensorChoice]) -> Mapping[str, SensorChoice]:
+        for name in sensors:
+            if not _SENSOR_NAME.fullmatch(name):
+                raise ValueError(
+                    f"{name!r} cannot be a folder's name; take lower-case letters, digits and -"
+                )
+        return sensors
 
     @field_validator("annotators", "writers")
     @classmethod

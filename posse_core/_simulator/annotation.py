@@ -11,9 +11,9 @@ from posse_core._arrays import AnyArray
 from posse_core._environment.time import Epoch
 from posse_core._errors import ComponentError
 from posse_core._interfaces.annotator import Annotator
-from posse_core._model.label_line import LabelLine, first_fault
-from posse_core._model.labels import View
-from posse_core._model.scene import FrameState, Scene
+from posse_core._interfaces.look import Look
+from posse_core._model.label_line import LabelLine, ReadingLabels, first_fault
+from posse_core._model.labels import Labels
 from posse_core._plugins.registry import Registry
 from posse_core._scenario.component import ComponentChoice, create
 from posse_core._simulator.returned import checked_labels, full_size
@@ -26,15 +26,12 @@ class Annotation:
     under the annotator's own name.
     """
 
-    def __init__(
-        self, choices: Sequence[ComponentChoice], registry: Registry, scene: Scene, epoch: Epoch
-    ) -> None:
+    def __init__(self, choices: Sequence[ComponentChoice], registry: Registry, epoch: Epoch) -> None:
         """epoch: of t_s = 0.
 
         Raises:
             ComponentError: an annotator cannot be made, or has the name of a label of the core.
         """
-        self._scene = scene
         self._epoch = epoch
         self._annotators: Mapping[str, Annotator[Any]] = {
             choice.name: create(registry, "annotator", choice) for choice in choices
@@ -44,18 +41,18 @@ class Annotation:
             if name not in self._core:
                 raise ComponentError(f"annotator {name!r}: a label of POSSE's own has this name")
 
-    def of(
-        self, frame: FrameState, view: View, exposure_s: float
-    ) -> tuple[LabelLine, dict[str, AnyArray]]:
-        """The label line of a frame, and its full-size arrays (H, W, ...) by name.
+    def labels(self, look: Look) -> Labels:
+        """The labels of a look, those of plugins' annotators under the annotators' names, and full-size
+        arrays (H, W, ...).
 
         Raises:
             ComponentError: an annotator makes what cannot be written, or an array that another made too.
         """
         labels: dict[str, Any] = {}
         arrays: dict[str, AnyArray] = {}
+        view = look.view()
         for name, annotator in self._annotators.items():
-            own = checked_labels(annotator.annotate(self._scene, frame, view), name, view)
+            own = checked_labels(annotator.annotate(look), name, view)
             if name in self._core:
                 labels.update(own.values)
             elif own.values:
@@ -63,20 +60,42 @@ class Annotation:
             for array_name, array in own.arrays.items():
                 if array_name in arrays:
                     raise ComponentError(f"two annotators make the array {array_name!r}; choose one")
-                arrays[array_name] = full_size(array, view, self._scene.camera)
+                arrays[array_name] = full_size(array, view, look.scene.camera)
+        return Labels(labels, arrays)
+
+    def line(
+        self,
+        look: Look,
+        labels: Labels,
+        exposure_s: float,
+        sensors: Mapping[str, tuple[ReadingLabels, ...]],
+    ) -> LabelLine:
+        """The label line of a frame.
+
+        Args:
+            look: of the chaser's camera.
+            labels: of the look.
+            exposure_s: of the image.
+            sensors: labels of the sensors' readings.
+
+        Raises:
+            ComponentError: a label is not of its type or range.
+        """
+        frame = look.state
+        beside: dict[str, Any] = {"sensors": dict(sensors)} if sensors else {}
         try:
-            line = LabelLine(
+            return LabelLine(
                 index=frame.index,
                 t_s=frame.t_s,
                 epoch_utc=self._epoch.shifted(frame.t_s).iso(),
                 sequence=frame.sequence,
-                spacecraft=self._scene.spacecraft.name,
+                spacecraft=look.scene.spacecraft.name,
                 sun_fraction_target=frame.sun_fraction_target,
                 sun_fraction_camera=frame.sun_fraction_camera,
                 solar_flux_w_m2=frame.solar_flux_w_m2,
                 exposure_s=exposure_s,
-                **labels,
+                **labels.values,
+                **beside,
             )
         except ValidationError as error:
             raise ComponentError(f"a label cannot be written: {first_fault(error)}") from None
-        return line, arrays

@@ -11,8 +11,9 @@ import numpy as np
 from posse_core._arrays import AnyArray, Float32Array
 from posse_core._model.camera import Camera
 from posse_core._model.label_line import LabelLine
-from posse_core._model.scene import FrameState, Radiance
-from posse_core._sky.view import SkyView
+from posse_core._model.light import Light
+from posse_core._model.reading import Reading
+from posse_core._model.scene import FrameState
 
 
 @dataclass(frozen=True)
@@ -25,8 +26,8 @@ class Frame:
         exposure_s: how long the shutter was open.
         labels: the frame's label line, by the annotators of the scenario.
         arrays: full-size (H, W, ...) arrays by name, as in ``depth_m`` and ``part_id``.
-        craft: light of the spacecraft alone, in the box that holds it; None where it is not in view.
-        sky: light from behind the spacecraft, stars as points.
+        light: that the image was made of.
+        readings: of the sensors beside the camera, by the sensor's name, in order of their instants.
     """
 
     state: FrameState
@@ -35,8 +36,8 @@ class Frame:
     exposure_s: float
     labels: LabelLine
     arrays: Mapping[str, AnyArray]
-    craft: Radiance | None
-    sky: SkyView
+    light: Light
+    readings: Mapping[str, tuple[Reading, ...]]
 
     @property
     def index(self) -> int:
@@ -50,26 +51,26 @@ class Frame:
         It is averaged over the pixel, the part that the craft does not cover counting as black.
         """
         out = np.zeros((self.camera.height_px, self.camera.width_px, 3), dtype=np.float32)
-        if self.craft is not None:
-            out[self.craft.box.slices] = self.craft.radiance_rgb
+        if self.light.craft is not None:
+            out[self.light.craft.box.slices] = self.light.craft.radiance_rgb
         return out
 
     @cached_property
     def sky_radiance_rgb(self) -> Float32Array:
         """(H, W, 3) linear radiance of the sky as if the spacecraft were not there, W m⁻² sr⁻¹.
 
-        Stars are not in it: they are points without a radiance, in :attr:`sky`.
+        Stars are not in it: they are points without a radiance, in ``light.sky``.
         """
-        if self.sky.radiance_rgb is not None:
-            return self.sky.radiance_rgb
+        if self.light.sky.radiance_rgb is not None:
+            return self.light.sky.radiance_rgb
         return np.zeros((self.camera.height_px, self.camera.width_px, 3), dtype=np.float32)
 
     @cached_property
     def coverage(self) -> Float32Array:
         """(H, W) share of each pixel that the spacecraft covers, 0 … 1."""
         out = np.zeros((self.camera.height_px, self.camera.width_px), dtype=np.float32)
-        if self.craft is not None:
-            out[self.craft.box.slices] = self.craft.coverage
+        if self.light.craft is not None:
+            out[self.light.craft.box.slices] = self.light.craft.coverage
         return out
 
     def __repr__(self) -> str:

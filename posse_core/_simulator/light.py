@@ -26,14 +26,21 @@ class CraftLight:
     """
 
     def __init__(
-        self, renderer: Renderer, geometry: RayCaster, sky: Sky, camera: Camera, seed: int
+        self,
+        renderer: Renderer,
+        geometry: RayCaster,
+        sky: Sky,
+        camera: Camera,
+        seed: int,
+        purpose: str,
     ) -> None:
-        """seed: of the run."""
+        """seed: of the run; purpose: of the renderer's random draws."""
         self._renderer = renderer
         self._geometry = geometry
         self._sky = sky
         self._camera = camera
         self._seed = seed
+        self._purpose = purpose
 
     def gather(self, frame: FrameState, exposure_s: float, instants: int) -> Radiance | None:
         """Mean radiance over an exposure, in ``instants`` at most; None where no ray meets the craft."""
@@ -45,7 +52,7 @@ class CraftLight:
         radiance_rgb = np.zeros((whole.height, whole.width, 3), dtype=np.float32)
         coverage = np.zeros((whole.height, whole.width), dtype=np.float32)
         for number, shot in enumerate(shots):
-            purpose = f"renderer {number}" if number else "renderer"
+            purpose = f"{self._purpose} {number}" if number else self._purpose
             seed = derived_seed(self._seed, frame.index, purpose)
             made = self._renderer.render(
                 RenderRequest(shot.craft, shot.box, environment, seed, frame.index)

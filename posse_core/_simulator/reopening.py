@@ -7,11 +7,11 @@ from functools import partial
 from typing import Any
 
 from posse_core._errors import WorkerLost
+from posse_core._imaging.lens import LensRenderer
 from posse_core._interfaces.renderer import Renderer
 from posse_core._model.scene import Radiance, RenderRequest, Scene
 from posse_core._plugins.registry import Registry
 from posse_core._scenario.component import ComponentChoice, create
-from posse_core._sensor.lens import LensRenderer
 from posse_core._simulator.returned import CheckedRenderer
 
 TRIES = 3

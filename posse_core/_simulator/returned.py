@@ -26,6 +26,7 @@ from posse_core._interfaces.scene import SceneSource
 from posse_core._interfaces.writer import Writer
 from posse_core._model.camera import Camera
 from posse_core._model.labels import Labels, View
+from posse_core._model.reading import Reading
 from posse_core._model.scene import Radiance, RenderRequest, Scene
 from posse_core._model.spacecraft import Material, Part, Spacecraft
 from posse_core._plugins.component import failures_named
@@ -36,6 +37,7 @@ FILL: Final[Mapping[str, float | int | bool]] = {"f": np.nan, "i": -1, "u": 0, "
 """Kind of an annotator's array (``dtype.kind``) → its value where the view's box does not reach."""
 
 _FILE_NAME = re.compile(r"\w[\w.-]*")
+_ENDING = re.compile(r"\.[a-z0-9]+")
 _LARGEST: Final = float(np.finfo(np.float32).max)
 _ROUNDING: Final = 1e-4
 """How far coverage may be outside of 0 … 1."""
@@ -102,6 +104,37 @@ def checked_labels(made: object, name: str, view: View) -> Labels:
             raise ComponentError(f"{who}: {key!r} cannot be an array's name; take letters, digits and _")
         _check_over_box(array, view, f"{who}: the array {key!r}")
     return Labels(_plain(labels.values, who, ""), labels.arrays)
+
+
+def checked_reading(made: object, name: str, camera: Camera | None) -> Reading:
+    """What a sensor returned, its labels as plain JSON types; ``camera`` is the sensor's."""
+    who = f"sensor {name!r}"
+    reading = _of_type(made, Reading, who)
+    for what in ("labels", "arrays", "files"):
+        if not isinstance(getattr(reading, what), Mapping):
+            raise ComponentError(f"{who}: {what} of its Reading must be a mapping")
+    for key, array in reading.arrays.items():
+        if not isinstance(key, str) or not _FILE_NAME.fullmatch(key):
+            raise ComponentError(f"{who}: {key!r} cannot be an array's name; take letters, digits and _")
+        if not isinstance(array, np.ndarray) or array.dtype.kind not in FILL:
+            raise ComponentError(
+                f"{who}: the array {key!r} must be a NumPy array of floats, integers or booleans"
+            )
+    for ending, content in reading.files.items():
+        if not isinstance(ending, str) or not _ENDING.fullmatch(ending):
+            raise ComponentError(f"{who}: {ending!r} cannot end a file's name; give one such as '.ply'")
+        if ending in (".png", ".npz"):
+            raise ComponentError(f"{who}: {ending} files are for image and arrays of its Reading")
+        if not isinstance(content, bytes):
+            raise ComponentError(f"{who}: the file {ending!r} is {_type_of(content)}, not bytes")
+    image = reading.image
+    if image is not None:
+        kinds = isinstance(image, np.ndarray) and image.dtype in (np.uint8, np.uint16)
+        if not kinds or image.shape[2:] not in ((), (3,)) or image.ndim < 2 or not image.size:
+            raise ComponentError(f"{who}: the image must be (H, W) or (H, W, 3) of uint8 or uint16")
+        if camera is not None and image.shape[:2] != (camera.height_px, camera.width_px):
+            raise ComponentError(f"{who}: the image is {image.shape[:2]}, not of its camera's size")
+    return replace(reading, labels=_plain(reading.labels, who, ""))
 
 
 def full_size(array: AnyArray, view: View, camera: Camera) -> AnyArray:

@@ -3,29 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from types import TracebackType
 from typing import Self
 
 from numpy.typing import ArrayLike
 
+from posse_core._dataset.sensors import SensorInfo
 from posse_core._environment.time import Epoch
-from posse_core._geometry.raycast import RayCaster
+from posse_core._imaging.image_sensor import ImageSensor
 from posse_core._model.camera import Camera
-from posse_core._model.scene import FrameState, Radiance, Scene
+from posse_core._model.scene import FrameState, Scene
 from posse_core._model.spacecraft import Spacecraft
 from posse_core._model.trajectory import Trajectory
 from posse_core._plugins.registry import Registry
 from posse_core._scenario.component import create
 from posse_core._scenario.model import Scenario
-from posse_core._sensor.sensor import Sensor
 from posse_core._simulator.annotation import Annotation
 from posse_core._simulator.frame import Frame
-from posse_core._simulator.light import CraftLight
+from posse_core._simulator.optics import Optics
 from posse_core._simulator.reopening import chosen_renderer
 from posse_core._simulator.returned import built
+from posse_core._simulator.sensing import Sensing, annotated_look, open_sensors
 from posse_core._simulator.states import States
-from posse_core._sky.sky import Sky
-from posse_core._sky.view import SkyView
 from posse_core._trajectory.problem import orbit_epoch
 
 
@@ -64,13 +64,13 @@ class Simulator:
         self.scene = Scene(craft, camera)
         self._states = States(scenario, registry, trajectory)
         epoch = Epoch.from_iso(orbit_epoch(scenario.orbit).iso())  # as a trajectory's file has it
-        self._annotation = Annotation(scenario.annotators, registry, self.scene, epoch)
-        self._geometry = RayCaster(self.scene)
-        self._sky = Sky(scenario.sky, camera, scenario.seed)
-        self._sensor = Sensor(scenario.sensor, camera)
-        self._renderer = chosen_renderer(registry, scenario.renderer)
-        self._renderer.open(self.scene)
-        self._craft_light = CraftLight(self._renderer, self._geometry, self._sky, camera, scenario.seed)
+        self._annotation = Annotation(scenario.annotators, registry, epoch)
+        self._image_sensor = ImageSensor(scenario.sensor, camera)
+        self._sensors = open_sensors(scenario, registry, self.scene, self._annotation.labels)
+        make_renderer = partial(chosen_renderer, registry, scenario.renderer)
+        self._optics = Optics(self.scene, scenario.sky, scenario.seed, make_renderer)
+        self._optics.open(camera)
+        self._sensing = Sensing(self._sensors, self._optics, scenario.seed)
 
     @property
     def camera(self) -> Camera:
@@ -81,6 +81,11 @@ class Simulator:
     def spacecraft(self) -> Spacecraft:
         """The scenario's spacecraft."""
         return self.scene.spacecraft
+
+    @property
+    def sensors(self) -> Mapping[str, SensorInfo]:
+        """The sensors beside the camera, by name."""
+        return {sensor.name: sensor.info for sensor in self._sensors}
 
     @property
     def trajectory(self) -> Trajectory:
@@ -134,38 +139,52 @@ class Simulator:
             omega_body_rad_s=omega_body_rad_s,
             omega_camera_rad_s=omega_camera_rad_s,
         )
-        return self._states.of_row(row, index)
+        state = self._states.of_row(row, index)
+        if any(given is not None for given in (r_rtn_m, q_eci_from_body, q_eci_from_camera)):
+            return state
+        return self._states.onward(index, state, own_frame=t_s is None)
 
     def frame(self, state: FrameState) -> Frame:
-        """The frame that the camera takes at a state.
+        """The frame that the camera takes at a state, and the readings of the sensors beside it.
 
         Where the renderer works in a process of its own and that process dies, the renderer is opened
         again and asked for the same image, three times in all.
 
         Raises:
-            ComponentError: the renderer or an annotator failed.
+            InputError: a sensor would take too many readings until the next frame.
+            ComponentError: the renderer, an annotator or a sensor failed.
             WorkerLost: the renderer's process died at every try.
         """
-        config, light = self.scenario.sensor, None
-        exposure_s = config.exposure_s
-        if config.auto_exposure is not None:
-            light = self._light(state, 0.0)
-            exposure_s = self._sensor.metered_s(*light, config.auto_exposure)
-        if light is None or config.motion_blur is not None:
-            light = self._light(state, exposure_s)
-        image = self._sensor.expose(*light, exposure_s, self.scenario.seed, state.index)
-        view = self._geometry.view(state.craft)
-        labels, arrays = self._annotation.of(state, view, exposure_s)
-        sky, craft = light
-        return Frame(state, self.camera, image, exposure_s, labels, arrays, craft, sky)
+        seed = self.scenario.seed
+        photograph = self._image_sensor.photograph(
+            lambda exposure_s, instants: self._optics.light(
+                state, self.camera, exposure_s, instants, "renderer"
+            ),
+            seed,
+            state.index,
+        )
+        look = annotated_look(state, self.scene, self._optics, seed)
+        labels = self._annotation.labels(look)
+        readings, beside = self._sensing.of(state)
+        line = self._annotation.line(look, labels, photograph.exposure_s, beside)
+        return Frame(
+            state,
+            self.camera,
+            photograph.image,
+            photograph.exposure_s,
+            line,
+            labels.arrays,
+            photograph.light,
+            readings,
+        )
 
     def describe_renderer(self) -> Mapping[str, str]:
         """Versions and choices of the renderer, such as ``{"mitsuba": "3.9.1"}``."""
-        return self._renderer.describe()
+        return self._optics.describe()
 
     def close(self) -> None:
         """Free the renderer; may be called twice."""
-        self._renderer.close()
+        self._optics.close()
 
     def __enter__(self) -> Self:
         return self
@@ -183,13 +202,4 @@ class Simulator:
         return (
             f"<Simulator of {self.spacecraft.name}: {camera.width_px} × {camera.height_px},"
             f" renderer {self.scenario.renderer.name}>"
-        )
-
-    def _light(self, state: FrameState, exposure_s: float) -> tuple[SkyView, Radiance | None]:
-        """Sky and craft over an exposure; in one instant, if motion is not to blur."""
-        blur = self.scenario.sensor.motion_blur
-        instants = 1 if blur is None else blur.instants
-        return (
-            self._sky.look(state, exposure_s, instants),
-            self._craft_light.gather(state, exposure_s, instants),
         )

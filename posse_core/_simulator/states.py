@@ -13,7 +13,7 @@ from scipy.interpolate import CubicHermiteSpline
 from posse_core._arrays import FloatArray
 from posse_core._errors import InputError
 from posse_core._interfaces.propagator import Propagator
-from posse_core._model.scene import FrameState
+from posse_core._model.scene import FrameState, Onward
 from posse_core._model.trajectory import Motion, Trajectory
 from posse_core._plugins.registry import Registry
 from posse_core._scenario.component import create
@@ -85,6 +85,10 @@ class States:
         if r is not None:
             at_rest = np.zeros_like(r)
             motion = replace(motion, r_chaser_rtn_m=r, v_chaser_rtn_m_s=at_rest if v is None else v)
+        return self._by_laws(motion, index, given)
+
+    def _by_laws(self, motion: Motion, index: int, given: GivenAttitude | None = None) -> Trajectory:
+        """One row of motion with its attitudes, as frame ``index``."""
         return trajectory_of(
             motion,
             epoch=orbit_epoch(self._scenario.orbit),
@@ -92,8 +96,44 @@ class States:
             constants=self._scenario.constants,
             seed=self._scenario.seed,
             indices=np.array([index]),
-            given=given,
+            given=GivenAttitude() if given is None else given,
         )
+
+    def onward(self, index: int, state: FrameState, *, own_frame: bool) -> FrameState:
+        """A state of the scenario's own motion, with how it goes on.
+
+        Args:
+            index: of the frame whose random errors the attitudes have.
+            state: at that frame, or at another time.
+            own_frame: the state is that of the frame.
+        """
+        after_s, following = 0.0, None
+        if own_frame and index + 1 < len(self.trajectory):
+            ends = self.trajectory.rows(np.array([index, index + 1]))
+            if ends.sequence[0] == ends.sequence[1]:
+                after_s = float(ends.t_s[1] - ends.t_s[0])
+                following = index + 1
+
+        def at(later_s: float) -> FrameState:
+            motion = self._motion_near(state.t_s + later_s, state.sequence)
+            if motion is None:
+                return state.after(later_s)
+            return self.of_row(self._by_laws(motion, index), index)
+
+        def next_frame() -> FrameState | None:
+            if following is None:
+                return None
+            own = self.of_row(self.trajectory.rows(np.array([following])), following)
+            return self.onward(following, own, own_frame=True)
+
+        return replace(state, onward=Onward(after_s, at, next_frame))
+
+    def _motion_near(self, t_s: float, sequence: int) -> Motion | None:
+        """The motion of one relative orbit at a time; None where the propagator has none."""
+        for row in self._motions(t_s):
+            if row.sequence[0] == sequence:
+                return row
+        return None
 
     def of_row(self, row: Trajectory, index: int) -> FrameState:
         """The state of a trajectory's one row, as frame ``index``."""
@@ -110,25 +150,29 @@ class States:
             return _row_of(self.trajectory, index)
         if not np.isfinite(t_s):
             raise InputError(f"state: t_s is {t_s}; give seconds since the scenario's epoch")
-        name = self._scenario.propagator.name
-        if "own-frames" in self._registry.spec("propagator", name).capabilities:
-            rows = list(_interpolated(self._own_motion, float(t_s)))
-            if not rows:
-                own_s = self._own_motion.t_s
-                raise InputError(
-                    f"state: t_s is {t_s:g}, and the motion of propagator {name!r} is from"
-                    f" {own_s.min():g} to {own_s.max():g} s; give a time within"
-                )
-        else:
-            problem = scenario_problem(self._scenario, self._propagator, np.array([float(t_s)]))
-            motion = propagated(self._propagator, problem, name, own_frames=False)
-            rows = [_row_of(motion, i) for i in range(len(motion.t_s))]
+        rows = self._motions(float(t_s))
+        if not rows:
+            own_s, name = self._own_motion.t_s, self._scenario.propagator.name
+            raise InputError(
+                f"state: t_s is {t_s:g}, and the motion of propagator {name!r} is from"
+                f" {own_s.min():g} to {own_s.max():g} s; give a time within"
+            )
         if len(rows) > 1 and not any_chaser:
             raise InputError(
                 f"state: the scenario has {len(rows)} relative orbits at t_s = {t_s:g}; give r_rtn_m,"
                 " or take one of its frames by the index alone"
             )
         return rows[0]
+
+    def _motions(self, t_s: float) -> list[Motion]:
+        """The motion at a time, one row for each relative orbit; none beyond a propagator's own
+        frames."""
+        name = self._scenario.propagator.name
+        if "own-frames" in self._registry.spec("propagator", name).capabilities:
+            return list(_interpolated(self._own_motion, t_s))
+        problem = scenario_problem(self._scenario, self._propagator, np.array([t_s]))
+        motion = propagated(self._propagator, problem, name, own_frames=False)
+        return [_row_of(motion, i) for i in range(len(motion.t_s))]
 
     def _refuse_beyond_the_end(self, index: int) -> None:
         if index >= len(self.trajectory):

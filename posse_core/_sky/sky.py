@@ -10,6 +10,7 @@ from posse_core._model.bands import SOLAR_BAND_FRACTIONS
 from posse_core._model.camera import Camera, PixelBox
 from posse_core._model.scene import EnvironmentMap, FrameState
 from posse_core._model.shutter import STEP_PX, fastest_px_s, instants_s, moments
+from posse_core._model.sky_view import SkyView
 from posse_core._scenario.sky import SkyConfig
 from posse_core._sky import moon
 from posse_core._sky.atmosphere import RADIUS_M, TOP_M
@@ -21,7 +22,6 @@ from posse_core._sky.ground import blue_marble
 from posse_core._sky.picture import picture
 from posse_core._sky.stars import hipparcos, random_field
 from posse_core._sky.sun import MAX_SUBSAMPLES, box_of_disc, limb_darkened, subpixel_rays
-from posse_core._sky.view import SkyView
 
 __all__ = ["STAR_MARGIN_PX", "Sky", "SkyView"]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,8 @@ from hypothesis import strategies as st
 from pycocotools import mask as coco
 from scipy.spatial.transform import Rotation
 
+from posse_core._interfaces.look import Look, Standpoint
+from posse_core._model.mount import Mount
 from posse_core._plugins.loading import Plugins
 
 NAMES = ["box", "depth", "keypoints", "mask", "normals", "parts", "pose"]
@@ -24,7 +27,9 @@ def annotate():
     assert sorted(annotators) == NAMES
 
     def call(name, scene, frame, view):
-        labels = annotators[name].annotate(scene, frame, view)
+        casts = SimpleNamespace(view=lambda craft: view)
+        look = Look(Standpoint(frame, Mount(), 0, "annotator"), scene, lambda camera: casts)
+        labels = annotators[name].annotate(look)
         json.dumps(dict(labels.values), allow_nan=False)
         return labels
 

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from posse_core._imaging.image_sensor import ImageSensor
 from posse_core._model.bands import SOLAR_BAND_FRACTIONS
 from posse_core._model.camera import Camera, PixelBox
 from posse_core._model.scene import Radiance
+from posse_core._model.sky_view import SkyView
 from posse_core._scenario.sensor import AutoExposureConfig, NoiseConfig, SensorConfig
-from posse_core._sensor.sensor import Sensor
-from posse_core._sky.view import SkyView
 
 CAMERA = Camera(64, 48, 32.0, 32.0, 31.5, 23.5, 0.036 * 64 / 1280)
 QUIET = NoiseConfig(shot=False, read_e=0, dark_e_s=0)
@@ -31,8 +31,8 @@ def plate(albedo: float, box: PixelBox = BOX) -> Radiance:
     return Radiance(box, light, coverage)
 
 
-def sensor(**more: object) -> Sensor:
-    return Sensor(SensorConfig(noise=QUIET, psf=None, **more), CAMERA)
+def sensor(**more: object) -> ImageSensor:
+    return ImageSensor(SensorConfig(noise=QUIET, psf=None, **more), CAMERA)
 
 
 @pytest.mark.parametrize("color", ["mono", "rgb"])

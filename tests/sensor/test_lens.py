@@ -11,15 +11,15 @@ from hypothesis import strategies as st
 
 from posse_core._errors import ComponentError
 from posse_core._geometry.raycast import RayCaster
+from posse_core._imaging.image_sensor import ImageSensor
+from posse_core._imaging.lens import LensRenderer, samples
 from posse_core._interfaces.renderer import Renderer
 from posse_core._model.camera import Camera, PixelBox
 from posse_core._model.distortion import BrownConrady
 from posse_core._model.scene import Radiance, RenderRequest
+from posse_core._model.sky_view import SkyView
 from posse_core._plugins.options import NoOptions
 from posse_core._scenario.sensor import NoiseConfig, PsfConfig, SensorConfig
-from posse_core._sensor.lens import LensRenderer, samples
-from posse_core._sensor.sensor import Sensor
-from posse_core._sky.view import SkyView
 from posse_core.testing import scenes
 
 BARREL = BrownConrady(-0.25, 0.06, 0.002, -0.001, 0.0)
@@ -176,7 +176,7 @@ def test_lens_and_psf_conserve_light(distortion, x_m, y_m, angle, vignetting):
     dark = SkyView(None, np.empty((0, 2)), np.empty((0, 3)))
     total = [
         float(
-            Sensor(config, camera(lens))
+            ImageSensor(config, camera(lens))
             .mean_electrons(dark, shoot(lens, at)[0], 0.002)
             .astype(float)
             .sum()
@@ -190,7 +190,8 @@ def test_distortion_does_not_change_a_stars_electrons():
     config = SensorConfig(psf=None)
     star = SkyView(None, np.array([[10.0, 7.0]]), np.full((1, 3), 1e-9))
     electrons = [
-        Sensor(config, camera(lens)).mean_electrons(star, None, 0.002).sum() for lens in (BARREL, None)
+        ImageSensor(config, camera(lens)).mean_electrons(star, None, 0.002).sum()
+        for lens in (BARREL, None)
     ]
     assert electrons[0] == pytest.approx(electrons[1], rel=1e-6)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from posse_core._sensor.noise import detected, normal, poisson, shot
+from posse_core._imaging.noise import detected, normal, poisson, shot
 
 
 def _random(seed: int) -> np.random.Generator:

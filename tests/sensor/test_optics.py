@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import j0, j1
 
+from posse_core._imaging.image_sensor import ImageSensor
+from posse_core._imaging.psf import make_psf
 from posse_core._model.camera import Camera
+from posse_core._model.sky_view import SkyView
 from posse_core._scenario.sensor import NoiseConfig, PsfConfig, SensorConfig
-from posse_core._sensor.psf import make_psf
-from posse_core._sensor.sensor import Sensor
-from posse_core._sky.view import SkyView
 
 CAMERA = Camera(65, 49, 40.0, 40.0, 32.0, 24.0, 0.036 * 65 / 1280)
 EXPOSURE_S = 0.002
@@ -22,8 +22,8 @@ SHAPES = [PsfConfig(shape="airy"), PsfConfig(shape="defocus", diameter_px=5.0), 
 
 
 @functools.cache
-def _sensor(config: PsfConfig, f_number: float) -> Sensor:
-    return Sensor(SensorConfig(noise=QUIET, psf=config, f_number=f_number), CAMERA)
+def _sensor(config: PsfConfig, f_number: float) -> ImageSensor:
+    return ImageSensor(SensorConfig(noise=QUIET, psf=config, f_number=f_number), CAMERA)
 
 
 def _spot(config: PsfConfig, u: float, v: float, f_number: float = 100.0) -> np.ndarray:
@@ -48,8 +48,12 @@ def test_a_psf_conserves_light(config: PsfConfig) -> None:
     random = np.random.default_rng(1)
     image = random.exponential(1.0, (49, 65, 3)).astype(np.float32)
     sky = SkyView(image, np.array([[30.3, 20.6]]), np.ones((1, 3)))
-    sharp = Sensor(SensorConfig(psf=None, f_number=100), CAMERA).mean_electrons(sky, None, EXPOSURE_S)
-    spread = Sensor(SensorConfig(psf=config, f_number=100), CAMERA).mean_electrons(sky, None, EXPOSURE_S)
+    sharp = ImageSensor(SensorConfig(psf=None, f_number=100), CAMERA).mean_electrons(
+        sky, None, EXPOSURE_S
+    )
+    spread = ImageSensor(SensorConfig(psf=config, f_number=100), CAMERA).mean_electrons(
+        sky, None, EXPOSURE_S
+    )
     assert spread.sum(dtype=float) == pytest.approx(sharp.sum(dtype=float), rel=1e-3)
 
 
@@ -75,7 +79,7 @@ def test_a_defocused_star_is_a_uniform_disc() -> None:
 def test_vignetting_is_cos4_for_extended_light_and_stars_alike() -> None:
     """Uniform radiance falls off as cos⁴. A small source gives E A cos θ, as does a star of the same
     irradiance."""
-    sensor = Sensor(SensorConfig(noise=QUIET, psf=None, vignetting="cos4"), CAMERA)
+    sensor = ImageSensor(SensorConfig(noise=QUIET, psf=None, vignetting="cos4"), CAMERA)
     flat = sensor.mean_electrons(SkyView(np.ones((49, 65, 3), np.float32), *NOTHING), None, EXPOSURE_S)[
         ..., 0
     ]
@@ -94,9 +98,13 @@ def test_blooming_spreads_along_the_column_and_conserves_charge() -> None:
     noise = NoiseConfig(shot=False, read_e=0, dark_e_s=0)
     common = {"noise": noise, "psf": None, "bit_depth": 16, "full_well_e": 65535.0, "f_number": 60.0}
     sky = SkyView(image, *NOTHING)
-    mean = Sensor(SensorConfig(**common), CAMERA).mean_electrons(sky, None, EXPOSURE_S).sum(dtype=float)
+    mean = (
+        ImageSensor(SensorConfig(**common), CAMERA)
+        .mean_electrons(sky, None, EXPOSURE_S)
+        .sum(dtype=float)
+    )
     bloomed = (
-        Sensor(SensorConfig(blooming=True, **common), CAMERA)
+        ImageSensor(SensorConfig(blooming=True, **common), CAMERA)
         .expose(sky, None, EXPOSURE_S, 0, 0)
         .astype(float)
     )
@@ -105,13 +113,13 @@ def test_blooming_spreads_along_the_column_and_conserves_charge() -> None:
     rows, columns = np.nonzero(bloomed)
     assert set(columns) == {30}
     assert rows.mean() == pytest.approx(20, abs=0.5)
-    cut = Sensor(SensorConfig(**common), CAMERA).expose(sky, None, EXPOSURE_S, 0, 0)
+    cut = ImageSensor(SensorConfig(**common), CAMERA).expose(sky, None, EXPOSURE_S, 0, 0)
     assert cut.sum() == 65535
 
 
 def test_hot_pixels_are_the_same_in_all_frames_of_a_seed() -> None:
     noise = NoiseConfig(hot_pixels=0.01, hot_e_s=1e8, read_e=0, dark_e_s=0)
-    sensor = Sensor(SensorConfig(noise=noise, bit_depth=16), CAMERA)
+    sensor = ImageSensor(SensorConfig(noise=noise, bit_depth=16), CAMERA)
     dark = SkyView(None, *NOTHING)
     hot = [
         sensor.expose(dark, None, EXPOSURE_S, seed, index) > 0

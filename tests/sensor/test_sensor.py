@@ -8,12 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from posse_core._errors import ComponentError
+from posse_core._imaging.image_sensor import ImageSensor
 from posse_core._model.bands import SOLAR_BAND_FRACTIONS
 from posse_core._model.camera import Camera, PixelBox
 from posse_core._model.scene import Radiance
+from posse_core._model.sky_view import SkyView
 from posse_core._scenario.sensor import NoiseConfig, PsfConfig, SensorConfig
-from posse_core._sensor.sensor import Sensor
-from posse_core._sky.view import SkyView
 
 CAMERA = Camera(64, 48, 32.0, 32.0, 31.5, 23.5, 0.036 * 64 / 1280)
 EXPOSURE_S = 0.002
@@ -40,7 +40,7 @@ def _plate_electrons(albedo: float, config: SensorConfig) -> float:
 @pytest.mark.parametrize("albedo", [0.18, 0.5, 1.0])
 def test_a_white_plate_has_the_documented_dn(albedo: float, color: str) -> None:
     config = SensorConfig(noise=QUIET, bit_depth=16, color=color)
-    image = Sensor(config, CAMERA).expose(
+    image = ImageSensor(config, CAMERA).expose(
         _flat(albedo * SUN_RGB / np.pi), None, EXPOSURE_S, seed=0, index=0
     )
     expected = 65535 * _plate_electrons(albedo, config) / 1e6
@@ -52,19 +52,19 @@ def test_a_smaller_image_of_the_same_sensor_is_as_bright() -> None:
     coarse = replace(CAMERA, sensor_width_m=4 * CAMERA.sensor_width_m)  # pixels of four times the width
     config = SensorConfig(noise=QUIET, bit_depth=16)
     images = [
-        Sensor(config, c).expose(_flat(SUN_RGB / np.pi), None, EXPOSURE_S, 0, 0)
+        ImageSensor(config, c).expose(_flat(SUN_RGB / np.pi), None, EXPOSURE_S, 0, 0)
         for c in (CAMERA, coarse)
     ]
     np.testing.assert_allclose(images[0], images[1], atol=1)
 
 
 def test_the_defaults_expose_white_just_below_saturation() -> None:
-    image = Sensor(SensorConfig(noise=QUIET), CAMERA).expose(
+    image = ImageSensor(SensorConfig(noise=QUIET), CAMERA).expose(
         _flat(SUN_RGB / np.pi), None, EXPOSURE_S, 0, 0
     )
     assert image.dtype == np.uint8
     assert 235 <= image.min() <= image.max() <= 250
-    half = Sensor(SensorConfig(noise=QUIET), CAMERA).expose(
+    half = ImageSensor(SensorConfig(noise=QUIET), CAMERA).expose(
         _flat(0.5 * SUN_RGB / np.pi), None, EXPOSURE_S, 0, 0
     )
     assert np.unique(half) == [123]  # the value in docs/sensor.md
@@ -76,7 +76,7 @@ def test_a_star_gives_its_flux_at_its_position(psf, position) -> None:
     irradiance = np.array([[3e-5, 2e-5, 1e-5]])
     config = SensorConfig(noise=QUIET, psf=psf)
     sky = SkyView(None, np.array([position]), irradiance)
-    electrons = Sensor(config, CAMERA).mean_electrons(sky, None, EXPOSURE_S)[..., 0].astype(float)
+    electrons = ImageSensor(config, CAMERA).mean_electrons(sky, None, EXPOSURE_S)[..., 0].astype(float)
     aperture_m2 = np.pi / 4 * (32 * 0.036 / 1280 / config.f_number) ** 2
     bands = np.array([650e-9, 550e-9, 450e-9])
     expected = np.sum(irradiance * aperture_m2 * EXPOSURE_S * bands / HC * config.quantum_efficiency)
@@ -90,7 +90,7 @@ def test_a_star_gives_its_flux_at_its_position(psf, position) -> None:
 def test_extended_and_point_light_agree_on_the_axis() -> None:
     """A star of irradiance L dΩ gives as many electrons as one pixel of radiance L."""
     camera = Camera(65, 49, 320.0, 320.0, 32.0, 24.0, 0.036)
-    sensor = Sensor(SensorConfig(noise=QUIET), camera)
+    sensor = ImageSensor(SensorConfig(noise=QUIET), camera)
     image = np.zeros((49, 65, 3), dtype=np.float32)
     image[24, 32] = (1.0, 2.0, 3.0)
     star = SkyView(None, np.array([[32.0, 24.0]]), np.array([[1.0, 2.0, 3.0]]) / 320.0**2)
@@ -106,10 +106,10 @@ def test_blurring_conserves_light(seed: int, sigma_px: float) -> None:
     image = random.exponential(1.0, (48, 64, 3)).astype(np.float32)
     image[0, 0] = image[47, 30] = 1e4
     sky = SkyView(image, *NO_POINTS)
-    blurred = Sensor(SensorConfig(psf=PsfConfig(sigma_px=sigma_px)), CAMERA).mean_electrons(
+    blurred = ImageSensor(SensorConfig(psf=PsfConfig(sigma_px=sigma_px)), CAMERA).mean_electrons(
         sky, None, EXPOSURE_S
     )
-    sharp = Sensor(SensorConfig(psf=None), CAMERA).mean_electrons(sky, None, EXPOSURE_S)
+    sharp = ImageSensor(SensorConfig(psf=None), CAMERA).mean_electrons(sky, None, EXPOSURE_S)
     assert blurred.sum(dtype=float) == pytest.approx(sharp.sum(dtype=float), rel=1e-4)
 
 
@@ -128,7 +128,7 @@ def test_photon_transfer_curve(mean_dn, gain_e_dn, read_e, gaussian_dn, seed) ->
     )
     electrons = mean_dn * gain_e_dn
     albedo = (electrons - 100 * 0.002) / _plate_electrons(1.0, config)
-    sensor = Sensor(config, Camera(320, 240, 32.0, 32.0, 31.5, 23.5, 0.036 * 320 / 1280))
+    sensor = ImageSensor(config, Camera(320, 240, 32.0, 32.0, 31.5, 23.5, 0.036 * 320 / 1280))
     flat = np.broadcast_to((albedo * SUN_RGB / np.pi).astype(np.float32), (240, 320, 3))
     image = sensor.expose(SkyView(flat, *NO_POINTS), None, EXPOSURE_S, seed, 0).astype(float)
     variance = (electrons + read_e**2) / gain_e_dn**2 + gaussian_dn**2 + 1 / 12
@@ -146,7 +146,7 @@ def test_small_signals_are_poisson_distributed(mean_e: float) -> None:
         gain_e_dn=1.0, psf=None, bit_depth=16, noise=NoiseConfig(read_e=0, dark_e_s=mean_e / 0.002)
     )
     sky = SkyView(None, *NO_POINTS)
-    frames = [Sensor(config, CAMERA).expose(sky, None, EXPOSURE_S, 1, index) for index in range(40)]
+    frames = [ImageSensor(config, CAMERA).expose(sky, None, EXPOSURE_S, 1, index) for index in range(40)]
     counts = np.stack(frames).astype(float)
     n = counts.size
     assert counts.mean() == pytest.approx(mean_e, abs=5 * np.sqrt(mean_e / n))
@@ -157,11 +157,12 @@ def test_small_signals_are_poisson_distributed(mean_e: float) -> None:
 
 def test_full_well_and_bit_depth_limit_the_image() -> None:
     bright = _flat(100 * SUN_RGB)
-    assert (Sensor(SensorConfig(), CAMERA).expose(bright, None, EXPOSURE_S, 0, 0) >= 254).all()
+    assert (ImageSensor(SensorConfig(), CAMERA).expose(bright, None, EXPOSURE_S, 0, 0) >= 254).all()
     low = SensorConfig(full_well_e=1000, gain_e_dn=10, noise=QUIET)
-    assert (Sensor(low, CAMERA).expose(bright, None, EXPOSURE_S, 0, 0) == 100).all()
+    assert (ImageSensor(low, CAMERA).expose(bright, None, EXPOSURE_S, 0, 0) == 100).all()
     assert (
-        Sensor(SensorConfig(), CAMERA).expose(SkyView(None, *NO_POINTS), None, EXPOSURE_S, 0, 0) <= 1
+        ImageSensor(SensorConfig(), CAMERA).expose(SkyView(None, *NO_POINTS), None, EXPOSURE_S, 0, 0)
+        <= 1
     ).all()
 
 
@@ -172,7 +173,7 @@ def test_the_spacecraft_hides_sky_and_stars() -> None:
     coverage[:, 9] = 0.5
     craft = Radiance(box, coverage[..., None] * np.float32([3.0, 3.0, 3.0]), coverage)
     sky = _flat((1.0, 1.0, 1.0))
-    sensor = Sensor(SensorConfig(noise=QUIET, psf=None), CAMERA)
+    sensor = ImageSensor(SensorConfig(noise=QUIET, psf=None), CAMERA)
     electrons = sensor.mean_electrons(sky, craft, EXPOSURE_S)[..., 0]
     unit = electrons[0, 0]
     np.testing.assert_allclose(electrons[8:24, 10:19], unit, rtol=1e-5)
@@ -194,12 +195,12 @@ def test_the_spacecraft_hides_sky_and_stars() -> None:
 def test_noise_depends_on_seed_and_index_alone(seed: int, index: int) -> None:
     config = SensorConfig(bit_depth=16, color="rgb")
     sky = SkyView(_flat(0.3 * SUN_RGB).radiance_rgb, np.array([[5.3, 60.2]]), np.ones((1, 3)))
-    first = Sensor(config, CAMERA).expose(sky, None, EXPOSURE_S, seed, index)
+    first = ImageSensor(config, CAMERA).expose(sky, None, EXPOSURE_S, seed, index)
     np.testing.assert_array_equal(
-        first, Sensor(config, CAMERA).expose(sky, None, EXPOSURE_S, seed, index)
+        first, ImageSensor(config, CAMERA).expose(sky, None, EXPOSURE_S, seed, index)
     )
-    assert (first != Sensor(config, CAMERA).expose(sky, None, EXPOSURE_S, seed, index + 1)).any()
-    assert (first != Sensor(config, CAMERA).expose(sky, None, EXPOSURE_S, seed + 1, index)).any()
+    assert (first != ImageSensor(config, CAMERA).expose(sky, None, EXPOSURE_S, seed, index + 1)).any()
+    assert (first != ImageSensor(config, CAMERA).expose(sky, None, EXPOSURE_S, seed + 1, index)).any()
 
 
 @pytest.mark.parametrize("value", [-0.1, np.nan, np.inf])
@@ -209,7 +210,7 @@ def test_radiance_that_is_negative_or_not_finite_is_an_error(value: float) -> No
     light[2, 1, 0] = value
     craft = Radiance(box, light, np.ones((4, 4), dtype=np.float32))
     with pytest.raises(ComponentError, match="negative or not finite"):
-        Sensor(SensorConfig(), CAMERA).expose(SkyView(None, *NO_POINTS), craft, EXPOSURE_S, 0, 0)
+        ImageSensor(SensorConfig(), CAMERA).expose(SkyView(None, *NO_POINTS), craft, EXPOSURE_S, 0, 0)
 
 
 def test_the_srgb_response_is_the_standards_curve() -> None:
@@ -217,5 +218,5 @@ def test_the_srgb_response_is_the_standards_curve() -> None:
     for share, coded in ((0.21404, 0.5), (0.0025, 0.0323), (2.0, 1.0)):
         light = share / 0.961123 * SUN_RGB / np.pi
         config = SensorConfig(noise=QUIET, response="srgb", bit_depth=16)
-        image = Sensor(config, CAMERA).expose(_flat(light), None, EXPOSURE_S, 0, 0)
+        image = ImageSensor(config, CAMERA).expose(_flat(light), None, EXPOSURE_S, 0, 0)
         np.testing.assert_allclose(image / 65535, coded, atol=1e-4)

@@ -87,8 +87,8 @@ class FaultyLaw(AttitudeLaw):
 
 
 class ManyTypes(Annotator):
-    def annotate(self, scene, frame, view):
-        mask = view.mask
+    def annotate(self, look):
+        mask = look.view().mask
         arrays = {
             "seen": mask,
             "shade": np.where(mask, 200, 0).astype(np.uint8),
@@ -110,8 +110,8 @@ class ManyTypes(Annotator):
 
 
 class FaultyAnnotator(Annotator):
-    def annotate(self, scene, frame, view):
-        if frame.index != 1:
+    def annotate(self, look):
+        if look.index != 1:
             return Labels({"sound": 1})
         match self.options.fault:
             case "none":

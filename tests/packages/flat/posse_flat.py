@@ -33,7 +33,8 @@ def posse_annotators():
 
 
 class Nearest(Annotator):
-    def annotate(self, scene, frame, view):
+    def annotate(self, look):
+        view = look.view()
         return Labels({"nearest_m": float(view.depth_m[view.mask].min())})
 
 

@@ -1,6 +1,9 @@
-"""The sensor: radiance → photons → electrons → DN."""
+"""The image sensor: radiance → photons → electrons → DN."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -8,15 +11,16 @@ import numpy as np
 from posse_core._arrays import AnyArray, Float32Array, FloatArray
 from posse_core._constants import PLANCK_J_S, SPEED_OF_LIGHT_M_S
 from posse_core._errors import ComponentError
+from posse_core._imaging.noise import detected, normal, read, shot
+from posse_core._imaging.psf import make_psf
 from posse_core._model.bands import BAND_CENTRES_M, SOLAR_BAND_FRACTIONS
 from posse_core._model.camera import Camera, PixelBox
+from posse_core._model.light import Light
 from posse_core._model.scene import Radiance
+from posse_core._model.sky_view import SkyView
 from posse_core._model.srgb import srgb_from_linear
 from posse_core._randomness import random_generator
 from posse_core._scenario.sensor import AutoExposureConfig, SensorConfig
-from posse_core._sensor.noise import detected, normal, read, shot
-from posse_core._sensor.psf import make_psf
-from posse_core._sky.view import SkyView
 
 FULL_WELL_E_M2 = 1e6 / 28.125e-6**2
 """Default full well per pixel area: about 10³ electrons per µm², which is usual for silicon."""
@@ -24,7 +28,22 @@ _BLOCK = 1 << 16
 """Numbers that are digitised at once: few enough to stay in the processor's cache."""
 
 
-class Sensor:
+@dataclass(frozen=True)
+class Photograph:
+    """A finished image, and what it was made of.
+
+    Attributes:
+        image: (H, W) or (H, W, 3) red-green-blue digital numbers, uint8 or uint16.
+        exposure_s: how long the shutter was open.
+        light: that reached the image sensor.
+    """
+
+    image: AnyArray
+    exposure_s: float
+    light: Light
+
+
+class ImageSensor:
     """A lens and an image sensor with a linear response up to its full well.
 
     A pixel's irradiance is π L / (4 N²) (Born & Wolf § 4.8, for distant objects on the axis). A point
@@ -32,8 +51,10 @@ class Sensor:
     everywhere in the image, as after a flat-field correction.
     """
 
-    def __init__(self, config: SensorConfig, camera: Camera) -> None:
+    def __init__(self, config: SensorConfig, camera: Camera, name: str = "") -> None:
+        """name: of the sensor beside the chaser's camera that it belongs to; its noise is its own."""
         self._config = config
+        self._name = f"{name} " if name else ""
         self._psf = make_psf(config.psf, config.f_number, camera.pixel_pitch_m)
         self._shape = (camera.height_px, camera.width_px)
         photons_j = np.array(BAND_CENTRES_M) / (PLANCK_J_S * SPEED_OF_LIGHT_M_S)
@@ -102,23 +123,55 @@ class Sensor:
             self._add_points(electrons, sky, craft, exposure_s)
         return electrons
 
+    def photograph(
+        self, gather: Callable[[float, int], Light], seed: int, index: int, number: int = 0
+    ) -> Photograph:
+        """Take a photograph, with the exposure that the keys ask for.
+
+        Args:
+            gather: collects the light over an exposure: (seconds, largest number of instants).
+            seed, index, number: as in :meth:`expose`.
+
+        Raises:
+            ComponentError: the renderer's radiance is negative or not finite.
+        """
+        config, light = self._config, None
+        instants = 1 if config.motion_blur is None else config.motion_blur.instants
+        exposure_s = config.exposure_s
+        if config.auto_exposure is not None:
+            light = gather(0.0, instants)
+            exposure_s = self.metered_s(light.sky, light.craft, config.auto_exposure)
+        if light is None or config.motion_blur is not None:
+            light = gather(exposure_s, instants)
+        image = self.expose(light.sky, light.craft, exposure_s, seed, index, number)
+        return Photograph(image, exposure_s, light)
+
     def expose(
-        self, sky: SkyView, craft: Radiance | None, exposure_s: float, seed: int, index: int
+        self,
+        sky: SkyView,
+        craft: Radiance | None,
+        exposure_s: float,
+        seed: int,
+        index: int,
+        number: int = 0,
     ) -> AnyArray:
         """Make the image of a frame: (H, W) or (H, W, 3) of uint8 or uint16.
 
-        ``craft`` is None if the spacecraft is out of view. The noise depends only on ``seed`` and
-        ``index``, the frame's index.
+        ``craft`` is None if the spacecraft is out of view. The noise depends only on ``seed``, on
+        ``index``, the frame's index, and on ``number``, the number of the image within the frame.
 
         Raises:
             ComponentError: the renderer's radiance is negative or not finite.
         """
         config = self._config
-        random = random_generator(seed, index, "sensor")
+        again = f" {number}" if number else ""
+        random = random_generator(seed, index, f"{self._name}sensor{again}")
         electrons = self.mean_electrons(sky, craft, exposure_s)
         electrons += np.float32(config.noise.dark_e_s * exposure_s)
         if config.noise.hot_pixels:
-            self._add_hot_pixels(electrons, exposure_s, random_generator(seed, -1, "hot pixels"))
+            self._add_hot_pixels(
+                electrons, exposure_s, random_generator(seed, -1, f"{self._name}hot pixels")
+            )
         shot_noise = config.noise.shot
         if config.blooming:
             if shot_noise:

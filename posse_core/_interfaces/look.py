@@ -1,0 +1,215 @@
+"""A look: what an annotator or a sensor may ask of one instant of a scene."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from posse_core._geometry.raycast import RayCaster
+from posse_core._model.camera import Camera
+from posse_core._model.labels import View
+from posse_core._model.light import Light
+from posse_core._model.mount import Mount
+from posse_core._model.ray_hits import RayHits
+from posse_core._model.scene import FrameState, Onward, Scene
+from posse_core._randomness import random_generator
+
+
+@dataclass(frozen=True)
+class Standpoint:
+    """Who looks, and when. Looks are made of it by the core.
+
+    Attributes:
+        state: the frame's state, in the axes of the chaser's camera.
+        mount: of who looks.
+        seed: of the run.
+        who: whose look it is; begins the purpose of every random draw of the look.
+        number: of the reading within the frame.
+        reading_s: seconds from the frame's instant to that of the look's reading.
+        duration_s: seconds from there to the next reading.
+        after_s: seconds from the reading's instant to the look's.
+        by_rates: whether the motion after the reading's instant is that of its rates.
+    """
+
+    state: FrameState
+    mount: Mount
+    seed: int
+    who: str
+    number: int = 0
+    reading_s: float = 0.0
+    duration_s: float = 0.0
+    after_s: float = 0.0
+    by_rates: bool = False
+
+
+class Look:
+    """One instant as an annotator or a sensor looks at it; each answer is computed when it is asked for.
+
+    All that it gives is in the axes of who looks: the chaser's camera for an annotator, the sensor's own
+    axes for a sensor. It knows geometry alone, so what is made of it is equal for every renderer.
+    """
+
+    def __init__(
+        self, standpoint: Standpoint, scene: Scene, geometry: Callable[[Camera], RayCaster]
+    ) -> None:
+        """Made by the core.
+
+        Args:
+            standpoint: who looks, and when.
+            scene: the spacecraft, and the camera that :meth:`view` is through if none is named.
+            geometry: the ray caster of a camera.
+        """
+        self._standpoint = standpoint
+        self._geometry = geometry
+        self._views: dict[Camera, View] = {}
+        self.scene = scene
+        self.state = _state_of(standpoint)
+
+    @property
+    def index(self) -> int:
+        """Index of the frame."""
+        return self.state.index
+
+    @property
+    def number(self) -> int:
+        """Number of the sensor's reading within the frame, from 0; 0 for an annotator."""
+        return self._standpoint.number
+
+    @property
+    def duration_s(self) -> float:
+        """Seconds until the sensor's next reading, or an annotator's next frame; 0 where there is none
+        or it is not known."""
+        return self._standpoint.duration_s - self._standpoint.after_s
+
+    def view(self, camera: Camera | None = None) -> View:
+        """The spacecraft as the rays of a camera at the origin hit it, one through each pixel's centre.
+
+        Args:
+            camera: any camera; None is the chaser's for an annotator, and a sensor's own.
+        """
+        camera = self.scene.camera if camera is None else camera
+        if camera not in self._views:
+            self._views[camera] = self._geometry(camera).view(self.state.craft)
+        return self._views[camera]
+
+    def rays(
+        self, directions: ArrayLike, *, origin_m: ArrayLike = (0.0, 0.0, 0.0), after_s: ArrayLike = 0.0
+    ) -> RayHits:
+        """Where rays of one's own first hit the spacecraft, each at its own instant.
+
+        Args:
+            directions: (N, 3) of any length, in the axes of who looks at the ray's instant.
+            origin_m: (3,) or (N, 3), likewise.
+            after_s: (N,) or one for all: seconds after the look's instant. Motion until then is that of
+                the rates, as while a shutter is open.
+        """
+        return self._geometry(self.scene.camera).rays(
+            self.state.craft,
+            np.asarray(directions, dtype=np.float64),
+            np.asarray(origin_m, dtype=np.float64),
+            np.asarray(after_s, dtype=np.float64),
+        )
+
+    def at(self, after_s: float, *, by_rates: bool = False) -> Self:
+        """The same look at a neighbouring instant.
+
+        Args:
+            after_s: seconds after this one's instant; before it, if negative.
+            by_rates: go on by the rates of the reading's instant, which takes 0.2 ms, and not by the
+                scenario's propagator and attitude laws, which takes 4 ms. A state that a caller gave to
+                the simulator always goes on by its rates.
+        """
+        return self._made(
+            replace(
+                self._standpoint,
+                after_s=self._standpoint.after_s + after_s,
+                by_rates=by_rates or self._standpoint.by_rates,
+            )
+        )
+
+    @property
+    def next_frame(self) -> Self | None:
+        """The look at the instant of the sequence's next frame; None where there is none or it is not
+        known."""
+        onward = self._standpoint.state.onward
+        state = None if onward is None else onward.next_frame()
+        if state is None:
+            return None
+        stand = self._standpoint
+        return self._made(Standpoint(state, stand.mount, stand.seed, stand.who))
+
+    def generator(self, purpose: str) -> np.random.Generator:
+        """The generator of this frame's random draws for a purpose; the same whenever it is asked for.
+
+        Who looks, the sensor's name and the number of its reading are part of it, so draws of two
+        sensors, readings or frames are independent.
+        """
+        stand = self._standpoint
+        return random_generator(stand.seed, self.state.index, f"{_purpose(stand)}: {purpose}")
+
+    def _made(self, standpoint: Standpoint) -> Self:
+        return type(self)(standpoint, self.scene, self._geometry)
+
+
+class SensorLook(Look):
+    """A look that also sees light: what a sensor senses by."""
+
+    def __init__(
+        self,
+        standpoint: Standpoint,
+        scene: Scene,
+        geometry: Callable[[Camera], RayCaster],
+        gather: Callable[[FrameState, Camera, float, int, str], Light],
+    ) -> None:
+        """Made by the core.
+
+        Args:
+            standpoint, scene, geometry: as in :class:`Look`.
+            gather: collects the light over an exposure: (state, camera, exposure in s, instants,
+                purpose of the renderer's random draws).
+        """
+        super().__init__(standpoint, scene, geometry)
+        self._gather = gather
+
+    def light(
+        self, camera: Camera | None = None, *, exposure_s: float = 0.0, instants: int = 1
+    ) -> Light:
+        """The light that reaches the pixels of a camera at the origin.
+
+        The random draws of a renderer that samples are those of the reading: at another instant of one
+        reading (:meth:`at`) they are the same, so that they do not flicker.
+
+        Args:
+            camera: any camera; None is the sensor's own. The first use of a camera opens a renderer.
+            exposure_s: over which the light is averaged.
+            instants: the largest number of instants that are averaged; fewer where little moves.
+        """
+        camera = self.scene.camera if camera is None else camera
+        purpose = f"{_purpose(self._standpoint)}: renderer"
+        return self._gather(self.state, camera, exposure_s, instants, purpose)
+
+    def _made(self, standpoint: Standpoint) -> Self:
+        return type(self)(standpoint, self.scene, self._geometry, self._gather)
+
+
+def _purpose(stand: Standpoint) -> str:
+    return f"{stand.who} {stand.number}"
+
+
+def _state_of(stand: Standpoint) -> FrameState:
+    """The state at a standpoint's instant, in its own axes."""
+    onward = stand.state.onward
+    if stand.by_rates:
+        reading = _moved(stand.state, stand.reading_s, onward)
+        return reading.seen_from(stand.mount).after(stand.after_s)
+    return _moved(stand.state, stand.reading_s + stand.after_s, onward).seen_from(stand.mount)
+
+
+def _moved(state: FrameState, after_s: float, onward: Onward | None) -> FrameState:
+    if after_s == 0:
+        return state
+    return state.after(after_s) if onward is None else onward.at(after_s)

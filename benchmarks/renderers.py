@@ -35,8 +35,10 @@ from posse_core._arrays import AnyArray
 from posse_core._errors import PosseError
 from posse_core._evaluation.crosscheck.settings import ScenarioCase, Setting
 from posse_core._geometry.raycast import RayCaster
+from posse_core._interfaces.look import Look, Standpoint
 from posse_core._interfaces.renderer import Renderer
 from posse_core._model.camera import PixelBox
+from posse_core._model.mount import Mount
 from posse_core._model.scene import Radiance, RenderRequest
 from posse_core._plugins.loading import load_plugins
 from posse_core._scenario.component import ComponentChoice, create

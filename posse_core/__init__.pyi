@@ -18,6 +18,7 @@ from ._dataset.dataset import Dataset as Dataset
 from ._dataset.files import read_image as read_image
 from ._dataset.images import LabelledImages as LabelledImages
 from ._dataset.mesh import Mesh as Mesh
+from ._dataset.sensors import SensorInfo as SensorInfo
 from ._dataset.spacecraft import SpacecraftInfo as SpacecraftInfo
 from ._detection.card import ModelCard as ModelCard
 from ._detection.pose_detector import PoseDetector as PoseDetector
@@ -59,6 +60,8 @@ from ._interfaces.executor import FrameMade as FrameMade
 from ._interfaces.executor import FrameResult as FrameResult
 from ._interfaces.executor import FrameWorker as FrameWorker
 from ._interfaces.executor import WorkerSetupError as WorkerSetupError
+from ._interfaces.look import Look as Look
+from ._interfaces.look import SensorLook as SensorLook
 from ._interfaces.navigator import Estimate as Estimate
 from ._interfaces.navigator import Innovation as Innovation
 from ._interfaces.navigator import KeypointReading as KeypointReading
@@ -75,6 +78,9 @@ from ._interfaces.propagator import PropagationProblem as PropagationProblem
 from ._interfaces.propagator import Propagator as Propagator
 from ._interfaces.renderer import Renderer as Renderer
 from ._interfaces.scene import SceneSource as SceneSource
+from ._interfaces.sensor import Sensor as Sensor
+from ._interfaces.sensor import SensorSetting as SensorSetting
+from ._interfaces.sensor import StoredReading as StoredReading
 from ._interfaces.writer import Writer as Writer
 from ._model.camera import Camera as Camera
 from ._model.camera import PixelBox as PixelBox
@@ -84,11 +90,15 @@ from ._model.label_line import Box as Box
 from ._model.label_line import Keypoint as Keypoint
 from ._model.label_line import LabelLine as LabelLine
 from ._model.label_line import LabelNotMade as LabelNotMade
+from ._model.label_line import ReadingLabels as ReadingLabels
 from ._model.labels import Labels as Labels
 from ._model.labels import View as View
+from ._model.light import Light as Light
 from ._model.manifest import Manifest as Manifest
+from ._model.mount import Mount as Mount
 from ._model.poses import Poses as Poses
 from ._model.ray_hits import RayHits as RayHits
+from ._model.reading import Reading as Reading
 from ._model.run_lengths import RunLengths as RunLengths
 from ._model.scene import CraftState as CraftState
 from ._model.scene import EnvironmentMap as EnvironmentMap

@@ -22,7 +22,7 @@ class ComponentChoice(Options):
     @model_validator(mode="before")
     @classmethod
     def _gather(cls, raw: Any) -> Any:
-        return _gathered(raw, cls.key())
+        return gathered_options(raw, cls.key())
 
     @model_serializer
     def _flatten(self) -> dict[str, Any]:
@@ -44,7 +44,7 @@ class TargetChoice(ComponentChoice):
             kinds = [kind for kind in ("mesh", "package") if kind in raw]
             if len(kinds) != 1:
                 raise ValueError("give exactly one of name, mesh, package")
-            return _gathered({"name": kinds[0], **raw}, "name")
+            return gathered_options({"name": kinds[0], **raw}, "name")
         return raw
 
 
@@ -54,7 +54,7 @@ def create(registry: Registry, kind: str, choice: ComponentChoice) -> Any:
     return registry.create(kind, choice.name, options)
 
 
-def _gathered(raw: Any, key: str) -> Any:
+def gathered_options(raw: Any, key: str) -> Any:
     """Move the keys beside the one that holds the name into ``options``."""
     if isinstance(raw, str):
         return {key: raw}

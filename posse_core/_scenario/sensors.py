@@ -11,7 +11,7 @@ from pydantic import Field, model_serializer, model_validator
 from posse_core._frames import matrix_from_quaternion, matrix_from_rotation_vector, unit
 from posse_core._model.mount import Mount
 from posse_core._plugins.options import Options
-from posse_core._scenario.component import ComponentChoice
+from posse_core._scenario.component import ComponentChoice, gathered_options
 
 MOST_READINGS: Final = 10_000
 """The most readings of a sensor in one frame."""
@@ -69,13 +69,14 @@ class SensorChoice(ComponentChoice):
 
     @model_validator(mode="before")
     @classmethod
-    def _own_keys(cls, raw: Any) -> Any:
-        """Take the keys that every sensor has out of the component's options."""
-        if not isinstance(raw, dict) or not isinstance(raw.get("options"), dict):
-            return raw
-        options = dict(raw["options"])
+    def _gather(cls, raw: Any) -> Any:
+        """Keep the keys that every sensor has apart from the component's options."""
+        gathered = gathered_options(raw, cls.key())
+        if not isinstance(gathered, dict) or not isinstance(gathered.get("options"), dict):
+            return gathered
+        options = dict(gathered["options"])
         own = {key: options.pop(key) for key in ("mount", "rate_hz") if key in options}
-        return {**raw, **own, "options": options}
+        return {**gathered, **own, "options": options}
 
     @model_serializer
     def _flatten(self) -> dict[str, Any]:

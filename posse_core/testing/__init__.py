@@ -22,6 +22,7 @@ from posse_core.testing.controllers import ControllerConformance
 from posse_core.testing.navigators import NavigatorConformance
 from posse_core.testing.propagators import PropagatorConformance
 from posse_core.testing.renderers import RendererConformance
+from posse_core.testing.sensors import SensorConformance
 
 __all__ = [
     "AttitudeLawConformance",
@@ -29,6 +30,7 @@ __all__ = [
     "NavigatorConformance",
     "PropagatorConformance",
     "RendererConformance",
+    "SensorConformance",
     "closed_forms",
     "scenes",
 ]

@@ -23,6 +23,7 @@ from posse_core.testing import (
     AttitudeLawConformance,
     ControllerConformance,
     NavigatorConformance,
+    SensorConformance,
     scenes,
 )
 from posse_core.testing.attitude_laws import surroundings
@@ -117,6 +118,18 @@ def test_the_controller_conforms(load) -> None:
 
     for name in (name for name in vars(ControllerConformance) if name.startswith("test_")):
         getattr(Targeting(), name)()
+
+
+def test_the_sensor_conforms_and_is_short(load) -> None:
+    registry = load("posse_sensors").registry
+
+    class Laser(SensorConformance):
+        def sensor(self):
+            return registry.create("sensor", "rangefinder")
+
+    for name in (name for name in vars(SensorConformance) if name.startswith("test_")):
+        getattr(Laser(), name)()
+    assert len(EXAMPLES["posse_sensors"].strip().splitlines()) <= 60
 
 
 def test_the_executor_makes_all_frames(load) -> None:

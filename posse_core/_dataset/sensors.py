@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, Strict
+from pydantic import Field, JsonValue, Strict
 
 from posse_core._dataset.camera import CameraFile, camera_record
 from posse_core._files.atomic import write_json
@@ -27,6 +28,7 @@ class SensorInfo:
         mount: where it is, relative to the dataset's camera.
         rate_hz: readings per second; None for one at each frame.
         camera: whose pixels its readings are in; None for a sensor that has none.
+        options: of the component.
     """
 
     name: str
@@ -34,6 +36,7 @@ class SensorInfo:
     mount: Mount
     rate_hz: float | None
     camera: Camera | None
+    options: Mapping[str, Any] = field(default_factory=dict)
 
 
 def write_sensor(sensor: SensorInfo, path: Path) -> None:
@@ -44,6 +47,7 @@ def write_sensor(sensor: SensorInfo, path: Path) -> None:
         "q_camera_from_sensor": quaternion_from_matrix(sensor.mount.R_camera_from_sensor).tolist(),
         "rate_hz": sensor.rate_hz,
         "camera": None if sensor.camera is None else camera_record(sensor.camera),
+        "options": dict(sensor.options),
     }
     write_json(path, value)
 
@@ -59,7 +63,7 @@ def read_sensor(path: Path) -> SensorInfo:
         np.array(record.position_m), matrix_from_quaternion(np.array(record.q_camera_from_sensor))
     )
     camera = None if record.camera is None else record.camera.camera()
-    return SensorInfo(path.stem, record.type, mount, record.rate_hz, camera)
+    return SensorInfo(path.stem, record.type, mount, record.rate_hz, camera, record.options)
 
 
 class _SensorFile(FileRecord):
@@ -70,3 +74,4 @@ class _SensorFile(FileRecord):
     q_camera_from_sensor: Annotated[tuple[float, float, float, float], Strict(False)]
     rate_hz: Annotated[float, Field(gt=0)] | None
     camera: CameraFile | None
+    options: dict[str, JsonValue]

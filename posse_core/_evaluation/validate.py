@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,17 +11,20 @@ import numpy as np
 
 from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.files import read_image
-from posse_core._dataset.layout import IMAGES, LABELS, TRUTH, inside
+from posse_core._dataset.layout import IMAGES, LABELS, SENSORS, TRUTH, inside
 from posse_core._errors import InputError
 from posse_core._evaluation.case import Case
 from posse_core._evaluation.checks import CHECKS, SCHEMA
 from posse_core._evaluation.exports import check_exports
 from posse_core._evaluation.motion import check_motion
 from posse_core._evaluation.result import Fault, Report, Result
+from posse_core._evaluation.sensors import SensorChecks
 from posse_core._files.atomic import sha256
 from posse_core._files.reading import parsed_json
 from posse_core._model.label_line import LabelLine
 from posse_core._model.manifest import Manifest
+
+_READING_FILE = re.compile(rf'"({SENSORS}/[^"]+)"')
 
 Progress = Callable[[Iterable[int], int], Iterable[int]]
 """Wraps the positions of the frames to show progress: (positions, how many)."""
@@ -63,6 +67,7 @@ def validate(dataset: Dataset, progress: Progress) -> Report:
     ]
     schema = Result(SCHEMA.name, SCHEMA.proves)
     results = [Result(check.name, check.proves) for check in CHECKS]
+    sensors = SensorChecks(dataset)
     for position in progress(range(len(lines)), len(lines)):
         frame = frames[position]
         schema.checked += 1
@@ -78,9 +83,10 @@ def validate(dataset: Dataset, progress: Progress) -> Report:
             if check.applies(case):
                 result.checked += 1
                 result.faults += [Fault(frame.index, message) for message in check.run(case)]
+        sensors.check(case.labels)
     is_sound = not (schema.faults or whole[0].faults)
     compared = [check_motion(dataset), *check_exports(dataset)] if is_sound else []
-    return Report(dataset.folder, len(lines), (*whole, schema, *results, *compared))
+    return Report(dataset.folder, len(lines), (*whole, schema, *results, *sensors.results, *compared))
 
 
 def _frame(index: int, line: bytes) -> _Frame:
@@ -95,8 +101,7 @@ def _frame(index: int, line: bytes) -> _Frame:
         )
     )
     moment = hash((labels.t_s, labels.sequence, labels.spacecraft, pose))
-    files = (labels.image,) if labels.truth is None else (labels.image, labels.truth)
-    return _Frame(index, None, files, labels.sequence, pose, moment)
+    return _Frame(index, None, labels.files, labels.sequence, pose, moment)
 
 
 def _files_named(line: bytes) -> tuple[str, ...]:
@@ -105,7 +110,8 @@ def _files_named(line: bytes) -> tuple[str, ...]:
         values = parsed_json(line, LABELS)
     except InputError:
         return ()
-    return tuple(x for x in (values.get("image"), values.get("truth")) if isinstance(x, str))
+    own = (values.get("image"), values.get("truth")) if isinstance(values, dict) else ()
+    return (*(x for x in own if isinstance(x, str)), *_READING_FILE.findall(line.decode()))
 
 
 def _lines(dataset: Dataset) -> Result:
@@ -131,8 +137,9 @@ def _frames(dataset: Dataset, manifest: Manifest) -> Result:
 
 def _leftovers(dataset: Dataset, frames: Sequence[_Frame]) -> Result:
     named = {name for frame in frames for name in frame.files}
-    result = Result("leftovers", f"{IMAGES}/ and {TRUTH}/ hold no file that no frame names", len(named))
-    for part in (IMAGES, TRUTH):
+    result = Result("leftovers", "no image, array or reading is there that no frame names", len(named))
+    readings = [f"{SENSORS}/{path.name}" for path in sorted((dataset.folder / SENSORS).glob("*/"))]
+    for part in (IMAGES, TRUTH, *readings):
         for path in sorted((dataset.folder / part).glob("[!.]*")):
             name = f"{part}/{path.name}"
             if name not in named:

@@ -22,11 +22,14 @@ from posse_core._dataset.layout import (
     LABELS,
     MANIFEST,
     SCENARIO,
+    SENSORS,
     SPACECRAFT,
     TRAJECTORY,
     TRUTH,
     inside,
     mesh_file,
+    reading_file,
+    sensor_file,
     spacecraft_file,
 )
 from posse_core._environment.time import SECONDS_PER_DAY, Epoch
@@ -153,6 +156,8 @@ def _check_alike(sources: Sequence[Dataset]) -> None:
             )
         if dataset.camera != first.camera:
             raise InputError(f"{dataset.folder}: its camera is not that of {first.folder}")
+        if _sensors(dataset) != _sensors(first):
+            raise InputError(f"{dataset.folder}: its sensors are not those of {first.folder}")
         for name in dataset.spacecraft_by_name:
             files = (file_of(dataset.folder, name) for file_of in (spacecraft_file, mesh_file))
             digest = " ".join(map(sha256, files))
@@ -161,9 +166,17 @@ def _check_alike(sources: Sequence[Dataset]) -> None:
                 raise InputError(f"{dataset.folder}: its {name!r} is not that of {other.folder}")
 
 
+def _sensors(dataset: Dataset) -> dict[str, str]:
+    """Name of each sensor → the digest of its description."""
+    return {name: sha256(sensor_file(dataset.folder, name)) for name in dataset.sensors}
+
+
 def _build(sources: Sequence[Dataset], choice: Choice, folder: Path, progress: Progress) -> None:
     for name in (IMAGES, TRUTH, SPACECRAFT):
         (folder / name).mkdir()
+    for name in sources[0].sensors:
+        (folder / SENSORS / name).mkdir(parents=True)
+        shutil.copyfile(sensor_file(sources[0].folder, name), sensor_file(folder, name))
     frames = sum(map(len, choice.kept))
     log = LabelLog(folder, frames)
     trajectories: list[Trajectory] = []
@@ -204,16 +217,37 @@ def _take(
         "origin": (dataset.folder.resolve().name, labels.index),
     }
     digests: dict[str, str] = {}
+
+    def taken(name: str, new: str) -> str:
+        """Take a file under a new name."""
+        source = inside(dataset.folder, name)
+        if not source.is_file() or dataset.digests.get(name) != sha256(source):
+            raise InputError(
+                f"{source}: missing, or changed since it was written; see 'posse validate'"
+            )
+        digests[new] = dataset.digests[name]
+        link_or_copy(source, folder / new)
+        return new
+
     for key, name in (("image", labels.image), ("truth", labels.truth)):
         if name is not None:
-            source = inside(dataset.folder, name)
-            if not source.is_file() or dataset.digests.get(name) != sha256(source):
-                raise InputError(
-                    f"{source}: missing, or changed since it was written; see 'posse validate'"
+            changed[key] = taken(name, f"{Path(name).parent}/{index:06d}{Path(name).suffix}")
+    if labels.has("sensors"):
+        changed["sensors"] = {
+            sensor: tuple(
+                reading.model_copy(
+                    update={
+                        "t_s": reading.t_s + later_s,
+                        "files": tuple(
+                            taken(name, reading_file(sensor, index, number, Path(name).suffix))
+                            for name in reading.files
+                        ),
+                    }
                 )
-            changed[key] = f"{Path(name).parent}/{index:06d}{source.suffix}"
-            digests[changed[key]] = dataset.digests[name]
-            link_or_copy(source, folder / changed[key])
+                for number, reading in enumerate(readings)
+            )
+            for sensor, readings in labels.sensors.items()
+        }
     log.append(labels.model_copy(update=changed), digests)
 
 
@@ -256,7 +290,8 @@ def _record(dataset: Dataset, number: int, folder: Path) -> Source:
 
 def _write_manifest(folder: Path, records: list[Source], frames: int, choice: Choice) -> None:
     files = [path for path in sorted(folder.glob("*")) if path.is_file() and path.name != CHECKSUMS]
-    files += sorted([*(folder / SPACECRAFT).iterdir(), *(folder / LABELS).iterdir()])
+    for pattern in (f"{SPACECRAFT}/*", f"{SENSORS}/*.json", f"{LABELS}/*"):
+        files += sorted(folder.glob(pattern))
     manifest = Manifest(
         format=FORMAT,
         format_version=FORMAT_VERSION,

@@ -51,7 +51,12 @@ class OpenSensor:
     def info(self) -> SensorInfo:
         """What a dataset tells of the sensor."""
         return SensorInfo(
-            self.name, self.choice.name, self.mount, self.choice.rate_hz, self.sensor.camera
+            self.name,
+            self.choice.name,
+            self.mount,
+            self.choice.rate_hz,
+            self.sensor.camera,
+            self.choice.options,
         )
 
 

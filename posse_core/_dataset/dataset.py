@@ -283,8 +283,8 @@ class Dataset(LabelledImages):
         taken = labels.sensors if labels.has("sensors") else {}
         if sensor not in taken:
             raise InputError(
-                f"{self.folder}: frame {labels.index} has no sensor {sensor!r}{nearest(sensor, taken)};"
-                f" it has {', '.join(taken) or 'none'}"
+                f"{self.folder}: frame {labels.index} has no sensor {sensor!r}{nearest(sensor, taken)}"
+                f" ({', '.join(taken) or 'it has none'})"
             )
         return tuple(read_reading(self.folder, reading) for reading in taken[sensor])
 

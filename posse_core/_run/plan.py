@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from posse_core._dataset.sensors import SensorInfo
 from posse_core._model.spacecraft import Spacecraft
 from posse_core._model.trajectory import Trajectory
@@ -11,7 +13,7 @@ from posse_core._plugins.registry import Registry
 from posse_core._scenario.component import create
 from posse_core._scenario.model import Scenario
 from posse_core._simulator.returned import built
-from posse_core._simulator.sensing import sensor_infos
+from posse_core._simulator.sensing import readings_s, sensor_infos
 from posse_core._trajectory.build import make_trajectory
 
 
@@ -33,4 +35,13 @@ def make_plan(scenario: Scenario, registry: Registry) -> Plan:
     """
     craft = built(create(registry, "scene", scenario.target), scenario.target.name)
     trajectory = make_trajectory(scenario, registry)
+    longest_s = _longest_s(trajectory)
+    for name, choice in scenario.sensors.items():
+        readings_s(name, choice, longest_s)
     return Plan(scenario, trajectory, craft, sensor_infos(scenario, registry, craft))
+
+
+def _longest_s(trajectory: Trajectory) -> float:
+    """The longest time from one frame to the next one of its sequence."""
+    apart_s = np.diff(trajectory.t_s)[np.diff(trajectory.sequence) == 0]
+    return float(max(apart_s, default=0.0))

@@ -102,7 +102,7 @@ class SensorChoice(ComponentChoice):
         count = max(1, math.ceil(duration_s * self.rate_hz * (1 - 1e-12) - 1e-9))
         if count > MOST_READINGS:
             raise ValueError(
-                f"takes {count} readings in the {duration_s:g} s until the next frame, and at most"
+                f"{count} readings would be taken in the {duration_s:g} s until the next frame, at most"
                 f" {MOST_READINGS} are possible; lower rate_hz, or take frames more often"
             )
         return tuple(k / self.rate_hz for k in range(count))

@@ -222,9 +222,7 @@ def _take(
         """Take a file under a new name."""
         source = inside(dataset.folder, name)
         if not source.is_file() or dataset.digests.get(name) != sha256(source):
-            raise InputError(
-                f"{source}: missing, or changed since it was written; see 'posse validate'"
-            )
+            raise InputError(f"{source}: missing, or changed since it was written; see 'posse validate'")
         digests[new] = dataset.digests[name]
         link_or_copy(source, folder / new)
         return new

@@ -87,6 +87,20 @@ def open_sensors(
     return tuple(opened(name, choice) for name, choice in scenario.sensors.items())
 
 
+def readings_s(name: str, choice: SensorChoice, duration_s: float) -> tuple[float, ...]:
+    """Seconds from a frame's instant to that of each reading of the sensor ``name``.
+
+    duration_s: time to the sequence's next frame.
+
+    Raises:
+        InputError: there would be too many.
+    """
+    try:
+        return choice.instants_s(duration_s)
+    except ValueError as error:
+        raise InputError(f"sensors.{name}.rate_hz: {error}") from None
+
+
 def sensor_infos(
     scenario: Scenario, registry: Registry, spacecraft: Spacecraft
 ) -> tuple[SensorInfo, ...]:
@@ -132,10 +146,7 @@ class Sensing:
 
     def _stands(self, sensor: OpenSensor, state: FrameState) -> list[Standpoint]:
         duration_s = 0.0 if state.onward is None else state.onward.duration_s
-        try:
-            instants_s = sensor.choice.instants_s(duration_s)
-        except ValueError as error:
-            raise InputError(f"sensors.{sensor.name}: frame {state.index} {error}") from None
+        instants_s = readings_s(sensor.name, sensor.choice, duration_s)
         ends_s = [*instants_s[1:], duration_s]
         return [
             Standpoint(

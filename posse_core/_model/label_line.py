@@ -132,9 +132,8 @@ class LabelLine(BaseModel):
 
     def model_post_init(self, context: Any, /) -> None:
         """Remove labels that were not given, so that reading them calls ``__getattr__``."""
-        if len(self.__dict__) > len(self.model_fields_set):
-            for name in self.__dict__.keys() - self.model_fields_set:
-                del self.__dict__[name]
+        for name in self.__dict__.keys() - self.model_fields_set:
+            del self.__dict__[name]
 
     if not TYPE_CHECKING:  # a type checker would otherwise accept any attribute
 

@@ -26,6 +26,18 @@ def vectors(length: int) -> st.SearchStrategy[list[float]]:
 keypoints = st.one_of(
     st.just([None, None, 0]), st.tuples(numbers, numbers, st.sampled_from([0, 1, 2])).map(list)
 )
+readings = st.fixed_dictionaries(
+    {
+        "t_s": numbers,
+        "q_sensor_from_body": vectors(4),
+        "t_body_sensor_m": vectors(3),
+        "v_body_sensor_m_s": vectors(3),
+        "omega_body_rad_s": vectors(3),
+        "omega_sensor_rad_s": vectors(3),
+        "files": st.lists(st.text(), max_size=3),
+        "labels": st.dictionaries(names, st.none() | numbers | st.text()),
+    }
+)
 EVERY = {
     "index": counts,
     "t_s": numbers,
@@ -61,6 +73,7 @@ CHOSEN = {
     "omega_camera_rad_s": vectors(3),
     "exposure_s": st.floats(1e-9, 1e3),
     "origin": st.tuples(st.text(), counts).map(list),
+    "sensors": st.dictionaries(names, st.lists(readings, max_size=2)),
     "nearest": st.dictionaries(names, st.none() | numbers | st.text() | st.lists(numbers)),
 }
 ORDER = [
@@ -69,7 +82,7 @@ ORDER = [
     *("mask_area_px", "fraction_visible", "fraction_lit", "part_area_px", "keypoints"),
     *("q_cam_from_body", "t_body_cam_m", "range_m", "phase_angle_rad", "sun_direction_body"),
     *("v_body_cam_m_s", "omega_body_rad_s", "omega_camera_rad_s", "exposure_s", "image", "truth"),
-    *("origin", "nearest"),
+    *("origin", "sensors", "nearest"),
 ]
 lines = st.fixed_dictionaries(EVERY, optional=CHOSEN)
 
@@ -143,4 +156,5 @@ def test_every_label_of_an_annotator_is_documented_as_its():
         *IN_EVERY_LINE,
         "exposure_s",
         "origin",
+        "sensors",
     }

@@ -26,17 +26,16 @@ def vectors(length: int) -> st.SearchStrategy[list[float]]:
 keypoints = st.one_of(
     st.just([None, None, 0]), st.tuples(numbers, numbers, st.sampled_from([0, 1, 2])).map(list)
 )
-readings = st.fixed_dictionaries(
-    {
-        "t_s": numbers,
-        "q_sensor_from_body": vectors(4),
-        "t_body_sensor_m": vectors(3),
-        "v_body_sensor_m_s": vectors(3),
-        "omega_body_rad_s": vectors(3),
-        "omega_sensor_rad_s": vectors(3),
-        "files": st.lists(st.text(), max_size=3),
-        "labels": st.dictionaries(names, st.none() | numbers | st.text()),
-    }
+readings = st.builds(
+    dict,
+    t_s=numbers,
+    q_sensor_from_body=vectors(4),
+    t_body_sensor_m=vectors(3),
+    v_body_sensor_m_s=vectors(3),
+    omega_body_rad_s=vectors(3),
+    omega_sensor_rad_s=vectors(3),
+    files=st.lists(st.text(), max_size=3),
+    labels=st.dictionaries(names, st.none() | numbers | st.text()),
 )
 EVERY = {
     "index": counts,

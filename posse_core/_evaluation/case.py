@@ -18,7 +18,15 @@ from posse_core._errors import InputError
 from posse_core._evaluation.raster import depth_by_rows, depth_of_mesh
 from posse_core._model.label_line import LabelLine
 
-ARRAYS = {"part_id": ("iu", ()), "depth_m": ("f", ()), "normal_cam": ("f", (3,))}
+ARRAYS = {
+    "part_id": ("iu", ()),
+    "depth_m": ("f", ()),
+    "normal_cam": ("f", (3,)),
+    "base_color_rgb": ("f", (3,)),
+    "optical_flow_px": ("f", (2,)),
+    "flow_visible": ("b", ()),
+    "scene_flow_m": ("f", (3,)),
+}
 """Arrays by name: kinds of their type, and their axes beyond rows and columns."""
 _ROW_TRIALS = 8
 
@@ -88,13 +96,42 @@ class Case:
         by the labelled rates for a time, one for all or (N,)."""
         R = self.R_cam_from_body if R_cam_from_body is None else R_cam_from_body
         after_s = np.broadcast_to(np.asarray(after_s)[..., None], (len(x_body_m), 1))
-        labels, rates = self.labels, ("omega_body_rad_s", "omega_camera_rad_s", "v_body_cam_m_s")
-        body, camera, v = (
-            after_s * np.array(getattr(labels, rate) if labels.has(rate) else np.zeros(3))
-            for rate in rates
-        )
+        body, camera, v = (after_s * rate for rate in self._rates)
         x_m = Rotation.from_rotvec(body).apply(x_body_m) @ R.T + np.array(self.labels.t_body_cam_m)
         return np.asarray(Rotation.from_rotvec(-camera).apply(x_m + v))
+
+    def in_body(self, x_cam_m: FloatArray, after_s: FloatArray) -> FloatArray:
+        """(N, 3) camera axes, each (N,) after the frame's instant → (N, 3) body axes; the inverse of
+        :meth:`in_camera`."""
+        body, camera, v = (after_s[:, None] * rate for rate in self._rates)
+        x_m = Rotation.from_rotvec(camera).apply(x_cam_m) - v - np.array(self.labels.t_body_cam_m)
+        return np.asarray(Rotation.from_rotvec(-body).apply(x_m @ self.R_cam_from_body))
+
+    @cached_property
+    def _rates(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(3,) labelled angular rates of body and camera, and velocity; zeros where they were not
+        made."""
+        labels, zeros = self.labels, (0.0, 0.0, 0.0)
+        return (
+            np.array(labels.omega_body_rad_s if labels.has("omega_body_rad_s") else zeros),
+            np.array(labels.omega_camera_rad_s if labels.has("omega_camera_rad_s") else zeros),
+            np.array(labels.v_body_cam_m_s if labels.has("v_body_cam_m_s") else zeros),
+        )
+
+    @cached_property
+    def following(self) -> Case | None:
+        """The frame of the next index, if it is of the same sequence and has a pose; None if there is
+        none in the dataset, or its labels are damaged."""
+        lines = self.dataset.label_lines
+        place = int(np.searchsorted(lines.indices, self.labels.index + 1))
+        if place == len(lines) or lines.indices[place] != self.labels.index + 1:
+            return None
+        try:
+            case = Case(self.dataset, LabelLine.from_json(lines[place]))
+        except InputError:
+            return None
+        has_pose = case.has("q_cam_from_body", "t_body_cam_m")
+        return case if has_pose and case.labels.sequence == self.labels.sequence else None
 
     def row_s(self, row_px: FloatArray | float) -> FloatArray:
         """When rows are exposed, against the frame's instant; beyond the image, as at its border."""

@@ -283,6 +283,16 @@ def _normals(case: Case) -> Iterator[str]:
         yield "normal_cam has normals that point away from the camera"
 
 
+def _albedo(case: Case) -> Iterator[str]:
+    color = case.truth["base_color_rgb"]
+    seen = np.isfinite(color).all(axis=-1)
+    if not np.array_equal(seen, case.mask):
+        yield f"base_color_rgb and the mask differ in {int((seen != case.mask).sum())} pixels"
+    outside = int(((color < 0) | (color > 1)).any(axis=-1).sum())
+    if outside:
+        yield f"base_color_rgb is not within 0 and 1 in {outside} pixels"
+
+
 SCHEMA = Check("schema", "every label is there, of its type and in its range", _schema)
 CHECKS = (
     Check("files", "image and arrays can be read and are of the camera's size", _files),
@@ -325,6 +335,9 @@ CHECKS = (
     ),
     Check(
         "normals", "normals of length 1, towards the camera", _normals, ("mask_rle",), ("normal_cam",)
+    ),
+    Check(
+        "albedo", "base colour on the mask, within 0 and 1", _albedo, ("mask_rle",), ("base_color_rgb",)
     ),
 )
 """Checks of a frame whose schema is right."""

@@ -17,6 +17,7 @@ from posse_core._evaluation.case import Case
 from posse_core._evaluation.checks import CHECKS, SCHEMA
 from posse_core._evaluation.exports import check_exports
 from posse_core._evaluation.motion import check_motion
+from posse_core._evaluation.motion_checks import MOTION_CHECKS
 from posse_core._evaluation.result import Fault, Report, Result
 from posse_core._evaluation.sensors import SensorChecks
 from posse_core._files.atomic import sha256
@@ -66,7 +67,8 @@ def validate(dataset: Dataset, progress: Progress) -> Report:
         _partition(dataset, frames),
     ]
     schema = Result(SCHEMA.name, SCHEMA.proves)
-    results = [Result(check.name, check.proves) for check in CHECKS]
+    checks = (*CHECKS, *MOTION_CHECKS)
+    results = [Result(check.name, check.proves) for check in checks]
     sensors = SensorChecks(dataset)
     for position in progress(range(len(lines)), len(lines)):
         frame = frames[position]
@@ -79,7 +81,7 @@ def validate(dataset: Dataset, progress: Progress) -> Report:
         schema.faults += faults
         if faults:
             continue
-        for check, result in zip(CHECKS, results, strict=True):
+        for check, result in zip(checks, results, strict=True):
             if check.applies(case):
                 result.checked += 1
                 result.faults += [Fault(frame.index, message) for message in check.run(case)]

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from posse_core._arrays import AnyArray, BoolArray, FloatArray, IntArray
 from posse_core._geometry.outline import edges_of, extent_px
 from posse_core._geometry.rays import cast_rays
+from posse_core._geometry.rows import seen_by_rows
 from posse_core._geometry.tracer import Tracer
 from posse_core._geometry.triangles import Triangles, dot, rotated
 from posse_core._model.camera import Camera, PixelBox
@@ -39,9 +40,6 @@ _NO_BOX = PixelBox(0, 0, 0, 0)
 _LEAST_DEPTH_SHARE = 0.01
 """Least depth at which image motion is computed, as a share of the spacecraft's size; it applies where a
 part reaches behind the camera."""
-_ROW_ITERATIONS = 8
-"""Iterations to find the row that sees a point. The remaining error of each is the distance, in rows,
-that the point moves within the previous one's error in time."""
 
 
 class RayCaster:
@@ -87,12 +85,13 @@ class RayCaster:
             row = np.floor(keypoints_px[:, 1] + 0.5)
             in_band = np.flatnonzero(inside & (row >= first) & (row < first + rows))
             visibility[in_band] = self._visibility(caster, band.craft, in_band)
-        part_id, depth_m, normal_cam, lit = (
+        part_id, triangle, depth_m, normal_cam, lit = (
             np.concatenate(parts) for parts in zip(*pixels, strict=True)
         )
         return View(
             box=box,
             part_id=part_id,
+            triangle=triangle,
             depth_m=depth_m,
             normal_cam=normal_cam,
             lit=lit,
@@ -148,14 +147,9 @@ class RayCaster:
 
     def _seen(self, craft: CraftState, points_body_m: FloatArray) -> FloatArray:
         """(3, N) body axes → (3, N) camera axes, each at the time of the row that sees it."""
-        points_cam_m = _in_camera(craft, points_body_m)
         if self._camera.line_time_s == 0:
-            return points_cam_m
-        for _ in range(_ROW_ITERATIONS):
-            row_px = np.nan_to_num(self._camera.project(points_cam_m.T)[:, 1])
-            after_s = self._camera.row_after_s(row_px)
-            points_cam_m = craft.body_in_camera(points_body_m.T, after_s).T
-        return points_cam_m
+            return _in_camera(craft, points_body_m)
+        return seen_by_rows(craft, self._camera, points_body_m.T)[0].T
 
     def _bounds(self, points_cam_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(3, V) vertices in camera axes → lowest and highest image position of the spacecraft, (2,)
@@ -273,15 +267,18 @@ class _InstantCaster:
         (N,) of the hit, infinite for none."""
         return self.tracer.first(self.camera_m[:, None], directions, self.start_m)
 
-    def pixels(self, box: PixelBox) -> tuple[AnyArray, AnyArray, AnyArray, BoolArray]:
-        """``part_id``, ``depth_m``, ``normal_cam`` and ``lit`` of :class:`View` for a box."""
+    def pixels(self, box: PixelBox) -> tuple[AnyArray, AnyArray, AnyArray, AnyArray, BoolArray]:
+        """``part_id``, ``triangle``, ``depth_m``, ``normal_cam`` and ``lit`` of :class:`View` for a
+        box."""
         shape = (box.height, box.width)
         part_id = np.empty(shape, dtype=np.int16)
+        face = np.empty(shape, dtype=np.int32)
         depth_m = np.empty(shape, dtype=np.float32)
         normal_cam = np.empty((*shape, 3), dtype=np.float32)
         lit = np.zeros(shape, dtype=np.bool_)
         # These tables have one row per triangle, and a last one (index −1) for rays that hit none.
         parts = np.append(self.tracer.triangles.part_id, np.int16(-1))
+        faces = np.append(self.tracer.triangles.face, -1).astype(np.int32)
         turned = rotated(self.R_cam_from_body, self.normal).astype(np.float32)
         normals_cam = np.append(turned.T, np.full((1, 3), np.nan, dtype=np.float32), axis=0)
         sunny = np.append(self.sunny, False)
@@ -292,6 +289,7 @@ class _InstantCaster:
             triangle, z_m = self.first(directions)
             block = (rows.stop - rows.start, box.width)
             part_id[rows] = np.take(parts, triangle).reshape(block)
+            face[rows] = np.take(faces, triangle).reshape(block)
             depth_m[rows] = np.where(triangle >= 0, z_m, np.nan).reshape(block)
             normal_cam[rows] = np.take(normals_cam, triangle, axis=0).reshape(*block, 3)
             rays = np.flatnonzero(np.take(sunny, triangle))
@@ -299,7 +297,7 @@ class _InstantCaster:
             normal = np.take(self.normal, triangle[rays], axis=1)
             shadowed = self.tracer.shadowed(point_m, normal, self.sun_direction[:, None])
             lit[rows].reshape(-1)[rays] = ~shadowed
-        return part_id, depth_m, normal_cam, lit
+        return part_id, face, depth_m, normal_cam, lit
 
     def count_beyond(self, box: PixelBox, field: PixelBox) -> int:
         """Number of pixels of ``field`` outside ``box`` that the spacecraft covers."""

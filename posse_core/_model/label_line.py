@@ -124,6 +124,7 @@ class LabelLine(BaseModel):
     v_body_cam_m_s: Vector = _made_by("pose")
     omega_body_rad_s: Vector = _made_by("pose")
     omega_camera_rad_s: Vector = _made_by("pose")
+    flow_duration_s: Annotated[float, Field(gt=0)] | None = _made_by("optical-flow")
     exposure_s: Annotated[float, Field(gt=0)] = _NOT_MADE
     image: str = _NOT_MADE
     truth: str | None = _NOT_MADE

@@ -22,6 +22,8 @@ class View:
     Attributes:
         box: the pixels whose rays may hit the spacecraft; empty if it is outside the image.
         part_id: (h, w) int16 index in ``spacecraft.parts``; −1 where nothing is hit.
+        triangle: (h, w) int32 index of the triangle, counted through the faces of ``spacecraft.parts``
+            in order; −1 where nothing is hit.
         depth_m: (h, w) float32 planar z; NaN where nothing is hit.
         normal_cam: (h, w, 3) float32 geometric normal, on the camera's side, camera axes; NaN where
             nothing is hit.
@@ -36,6 +38,7 @@ class View:
 
     box: PixelBox
     part_id: IntArray
+    triangle: IntArray
     depth_m: Float32Array
     normal_cam: Float32Array
     lit: BoolArray

@@ -184,6 +184,11 @@ def posse_scenes() -> list[ComponentSpec]:
 def posse_annotators() -> list[ComponentSpec]:
     return [
         ComponentSpec(
+            "albedo",
+            "base colour of the surface per pixel, without light",
+            "posse_core._annotators.albedo:AlbedoAnnotator",
+        ),
+        ComponentSpec(
             "box",
             "tight box of the visible pixels, and box of all projected vertices",
             "posse_core._annotators.exact:BoxAnnotator",
@@ -205,6 +210,11 @@ def posse_annotators() -> list[ComponentSpec]:
             "posse_core._annotators.exact:NormalsAnnotator",
         ),
         ComponentSpec(
+            "optical-flow",
+            "motion in the image per pixel until the next frame, and whether it is visible there",
+            "posse_core._annotators.flow:OpticalFlowAnnotator",
+        ),
+        ComponentSpec(
             "parts",
             "part per pixel, and the visible area of each part",
             "posse_core._annotators.exact:PartsAnnotator",
@@ -213,6 +223,11 @@ def posse_annotators() -> list[ComponentSpec]:
             "pose",
             "attitude, position, range, phase angle, direction of the Sun",
             "posse_core._annotators.exact:PoseAnnotator",
+        ),
+        ComponentSpec(
+            "scene-flow",
+            "motion in camera axes per pixel until the next frame",
+            "posse_core._annotators.flow:SceneFlowAnnotator",
         ),
     ]
 

@@ -36,6 +36,7 @@ def make_view() -> Callable[..., View]:
         return View(
             box=PixelBox(x0, y0, part_id.shape[1], part_id.shape[0]),
             part_id=part_id.astype(np.int16),
+            triangle=part_id.astype(np.int32),
             depth_m=np.where(mask, np.float32(7.5), np.float32(np.nan)),
             normal_cam=np.where(mask[..., None], np.float32([0, 0, -1]), np.float32(np.nan)),
             lit=mask & (np.arange(part_id.shape[1]) % 2 == 0),

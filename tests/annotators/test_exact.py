@@ -16,7 +16,18 @@ from posse_core._interfaces.look import Look, Standpoint
 from posse_core._model.mount import Mount
 from posse_core._plugins.loading import Plugins
 
-NAMES = ["box", "depth", "keypoints", "mask", "normals", "parts", "pose"]
+NAMES = [
+    "albedo",
+    "box",
+    "depth",
+    "keypoints",
+    "mask",
+    "normals",
+    "optical-flow",
+    "parts",
+    "pose",
+    "scene-flow",
+]
 
 
 @pytest.fixture(scope="module")

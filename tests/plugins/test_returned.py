@@ -57,6 +57,7 @@ def view() -> View:
     return View(
         box=BOX,
         part_id=part_id,
+        triangle=part_id.astype(np.int32),
         depth_m=np.ones(shape, np.float32),
         normal_cam=np.ones((*shape, 3), np.float32),
         lit=np.ones(shape, bool),

@@ -212,6 +212,57 @@ def write_dataset(folder: Path, crafts: tuple[tuple[str, np.ndarray], ...] = (("
     return folder
 
 
+def add_flow(folder: Path) -> Path:
+    """Add base colours and the flow to each next frame of a sequence, for the dataset of one cuboid."""
+    lines = read_lines(folder)
+    for line, following in zip(lines, [*lines[1:], None], strict=True):
+        ahead = following if following and following["sequence"] == line["sequence"] else None
+        line["flow_duration_s"] = ahead["t_s"] - line["t_s"] if ahead else None
+        path = folder / line["truth"]
+        with np.load(path) as file:
+            arrays = dict(file)
+        np.savez_compressed(path, **arrays, **flow_of(line, ahead, arrays))
+    write_lines(folder, lines)
+    return folder
+
+
+def flow_of(
+    line: dict[str, Any], ahead: dict[str, Any] | None, arrays: dict[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    """A face of a convex body is visible where it looks at the camera."""
+    seen = arrays["part_id"] >= 0
+    shape = seen.shape
+    made = {
+        "base_color_rgb": np.where(seen[..., None], np.float32(0.5), np.float32(np.nan)).repeat(3, -1),
+        "optical_flow_px": np.full((*shape, 2), np.nan, np.float32),
+        "flow_visible": np.zeros(shape, bool),
+        "scene_flow_m": np.full((*shape, 3), np.nan, np.float32),
+    }
+    if ahead is None:
+        return made
+    (R, t), (R_next, t_next) = pose_of(line), pose_of(ahead)
+    v, u = np.nonzero(seen)
+    K = CAMERA
+    rays = np.stack([(u - K.cx_px) / K.fx_px, (v - K.cy_px) / K.fy_px, np.ones(len(u))], axis=-1)
+    x_cam = rays * arrays["depth_m"][seen][:, None].astype(float)
+    x_next = (x_cam - t) @ R @ R_next.T + t_next
+    ahead_px = x_next[:, :2] / x_next[:, 2:] * [K.fx_px, K.fy_px] + [K.cx_px, K.cy_px]
+    axis, sign = np.divmod(arrays["part_id"][seen], 2)
+    eye = -R_next.T @ t_next
+    half = corners().max(axis=0)
+    looks_on = eye[axis] * (2 * sign - 1) > half[axis]
+    inside = ((ahead_px >= -0.5) & (ahead_px < [K.width_px - 0.5, K.height_px - 0.5])).all(axis=1)
+    made["optical_flow_px"][seen] = ahead_px - np.stack([u, v], axis=-1)
+    made["flow_visible"][seen] = looks_on & inside
+    made["scene_flow_m"][seen] = x_next - x_cam
+    return made
+
+
+def pose_of(line: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+    w, x, y, z = line["q_cam_from_body"]
+    return Rotation.from_quat([x, y, z, w]).as_matrix(), np.array(line["t_body_cam_m"])
+
+
 def repeat(folder: Path, frames: int) -> Path:
     """Make the dataset longer: its frames over and over, under numbers of their own; images shared."""
     lines = read_lines(folder)

@@ -1,0 +1,34 @@
+"""Looks at a frame that another one follows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from posse_core._geometry.raycast import RayCaster
+from posse_core._interfaces.look import Look, Standpoint
+from posse_core._model.mount import Mount
+from posse_core._model.scene import CraftState, FrameState, Onward, Rates, Scene
+
+DURATION_S = 5.0
+
+
+def look_at(scene: Scene, now: FrameState, then: FrameState | None) -> Look:
+    """The annotator's look at a frame; ``then`` is the next frame of the sequence, or None."""
+    if then is not None:
+        then = replace(then, index=now.index + 1, t_s=now.t_s + DURATION_S)
+    onward = Onward(DURATION_S if then else 0.0, now.after, lambda: then)
+    caster = RayCaster(scene)
+    return Look(
+        Standpoint(replace(now, onward=onward), Mount(), 0, "annotator"), scene, lambda camera: caster
+    )
+
+
+def posed(frame: FrameState, R_cam_from_body, t_body_cam_m, rates: Rates | None = None) -> FrameState:
+    """A frame with another pose, and with other rates if they are given."""
+    craft: CraftState = replace(
+        frame.craft,
+        R_cam_from_body=R_cam_from_body,
+        t_body_cam_m=t_body_cam_m,
+        rates=frame.craft.rates if rates is None else rates,
+    )
+    return replace(frame, craft=craft)

@@ -24,7 +24,9 @@ STARS = SkyConfig(earth=False, sun_disc=False)
 def gathered(v_m_s: float, exposure_s: float, instants: int):
     scene, renderer = plate(), PlateRenderer(None)
     renderer.open(scene)
-    light = CraftLight(renderer, RayCaster(scene), Sky(DARK, scene.camera, 0), scene.camera, 0)
+    light = CraftLight(
+        renderer, RayCaster(scene), Sky(DARK, scene.camera, 0), scene.camera, 0, "renderer"
+    )
     return light.gather(moving(v_m_s=(v_m_s, 0, 0)), exposure_s, instants)
 
 

@@ -86,7 +86,7 @@ def test_image_and_mask_have_the_same_edge():
     renderer = PlateRenderer(None)
     renderer.open(scene)
     geometry, frame = RayCaster(scene), moving(v_m_s=(v_m_s, 0, 0))
-    light = CraftLight(renderer, geometry, Sky(DARK, scene.camera, 0), scene.camera, 0)
+    light = CraftLight(renderer, geometry, Sky(DARK, scene.camera, 0), scene.camera, 0, "renderer")
     craft = light.gather(frame, exposure_s=0.0, instants=1)
     inner = craft.coverage.max(axis=1) == 1
     rows = ROWS[craft.box.slices[0]][inner]

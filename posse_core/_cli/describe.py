@@ -109,12 +109,14 @@ def _describe_camera(name: str | None, as_json: bool) -> None:
 def _describe(model: type[BaseModel], indent: str) -> None:
     if not model.model_fields:
         click.echo(f"{indent}no options")
+    is_choice = issubclass(model, ComponentChoice)  # its name and options are told by the key above
     for key, field in model.model_fields.items():
+        if is_choice and key in ComponentChoice.model_fields:
+            continue
         default = "" if field.default is PydanticUndefined else f" [{_default(field.default)}]"
         click.echo(f"{indent}{key}{default}: {field.description or _first_line(model)}")
         for nested in _models(field.annotation):
-            if not issubclass(nested, ComponentChoice):
-                _describe(nested, indent + "  ")
+            _describe(nested, indent + "  ")
 
 
 def _first_line(model: type[BaseModel]) -> str:

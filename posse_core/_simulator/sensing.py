@@ -168,10 +168,15 @@ class Sensing:
         with failures_named("sensor", sensor.name):
             made = sensor.sensor.sense(look)
         reading = checked_reading(made, sensor.name, sensor.sensor.camera)
-        return reading, _labels(look, reading, sensor.name)
+        return reading, reading_labels(look, reading, sensor.name)
 
 
-def _labels(look: Look, reading: Reading, name: str) -> ReadingLabels:
+def reading_labels(look: Look, reading: Reading, name: str) -> ReadingLabels:
+    """The labels of a reading of the sensor ``name``, without files.
+
+    Raises:
+        ComponentError: a label cannot be written.
+    """
     craft = look.state.craft
     try:
         return ReadingLabels(

@@ -6,15 +6,17 @@ import json
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from posse_core._arrays import AnyArray, FloatArray
 from posse_core._frames import matrix_from_rotation_vector
 from posse_core._geometry.raycast import RayCaster
-from posse_core._interfaces.look import SensorLook, Standpoint
-from posse_core._interfaces.sensor import Sensor, SensorSetting
+from posse_core._interfaces.look import Look, SensorLook, Standpoint
+from posse_core._interfaces.sensor import Sensor, SensorSetting, StoredReading
 from posse_core._model.camera import Camera
 from posse_core._model.labels import Labels
 from posse_core._model.light import Light
@@ -24,6 +26,7 @@ from posse_core._model.scene import FrameState, Radiance, Rates, Scene
 from posse_core._model.sky_view import SkyView
 from posse_core._scenario.sensor import SensorConfig
 from posse_core._simulator.returned import checked_reading
+from posse_core._simulator.sensing import reading_labels
 from posse_core.testing import scenes
 from posse_core.testing.conformance import Conformance
 from posse_core.testing.stage import craft
@@ -70,6 +73,26 @@ class SensorConformance(Conformance):
         look = _look(self._opened(), _states()[0], number=1, reading_s=0.1)
         assert look.number == 1
         self._checked(look)
+
+    def test_its_readings_have_no_faults(self) -> None:
+        """A component that is not open finds nothing wrong with what it read, as a file holds it."""
+        sensor = self._opened()
+        for state in _states():
+            look = _look(sensor, state)
+            reading = self._checked(look, sensor)
+            said = reading_labels(look, reading, "kit")
+            said = type(said).model_validate_json(said.model_dump_json())
+            stored = StoredReading(
+                index=look.index,
+                labels=said,
+                reading=replace(reading, labels=said.labels, files={}),
+                camera=sensor.camera,
+                mount=MOUNT,
+                parts=tuple(part.name for part in look.scene.spacecraft.parts),
+                distances_m=partial(_distances_m, look),
+            )
+            faults = list(self.sensor().faults(stored))
+            assert not faults, faults[0]
 
     def test_what_it_is_given_is_left_alone(self) -> None:
         state = _states()[0]
@@ -131,6 +154,12 @@ def lit(scene: Scene) -> Callable[[FrameState, Camera, float, int, str], Light]:
         return Light(camera, SkyView(None, *star), seen)
 
     return gather
+
+
+def _distances_m(
+    look: Look, directions: ArrayLike, origin_m: ArrayLike, after_s: ArrayLike
+) -> FloatArray:
+    return look.rays(directions, origin_m=origin_m, after_s=after_s).distance_m
 
 
 def _states() -> list[FrameState]:

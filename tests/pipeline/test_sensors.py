@@ -1,5 +1,6 @@
 """Datasets with sensors beside the camera: made, killed and resumed, proven, joined, and read back."""
 
+import hashlib
 import json
 import shutil
 import signal
@@ -129,6 +130,30 @@ def test_a_killed_run_with_sensors_is_resumed_to_the_bit(
     assert resumed.returncode == 0, resumed.stderr
     assert files_of(out) == files_of(whole)
     assert prove(out).passed
+
+
+@pytest.mark.parametrize("executor", ["ray"], indirect=True)
+def test_another_executor_makes_the_same_readings(executor, whole, posse, sensor_scenario, tmp_path):
+    made = posse("run", sensor_scenario, "--out", "r", "--executor", executor, "--workers", 2)
+    assert made.returncode == 0, made.stderr
+    assert files_of(tmp_path / "r") == files_of(whole)
+
+
+def test_a_network_store_holds_the_same_readings(server, whole, posse, sensor_scenario):
+    server.mkdir("with-sensors")
+    url = "s3://with-sensors/d"
+    cut = posse("run", sensor_scenario, "--out", url)
+    assert cut.returncode == 0, cut.stderr
+    server.rm_file("with-sensors/d/sensors/side/000005.png")
+    mended = posse("run", "--resume", "--out", url)
+    assert mended.returncode == 0, mended.stderr
+    assert "1 frames made of 8" in mended.stdout
+    held = {
+        name.removeprefix("with-sensors/d/"): hashlib.sha256(server.cat_file(name)).hexdigest()
+        for name in server.find("with-sensors/d")
+    }
+    ours = files_of(whole)
+    assert {name: held.get(name) for name in ours} == ours
 
 
 def test_joined_datasets_keep_their_readings(whole, copy, posse, tmp_path):

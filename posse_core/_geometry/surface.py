@@ -1,4 +1,4 @@
-"""The material at points of a spacecraft's surface, with its textures."""
+"""The material and the shading normal at points of a spacecraft's surface, with their textures."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posse_core._arrays import AnyArray, FloatArray, IntArray
+from posse_core._arrays import AnyArray, BoolArray, FloatArray, IntArray
+from posse_core._frames import unit
 from posse_core._model.spacecraft import Material, Spacecraft
 from posse_core._model.srgb import linear_from_srgb
 
 _LINEAR = np.arange(256) / 255
 _LINEAR_FROM_SRGB = linear_from_srgb(_LINEAR)
+_SIGNED = 2 * _LINEAR - 1
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,9 @@ class Surface:
         parts = spacecraft.parts
         self._corners_m = np.concatenate([part.vertices_body_m[part.faces] for part in parts])
         self._uv = np.concatenate([part.uv[part.faces].astype(np.float64) for part in parts])
+        self._normals = np.concatenate(
+            [part.normals_body[part.faces].astype(np.float64) for part in parts]
+        )
         names = list(spacecraft.materials)
         self._materials = [spacecraft.materials[name] for name in names]
         self._material = np.repeat(
@@ -58,7 +63,7 @@ class Surface:
         metallic, roughness, specular = np.full((3, count), np.nan)
         on = np.flatnonzero(triangle >= 0)
         uv = np.full((count, 2), np.nan)
-        uv[on] = self._texture_uv(triangle[on], point_body_m[on])
+        uv[on] = _between(self._weights(triangle[on], point_body_m[on]), self._uv[triangle[on]])
         for index in np.unique(self._material[triangle[on]]):
             material = self._materials[index]
             rows = on[self._material[triangle[on]] == index]
@@ -67,16 +72,60 @@ class Surface:
             specular[rows] = material.specular
         return SurfaceMaterial(base_color, metallic, roughness, specular)
 
-    def _texture_uv(self, triangle: IntArray, point_body_m: FloatArray) -> FloatArray:
-        """(n, 2) texture coordinates, interpolated between the corners by barycentric coordinates."""
+    def normals(self, triangle: IntArray, point_body_m: FloatArray) -> FloatArray:
+        """(N, 3) unit shading normals in body axes, on the side of the parts' own normals; NaN where
+        there is no surface.
+
+        They are interpolated between the corners, and follow the material's normal texture where the
+        part has texture coordinates. The arguments are as in :meth:`at`.
+        """
+        normals = np.full((len(triangle), 3), np.nan)
+        on = np.flatnonzero(triangle >= 0)
+        weights = self._weights(triangle[on], point_body_m[on])
+        smooth = unit(_between(weights, self._normals[triangle[on]]))
+        uv = _between(weights, self._uv[triangle[on]])
+        for index in np.unique(self._material[triangle[on]]):
+            texture = self._materials[index].normal_texture
+            rows = np.flatnonzero(self._material[triangle[on]] == index)
+            if texture is not None:
+                tilt = _sampled(texture, _SIGNED, uv[rows])
+                along_u, along_v, known = self._tangents(triangle[on][rows], smooth[rows])
+                mapped = tilt[:, :1] * along_u + tilt[:, 1:2] * along_v + tilt[:, 2:] * smooth[rows]
+                smooth[rows[known]] = unit(mapped[known])
+        normals[on] = smooth
+        return normals
+
+    def _weights(self, triangle: IntArray, point_body_m: FloatArray) -> FloatArray:
+        """(n, 3) barycentric coordinates of points on triangles."""
         a, b, c = np.moveaxis(self._corners_m[triangle], 1, 0)
         ab, ac, ap = b - a, c - a, point_body_m - a
         normal = np.cross(ab, ac)
         area = np.sum(normal * normal, axis=-1)
         weight_b = np.sum(np.cross(ap, ac) * normal, axis=-1) / area
         weight_c = np.sum(np.cross(ab, ap) * normal, axis=-1) / area
-        weights = np.stack([1 - weight_b - weight_c, weight_b, weight_c], axis=-1)
-        return np.asarray(np.sum(weights[..., None] * self._uv[triangle], axis=1))
+        return np.stack([1 - weight_b - weight_c, weight_b, weight_c], axis=-1)
+
+    def _tangents(
+        self, triangle: IntArray, normal: FloatArray
+    ) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Unit vectors (n, 3) across the normals along which u and v grow, and whether they are defined
+        (n,)."""
+        a, b, c = np.moveaxis(self._corners_m[triangle], 1, 0)
+        from_b, from_c = np.moveaxis(self._uv[triangle][:, 1:] - self._uv[triangle][:, :1], 1, 0)
+        det = from_b[:, 0] * from_c[:, 1] - from_b[:, 1] * from_c[:, 0]
+        side = np.sign(det)[:, None]
+        along_u = side * ((b - a) * from_c[:, 1:] - (c - a) * from_b[:, 1:])
+        along_v = side * ((c - a) * from_b[:, :1] - (b - a) * from_c[:, :1])
+        across = [d - normal * np.sum(d * normal, axis=-1, keepdims=True) for d in (along_u, along_v)]
+        length = [np.linalg.norm(d, axis=-1, keepdims=True) for d in across]
+        known = (det != 0) & (length[0] > 0)[:, 0] & (length[1] > 0)[:, 0]
+        along_u, along_v = (d / np.where(s > 0, s, 1.0) for d, s in zip(across, length, strict=True))
+        return along_u, along_v, known
+
+
+def _between(weights: FloatArray, corners: FloatArray) -> FloatArray:
+    """Interpolate values (n, 3 corners, c) by barycentric coordinates (n, 3) → (n, c)."""
+    return np.asarray(np.sum(weights[..., None] * corners, axis=1))
 
 
 def _textures(material: Material, uv: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -44,3 +44,9 @@ SOLAR_BAND_FRACTIONS: FloatArray = (
 )
 """(3,) shares of the total solar irradiance in the red, green and blue band (black body of 5772 K)."""
 SOLAR_BAND_FRACTIONS.setflags(write=False)
+
+
+def solar_fraction_m(wavelength_m: float) -> float:
+    """Share of the total solar irradiance per metre of wavelength (black body of 5772 K), m⁻¹."""
+    radiance = planck_radiance_w_m2_sr_m(np.array(wavelength_m), SUN_TEMPERATURE_K)
+    return float(radiance * np.pi / (_STEFAN_BOLTZMANN * SUN_TEMPERATURE_K**4))

@@ -242,6 +242,12 @@ def posse_sensors() -> list[ComponentSpec]:
             f"{package}.camera.camera:CameraSensor",
             f"{package}.camera.options:CameraOptions",
         ),
+        ComponentSpec(
+            "lidar",
+            "ranges of a scanned beam or of a flash, with the strength of what returns",
+            f"{package}.lidar.lidar:LidarSensor",
+            f"{package}.lidar.options:LidarOptions",
+        ),
     ]
 
 

@@ -153,6 +153,8 @@ _FILES = (
     ("flight", "measurement", "keypoints"),
 )
 
+_SENSOR_FILES = (("path",), ("pattern", "path"))
+
 
 _SMALLEST, _LARGEST = 1e-40, 1e40
 """No quantity in SI units is beyond these, and powers of those within do not overflow."""
@@ -179,7 +181,8 @@ def _anchor_files(raw: dict[str, Any], base: Path) -> None:
     """Make paths absolute: in a scenario file they are relative to that file."""
     sensors = raw.get("sensors")
     names = sensors if isinstance(sensors, dict) else ()
-    for *blocks, key in (*_FILES, *(("sensors", name, "path") for name in names)):
+    of_sensors = [("sensors", name, *keys) for name in names for keys in _SENSOR_FILES]
+    for *blocks, key in (*_FILES, *of_sensors):
         inner: Any = raw
         for block in blocks:
             inner = inner.get(block) if isinstance(inner, dict) else None

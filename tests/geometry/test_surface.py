@@ -112,3 +112,40 @@ def test_the_texture_does_not_depend_on_the_size_of_the_spacecraft(scale):
     np.testing.assert_allclose(
         found.base_color[:, 0], linear_from_srgb(np.array([85, 153]) / 255), rtol=1e-6
     )
+
+
+def tilted(tilt: tuple[float, float, float], part: Part) -> np.ndarray:
+    """The normal at a point of a square whose material has the same tangent-space normal everywhere."""
+    code = np.rint((np.array(tilt) / np.linalg.norm(tilt) + 1) / 2 * 255).astype(np.uint8)
+    material = Material("m", normal_texture=code[None, None])
+    craft = Spacecraft("c", (part,), {"m": material})
+    return Surface(craft).normals(*on_square(np.array([[0.3, 0.6], [0.6, 0.3]])))
+
+
+def test_normal_maps_tilt_towards_u_and_v():
+    """Red tilts along the direction in which u grows, green along that in which v grows."""
+    part = square("a", "m", UNIT_UV)
+    want = np.array([0.3, 0.2, -1.0]) / np.linalg.norm([0.3, 0.2, 1.0])  # the square's normal is −z
+    np.testing.assert_allclose(tilted((0.3, 0.2, 1.0), part), [want, want], atol=8e-3)
+    x, y = UNIT_UV.T
+    turned = square("a", "m", np.stack([y, 1 - x], axis=1))  # u grows along y, and v along −x
+    want = np.array([-0.2, 0.3, -1.0]) / np.linalg.norm([0.3, 0.2, 1.0])
+    np.testing.assert_allclose(tilted((0.3, 0.2, 1.0), turned), [want, want], atol=8e-3)
+
+
+def test_a_flat_map_and_missing_texture_coordinates_leave_the_normal():
+    part = square("a", "m", UNIT_UV)
+    np.testing.assert_allclose(tilted((0, 0, 1), part), [[0, 0, -1]] * 2, atol=8e-3)
+    np.testing.assert_array_equal(tilted((0.3, 0.2, 1), square("a", "m", 0 * UNIT_UV)), [[0, 0, -1]] * 2)
+
+
+def test_normals_are_interpolated_between_the_corners():
+    corners = np.array([[0.3, 0, -1], [0, 0.4, -1], [-0.2, 0, -1], [0, 0, -1]])
+    corners /= np.linalg.norm(corners, axis=1, keepdims=True)
+    flat = square("a", "m", UNIT_UV)
+    part = Part("a", flat.vertices_body_m, flat.faces, corners.astype(np.float32), flat.uv, "m")
+    surface = Surface(Spacecraft("c", (part,), {"m": Material("m")}))
+    found = surface.normals(np.array([0, -1]), np.array([[0.5, 0.25, 0], [0, 0, 0]]))
+    want = 0.5 * corners[0] + 0.25 * corners[1] + 0.25 * corners[2]
+    np.testing.assert_allclose(found[0], want / np.linalg.norm(want), atol=1e-7)
+    assert np.isnan(found[1]).all()

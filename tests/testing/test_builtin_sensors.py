@@ -15,3 +15,24 @@ class TestWideCamera(SensorConformance):
     def sensor(self):
         keys = {"camera": {"width_px": 64, "height_px": 48, "hfov_deg": 80}, "sensor": {"color": "rgb"}}
         return REGISTRY.create("sensor", "camera", REGISTRY.options("sensor", "camera", keys))
+
+
+def lidar(**keys):
+    return REGISTRY.create("sensor", "lidar", REGISTRY.options("sensor", "lidar", keys))
+
+
+class TestScanner(SensorConformance):
+    def sensor(self):
+        pattern = {"shape": "raster", "columns": 30, "rows": 20}
+        return lidar(pattern=pattern, formats=["ply", "las", "pcd"])
+
+
+class TestSpiralScanner(SensorConformance):
+    def sensor(self):
+        pattern = {"shape": "spiral", "beams": 300, "turns": 8, "duration_s": 0.1}
+        return lidar(pattern=pattern, ranging={"echo": "strongest"})
+
+
+class TestFlash(SensorConformance):
+    def sensor(self):
+        return lidar(pattern={"shape": "flash", "width_px": 24, "height_px": 16})

@@ -14,6 +14,12 @@ from posse_core import Dataset
 from posse_core._files.flight import load_flight
 
 
+SENSORS = """\
+sensors:
+  right: {type: camera, mount: {position_m: [0.5, 0, 0]}, rate_hz: 1}
+"""
+
+
 def digests(folder: Path) -> dict[str, str]:
     """Every file but those that describe the machine or the moment."""
     return {
@@ -27,7 +33,7 @@ def digests(folder: Path) -> dict[str, str]:
 def flown(posse_in, tmp_path_factory) -> Path:
     """A flight in one go. Tests must not change it."""
     folder = tmp_path_factory.mktemp("flown")
-    (folder / "small.yaml").write_text(SCENARIO)
+    (folder / "small.yaml").write_text(SCENARIO + SENSORS)
     done = posse_in(folder, "fly", "small.yaml", "--out", "d")
     assert done.returncode == 0, done.stderr
     assert "range" in done.stdout
@@ -38,6 +44,18 @@ def test_the_folder_is_a_dataset_that_validates(posse_in, flown):
     done = posse_in(flown.parent, "validate", "d")
     assert done.returncode == 0, done.stdout
     assert len(Dataset(flown)) == 9
+    assert ["sensor", "right", "9", "0"] in [line.split()[:4] for line in done.stdout.splitlines()]
+
+
+def test_a_sensor_reads_at_each_frame_of_a_flight(flown):
+    """What follows a frame is not known before the chaser has decided on its next impulse."""
+    dataset = Dataset(flown)
+    for i, labels in enumerate(dataset):
+        (reading,) = labels.sensors["right"]
+        assert reading.t_s == labels.t_s
+        place_m = np.array(labels.t_body_cam_m) - [0.5, 0, 0]
+        np.testing.assert_allclose(reading.t_body_sensor_m, place_m, atol=1e-12)
+        assert dataset.readings(i, "right")[0].image.shape == (48, 64)
 
 
 def test_the_record_is_of_the_frames(flown):
@@ -60,7 +78,7 @@ def test_the_camera_points_at_where_the_chaser_believes_the_target_is(flown):
 
 
 def test_killed_and_resumed_flights_are_equal_to_the_bit(posse_in, start_posse_in, flown, tmp_path):
-    (tmp_path / "slow.yaml").write_text(SCENARIO.replace("seconds: 0", "seconds: 0.3"))
+    (tmp_path / "slow.yaml").write_text((SCENARIO + SENSORS).replace("seconds: 0", "seconds: 0.3"))
     with start_posse_in(tmp_path, "fly", "slow.yaml", "--out", "d") as process:
         readings = tmp_path / "d" / "readings.jsonl"
         while not (readings.exists() and readings.read_bytes().count(b"\n") >= 3):
@@ -79,7 +97,7 @@ def test_killed_and_resumed_flights_are_equal_to_the_bit(posse_in, start_posse_i
 
 def test_many_seeds_are_the_flights_one_by_one(posse_in, flown, tmp_path):
     """Whatever the number of workers; seed 7 is the scenario's own."""
-    (tmp_path / "small.yaml").write_text(SCENARIO)
+    (tmp_path / "small.yaml").write_text(SCENARIO + SENSORS)
     done = posse_in(tmp_path, "fly", "small.yaml", "--seeds", 3, "--workers", 2, "--out", "m", "--json")
     assert done.returncode == 0, done.stderr
     assert digests(tmp_path / "m" / "seed-007") == digests(flown)

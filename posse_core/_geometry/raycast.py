@@ -131,6 +131,13 @@ class RayCaster:
     ) -> list[Moment]:
         """Divide a frame into moments in which the spacecraft moves by at most ``step_px`` in the image;
         see :func:`posse_core._model.shutter.moments`."""
+        moves = self._camera.line_time_s > 0 or (exposure_s > 0 and instants > 1)
+        speed_px_s = self.speed_px_s(craft) if moves else 0.0
+        return moments(self._camera, speed_px_s, step_px, exposure_s, instants)
+
+    def speed_px_s(self, craft: CraftState) -> float:
+        """Largest speed in the image that a point of the spacecraft may have; of the whole image, if the
+        spacecraft is out of view."""
         box = self.box(craft)
         if box.is_empty:
             box = PixelBox(0, 0, self._camera.width_px, self._camera.height_px)
@@ -138,8 +145,7 @@ class RayCaster:
         far_m = max(float(vertices_z_m.max()), _LEAST_DEPTH_SHARE * self._tracer.triangles.size_m)
         near_m = max(float(vertices_z_m.min()), _LEAST_DEPTH_SHARE * self._tracer.triangles.size_m)
         omega, v = craft.rates.relative(craft.R_cam_from_body, craft.t_body_cam_m)
-        speed_px_s = fastest_px_s(self._camera, box, v, omega, near_m, far_m)
-        return moments(self._camera, speed_px_s, step_px, exposure_s, instants)
+        return fastest_px_s(self._camera, box, v, omega, near_m, far_m)
 
     def box(self, craft: CraftState) -> PixelBox:
         """Pixels of the image that the spacecraft may touch if all rows are exposed at the same time."""

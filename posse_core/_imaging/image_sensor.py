@@ -79,6 +79,11 @@ class ImageSensor:
             white_e = per_radiance * SOLAR_BAND_FRACTIONS
             self._gain_e_dn = gain_e_dn * white_e / white_e.sum()
 
+    def electrons_s(self, radiance_rgb: FloatArray) -> FloatArray:
+        """(C,) photo-electrons per second of a pixel on the axis that sees the radiance (3,) everywhere,
+        C = 1 or 3."""
+        return np.asarray(radiance_rgb @ self._e_s_per_radiance)
+
     def metered_s(self, sky: SkyView, craft: Radiance | None, rule: AutoExposureConfig) -> float:
         """The exposure time in s that an auto-exposure rule chooses for a frame.
 

@@ -12,11 +12,18 @@ from numpy.typing import ArrayLike
 from posse_core._geometry.raycast import RayCaster
 from posse_core._model.camera import Camera
 from posse_core._model.labels import View
-from posse_core._model.light import Light
+from posse_core._model.light import Light, LightRequest
 from posse_core._model.mount import Mount
 from posse_core._model.ray_hits import RayHits
 from posse_core._model.scene import FrameState, Onward, Scene
+from posse_core._model.sky_view import SkyView
 from posse_core._randomness import random_generator
+
+_EARTHSHINE_STEP_RAD = np.radians(1.0)
+"""Turn of the camera's view of the Earth during which the Earth-shine of one reading stays the same."""
+_ORBIT_RAD_S = 0.0012
+"""Largest rate at which the Earth turns in the view of a camera that does not turn itself: in the lowest
+orbits."""
 
 
 @dataclass(frozen=True)
@@ -114,6 +121,16 @@ class Look:
             np.asarray(after_s, dtype=np.float64),
         )
 
+    def speed_px_s(self, camera: Camera | None = None) -> float:
+        """Largest speed that a point of the spacecraft may have in the image of a camera at the origin,
+        pixels per second; 0 where the spacecraft is out of view.
+
+        Args:
+            camera: as in :meth:`view`.
+        """
+        caster = self._geometry(self.scene.camera if camera is None else camera)
+        return 0.0 if caster.box(self.state.craft).is_empty else caster.speed_px_s(self.state.craft)
+
     def at(self, after_s: float, *, by_rates: bool = False) -> Self:
         """The same look at a neighbouring instant.
 
@@ -163,37 +180,77 @@ class SensorLook(Look):
         standpoint: Standpoint,
         scene: Scene,
         geometry: Callable[[Camera], RayCaster],
-        gather: Callable[[FrameState, Camera, float, int, str], Light],
+        gather: Callable[[LightRequest], Light],
+        earthshine: dict[tuple[float, bool], FrameState] | None = None,
     ) -> None:
         """Made by the core.
 
         Args:
             standpoint, scene, geometry: as in :class:`Look`.
-            gather: collects the light over an exposure: (state, camera, exposure in s, instants,
-                purpose of the renderer's random draws).
+            gather: collects the light of a camera.
+            earthshine: states of this reading whose Earth-shine was asked for, by seconds after its
+                instant and whether its rates led there; None for none.
         """
         super().__init__(standpoint, scene, geometry)
         self._gather = gather
+        self._earthshine = {} if earthshine is None else earthshine
 
     def light(
-        self, camera: Camera | None = None, *, exposure_s: float = 0.0, instants: int = 1
+        self,
+        camera: Camera | None = None,
+        *,
+        exposure_s: float = 0.0,
+        instants: int = 1,
+        sky: SkyView | None = None,
     ) -> Light:
         """The light that reaches the pixels of a camera at the origin.
 
         The random draws of a renderer that samples are those of the reading: at another instant of one
-        reading (:meth:`at`) they are the same, so that they do not flicker.
+        reading (:meth:`at`) they are the same, so that they do not flicker. So is the Earth-shine on the
+        spacecraft, until the camera or the Earth in its view has turned by half a degree.
 
         Args:
             camera: any camera; None is the sensor's own. The first use of a camera opens a renderer.
             exposure_s: over which the light is averaged.
             instants: the largest number of instants that are averaged; fewer where little moves.
+            sky: the sky, where it is known already; None to compute it.
         """
-        camera = self.scene.camera if camera is None else camera
-        purpose = f"{_purpose(self._standpoint)}: renderer"
-        return self._gather(self.state, camera, exposure_s, instants, purpose)
+        return self._gather(
+            LightRequest(
+                self.state,
+                self.scene.camera if camera is None else camera,
+                exposure_s,
+                instants,
+                purpose=f"{_purpose(self._standpoint)}: renderer",
+                earthshine=self._state_of_earthshine(),
+                sky=sky,
+            )
+        )
+
+    def _state_of_earthshine(self) -> FrameState:
+        """The nearest in time of the states from one to the next of which the camera's view of the Earth
+        turns by a degree."""
+        stand = self._standpoint
+        turn_rad_s = float(np.linalg.norm(self._earthshine_at(0.0).craft.rates.omega_camera_rad_s))
+        step_s = _EARTHSHINE_STEP_RAD / (turn_rad_s + _ORBIT_RAD_S)
+        return self._earthshine_at(round(stand.after_s / step_s) * step_s)
+
+    def _earthshine_at(self, after_s: float) -> FrameState:
+        stand = replace(self._standpoint, after_s=after_s)
+        key = after_s, stand.by_rates
+        if key not in self._earthshine:
+            self._earthshine[key] = _state_of(stand)
+        return self._earthshine[key]
 
     def _made(self, standpoint: Standpoint) -> Self:
-        return type(self)(standpoint, self.scene, self._geometry, self._gather)
+        same_reading = standpoint.state is self._standpoint.state
+        return type(self)(
+            standpoint,
+            self.scene,
+            self._geometry,
+            self._gather,
+            self._earthshine if same_reading else None,
+        )
 
 
 def _purpose(stand: Standpoint) -> str:

@@ -8,8 +8,31 @@ import numpy as np
 
 from posse_core._arrays import Float32Array
 from posse_core._model.camera import Camera
-from posse_core._model.scene import Radiance
+from posse_core._model.scene import FrameState, Radiance
 from posse_core._model.sky_view import SkyView
+
+
+@dataclass(frozen=True)
+class LightRequest:
+    """A request to collect the light of a camera.
+
+    Attributes:
+        state: in the camera's axes.
+        camera: whose pixels the light reaches.
+        exposure_s: over which the light is averaged.
+        instants: the largest number of instants that are averaged.
+        purpose: of the renderer's random draws.
+        earthshine: the state whose Earth-shine lights the spacecraft.
+        sky: the sky, where it is known already; None to compute it.
+    """
+
+    state: FrameState
+    camera: Camera
+    exposure_s: float
+    instants: int
+    purpose: str
+    earthshine: FrameState
+    sky: SkyView | None = None
 
 
 @dataclass(frozen=True)

@@ -243,6 +243,12 @@ def posse_sensors() -> list[ComponentSpec]:
             f"{package}.camera.options:CameraOptions",
         ),
         ComponentSpec(
+            "events",
+            "an event camera (DVS): pixels that report changes of the light, each at its own time",
+            f"{package}.events.event_camera:EventCamera",
+            f"{package}.events.options:EventsOptions",
+        ),
+        ComponentSpec(
             "lidar",
             "ranges of a scanned beam or of a flash, with the strength of what returns",
             f"{package}.lidar.lidar:LidarSensor",

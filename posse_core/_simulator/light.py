@@ -20,10 +20,7 @@ BOX_MARGIN_PX = 1
 
 
 class CraftLight:
-    """Renders the spacecraft at the moments of an exposure, each only where its rows see it.
-
-    Earth-shine is that of the frame's instant.
-    """
+    """Renders the spacecraft at the moments of an exposure, each only where its rows see it."""
 
     def __init__(
         self,
@@ -42,13 +39,18 @@ class CraftLight:
         self._seed = seed
         self._purpose = purpose
 
-    def gather(self, frame: FrameState, exposure_s: float, instants: int) -> Radiance | None:
-        """Mean radiance over an exposure, in ``instants`` at most; None where no ray meets the craft."""
+    def gather(
+        self, frame: FrameState, exposure_s: float, instants: int, earthshine: FrameState
+    ) -> Radiance | None:
+        """Mean radiance over an exposure, in ``instants`` at most; None where no ray meets the craft.
+
+        ``earthshine`` is the state whose Earth-shine lights the craft at all instants.
+        """
         shots = list(self._shots(frame, exposure_s, instants))
         whole = PixelBox.around(shot.box for shot in shots)
         if whole.is_empty:
             return None
-        environment = self._sky.environment(frame)
+        environment = self._sky.environment(earthshine)
         radiance_rgb = np.zeros((whole.height, whole.width, 3), dtype=np.float32)
         coverage = np.zeros((whole.height, whole.width), dtype=np.float32)
         for number, shot in enumerate(shots):

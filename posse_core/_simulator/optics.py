@@ -8,8 +8,8 @@ from dataclasses import replace
 from posse_core._geometry.raycast import RayCaster
 from posse_core._imaging.lens import LensRenderer
 from posse_core._model.camera import Camera
-from posse_core._model.light import Light
-from posse_core._model.scene import FrameState, Scene
+from posse_core._model.light import Light, LightRequest
+from posse_core._model.scene import Scene
 from posse_core._scenario.sky import SkyConfig
 from posse_core._simulator.light import CraftLight
 from posse_core._sky.sky import Sky
@@ -53,24 +53,21 @@ class Optics:
             renderer.open(replace(self._scene, camera=camera))
             self._renderers[camera] = renderer
 
-    def light(
-        self, state: FrameState, camera: Camera, exposure_s: float, instants: int, purpose: str
-    ) -> Light:
-        """Light from sky and craft over an exposure, in ``instants`` at most.
-
-        purpose: of the renderer's random draws.
-        """
+    def light(self, request: LightRequest) -> Light:
+        """Light from sky and craft over an exposure."""
+        camera, state = request.camera, request.state
+        exposure = request.exposure_s, request.instants
         self.open(camera)
         if camera not in self._skies:
             self._skies[camera] = Sky(self._config, camera, self._seed)
         sky = self._skies[camera]
         craft_light = CraftLight(
-            self._renderers[camera], self.geometry(camera), sky, camera, self._seed, purpose
+            self._renderers[camera], self.geometry(camera), sky, camera, self._seed, request.purpose
         )
         return Light(
             camera,
-            sky.look(state, exposure_s, instants),
-            craft_light.gather(state, exposure_s, instants),
+            sky.look(state, *exposure) if request.sky is None else request.sky,
+            craft_light.gather(state, *exposure, request.earthshine),
         )
 
     def describe(self) -> Mapping[str, str]:

@@ -13,6 +13,7 @@ from posse_core._dataset.sensors import SensorInfo
 from posse_core._environment.time import Epoch
 from posse_core._imaging.image_sensor import ImageSensor
 from posse_core._model.camera import Camera
+from posse_core._model.light import LightRequest
 from posse_core._model.scene import FrameState, Scene
 from posse_core._model.spacecraft import Spacecraft
 from posse_core._model.trajectory import Trajectory
@@ -158,7 +159,9 @@ class Simulator:
         seed = self.scenario.seed
         photograph = self._image_sensor.photograph(
             lambda exposure_s, instants: self._optics.light(
-                state, self.camera, exposure_s, instants, "renderer"
+                LightRequest(
+                    state, self.camera, exposure_s, instants, purpose="renderer", earthshine=state
+                )
             ),
             seed,
             state.index,

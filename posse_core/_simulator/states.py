@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicHermiteSpline
 
-from posse_core._arrays import FloatArray
+from posse_core._arrays import FloatArray, evenly_spread
 from posse_core._errors import InputError
 from posse_core._interfaces.propagator import Propagator
 from posse_core._model.scene import FrameState, Onward
@@ -108,6 +108,7 @@ class States:
             own_frame: the state is that of the frame.
         """
         after_s, following = 0.0, None
+        drawn = self._index_among_all(index) if own_frame else index
         if own_frame and index + 1 < len(self.trajectory):
             ends = self.trajectory.rows(np.array([index, index + 1]))
             if ends.sequence[0] == ends.sequence[1]:
@@ -118,7 +119,7 @@ class States:
             motion = self._motion_near(state.t_s + later_s, state.sequence)
             if motion is None:
                 return state.after(later_s)
-            return self.of_row(self._by_laws(motion, index), index)
+            return self.of_row(self._by_laws(motion, drawn), index)
 
         def next_frame() -> FrameState | None:
             if following is None:
@@ -127,6 +128,21 @@ class States:
             return self.onward(following, own, own_frame=True)
 
         return replace(state, onward=Onward(after_s, at, next_frame))
+
+    def _index_among_all(self, index: int) -> int:
+        """Index of a frame before the scenario's choice of ``frames``, which its random errors have."""
+        if self._scenario.frames is None:
+            return index
+        return int(evenly_spread(self._frames_of_all, self._scenario.frames)[index])
+
+    @cached_property
+    def _frames_of_all(self) -> int:
+        """Number of frames that those of the scenario are chosen from."""
+        name = self._scenario.propagator.name
+        if "own-frames" in self._registry.spec("propagator", name).capabilities:
+            return len(self._own_motion.t_s)
+        problem = scenario_problem(self._scenario, self._propagator, times_s(self._scenario))
+        return len(problem.t_s) * max(1, len(problem.starts))
 
     def _motion_near(self, t_s: float, sequence: int) -> Motion | None:
         """The motion of one relative orbit at a time; None where the propagator has none."""

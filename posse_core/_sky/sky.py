@@ -23,7 +23,7 @@ from posse_core._sky.picture import picture
 from posse_core._sky.stars import hipparcos, random_field
 from posse_core._sky.sun import MAX_SUBSAMPLES, box_of_disc, limb_darkened, subpixel_rays
 
-__all__ = ["STAR_MARGIN_PX", "Sky", "SkyView"]
+__all__ = ["STAR_MARGIN_PX", "Sky", "SkyView", "sky_speed_px_s"]
 
 STAR_MARGIN_PX = 32.0
 """Stars up to this far outside the image are included, because a wide PSF spreads their light into
@@ -31,6 +31,20 @@ it."""
 STREAK_POINTS = 1024
 """Maximum number of points in a star's streak."""
 _ROW_ITERATIONS = 8
+
+
+def sky_speed_px_s(camera: Camera, frame: FrameState, *, earth: bool) -> float:
+    """Largest speed of the sky in the image, px/s, by the camera's rotation and, with ``earth`` in view,
+    by its motion over the Earth."""
+    height_m = max(float(np.linalg.norm(frame.r_camera_eci_m)) - RADIUS_M, TOP_M)
+    return fastest_px_s(
+        camera,
+        PixelBox(0, 0, camera.width_px, camera.height_px),
+        -frame.R_cam_from_eci @ frame.v_camera_eci_m_s,
+        -frame.craft.rates.omega_camera_rad_s,
+        height_m if earth else np.inf,
+        np.inf,
+    )
 
 
 class Sky:
@@ -46,13 +60,14 @@ class Sky:
         self._camera = camera
         self._seed = seed
         self._earth = Earth(blue_marble(), make_clouds(seed)) if config.earth else None
+        self._last_environment: tuple[FrameState, EnvironmentMap] | None = None
 
     def look(self, frame: FrameState, exposure_s: float = 0.0, instants: int = 1) -> SkyView:
         """The sky behind the spacecraft, averaged over at most ``instants`` instants of an exposure.
 
         Which stars the Earth hides is decided at the frame's instant.
         """
-        speed_px_s = self._speed_px_s(frame)
+        speed_px_s = sky_speed_px_s(self._camera, frame, earth=self._earth is not None)
         radiance_rgb: Float32Array | None = None
         for moment in moments(self._camera, speed_px_s, STEP_PX, exposure_s, instants):
             light = self._background(frame.after(moment.after_s), moment.first_row, moment.rows)
@@ -63,19 +78,6 @@ class Sky:
         streaks = STREAK_POINTS if instants > 1 else 1
         offsets_s = instants_s(speed_px_s, STEP_PX, exposure_s, streaks)
         return SkyView(radiance_rgb, *self._stars(frame, speed_px_s, offsets_s))
-
-    def _speed_px_s(self, frame: FrameState) -> float:
-        """Largest speed in the image, from the camera's rotation and its motion over the Earth."""
-        camera = self._camera
-        height_m = max(float(np.linalg.norm(frame.r_camera_eci_m)) - RADIUS_M, TOP_M)
-        return fastest_px_s(
-            camera,
-            PixelBox(0, 0, camera.width_px, camera.height_px),
-            -frame.R_cam_from_eci @ frame.v_camera_eci_m_s,
-            -frame.craft.rates.omega_camera_rad_s,
-            height_m if self._earth is not None else np.inf,
-            np.inf,
-        )
 
     def _background(self, frame: FrameState, first_row: int, rows: int) -> Float32Array | None:
         """(H, W, 3) radiance of everything but the stars in some rows, at one instant; None if all is
@@ -110,11 +112,14 @@ class Sky:
     def environment(self, frame: FrameState) -> EnvironmentMap | None:
         """Light from everywhere but the Sun and the spacecraft; None if the scenario has no Earth.
 
-        The Moon and the stars are left out: their light is under a thousandth of the Earth's.
+        The Moon and the stars are left out: their light is under a thousandth of the Earth's. The last
+        map is kept, so that several images with the Earth-shine of one state share it.
         """
         if self._earth is None:
             return None
-        return environment_map(self._earth.seen(frame))
+        if self._last_environment is None or self._last_environment[0] is not frame:
+            self._last_environment = (frame, environment_map(self._earth.seen(frame)))
+        return self._last_environment[1]
 
     def _passed(self, frame: FrameState, earth: EarthView | None, rays_cam: FloatArray) -> Float32Array:
         """Transmission of light from behind the Earth: (..., 3) rays → (..., 3).

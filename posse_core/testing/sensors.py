@@ -17,9 +17,8 @@ from posse_core._frames import matrix_from_rotation_vector
 from posse_core._geometry.raycast import RayCaster
 from posse_core._interfaces.look import Look, SensorLook, Standpoint
 from posse_core._interfaces.sensor import Sensor, SensorSetting, StoredReading
-from posse_core._model.camera import Camera
 from posse_core._model.labels import Labels
-from posse_core._model.light import Light
+from posse_core._model.light import Light, LightRequest
 from posse_core._model.mount import Mount
 from posse_core._model.reading import Reading
 from posse_core._model.scene import FrameState, Radiance, Rates, Scene
@@ -133,16 +132,15 @@ def _look(sensor: Sensor[Any], state: FrameState, number: int = 0, reading_s: fl
     return SensorLook(stand, own, caster.through, lit(scene))
 
 
-def lit(scene: Scene) -> Callable[[FrameState, Camera, float, int, str], Light]:
+def lit(scene: Scene) -> Callable[[LightRequest], Light]:
     """Light by Lambert's law on exact geometry, for :class:`posse_core.SensorLook`."""
     caster = RayCaster(scene)
     colours = np.array(
         [scene.spacecraft.materials[part.material].base_color for part in scene.spacecraft.parts]
     )
 
-    def gather(
-        state: FrameState, camera: Camera, exposure_s: float, instants: int, purpose: str
-    ) -> Light:
+    def gather(request: LightRequest) -> Light:
+        state, camera = request.state, request.camera
         view = caster.through(camera).view(state.craft)
         star = np.array([[3.25, 4.5]]), np.full((1, 3), 1e-9)
         if view.box.is_empty:

@@ -64,6 +64,19 @@ def test_a_later_instant_is_that_of_the_scenarios_motion(world):
     )
 
 
+def test_frames_that_are_chosen_from_more_go_on_with_their_own_errors():
+    """A frame's pointing error is drawn by its index before the choice."""
+    registry = load_plugins().registry
+    jitter = {"law": "pointing-error", "jitter_deg": [1.0, 1.0, 1.0]}
+    overrides = {"attitude.camera": jitter, "frames": 3}
+    states = States(load_scenario("fly-around", registry, overrides), registry, None)
+    state = state_of(states, 1)
+    assert state.onward is not None
+    soon, by_rates = state.onward.at(1e-3), state.after(1e-3)
+    np.testing.assert_allclose(soon.R_cam_from_eci, by_rates.R_cam_from_eci, atol=1e-8)
+    np.testing.assert_allclose(soon.craft.t_body_cam_m, by_rates.craft.t_body_cam_m, atol=1e-6)
+
+
 def test_by_rates_it_is_near_the_scenarios_motion(world):
     """Over a tenth of a second within what accelerations do: n² r t²/2 and the turn of the axes."""
     look = look_of(world)

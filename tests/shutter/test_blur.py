@@ -24,10 +24,9 @@ STARS = SkyConfig(earth=False, sun_disc=False)
 def gathered(v_m_s: float, exposure_s: float, instants: int):
     scene, renderer = plate(), PlateRenderer(None)
     renderer.open(scene)
-    light = CraftLight(
-        renderer, RayCaster(scene), Sky(DARK, scene.camera, 0), scene.camera, 0, "renderer"
-    )
-    return light.gather(moving(v_m_s=(v_m_s, 0, 0)), exposure_s, instants)
+    sky, frame = Sky(DARK, scene.camera, 0), moving(v_m_s=(v_m_s, 0, 0))
+    light = CraftLight(renderer, RayCaster(scene), sky, scene.camera, 0, "renderer")
+    return light.gather(frame, exposure_s, instants, earthshine=frame)
 
 
 @pytest.mark.parametrize("v_m_s", [6.0, -15.0])

@@ -86,8 +86,9 @@ def test_image_and_mask_have_the_same_edge():
     renderer = PlateRenderer(None)
     renderer.open(scene)
     geometry, frame = RayCaster(scene), moving(v_m_s=(v_m_s, 0, 0))
-    light = CraftLight(renderer, geometry, Sky(DARK, scene.camera, 0), scene.camera, 0, "renderer")
-    craft = light.gather(frame, exposure_s=0.0, instants=1)
+    sky = Sky(DARK, scene.camera, 0)
+    light = CraftLight(renderer, geometry, sky, scene.camera, 0, "renderer")
+    craft = light.gather(frame, exposure_s=0.0, instants=1, earthshine=frame)
     inner = craft.coverage.max(axis=1) == 1
     rows = ROWS[craft.box.slices[0]][inner]
     left_px = craft.box.x0 + np.argmax(craft.coverage[inner] == 1, axis=1)

@@ -36,3 +36,9 @@ class TestSpiralScanner(SensorConformance):
 class TestFlash(SensorConformance):
     def sensor(self):
         return lidar(pattern={"shape": "flash", "width_px": 24, "height_px": 16})
+
+
+class TestEventCamera(SensorConformance):
+    def sensor(self):
+        keys = {"formats": ["h5", "aedat4"], "bandwidth_hz": 300.0}
+        return REGISTRY.create("sensor", "events", REGISTRY.options("sensor", "events", keys))

@@ -63,6 +63,7 @@ class RasterRenderer(Renderer[RasterOptions]):
     def __init__(self, options: RasterOptions) -> None:
         super().__init__(options)
         self._stage: _Stage | None = None
+        self._lit_by: tuple[EnvironmentMap, list[Map]] | None = None
         self._described: dict[str, str] = {}
 
     def open(self, scene: Scene) -> None:
@@ -99,14 +100,12 @@ class RasterRenderer(Renderer[RasterOptions]):
         z_m = np.empty((box.height, box.width), dtype=np.float32)
         with stage.context:
             self._draw_shadow(stage, request.craft)
-            maps = self._set_frame(stage, request)
+            self._set_frame(stage, request)
             for x0, y0, part in _tiles(box, TILE_SAMPLES // n):
                 rows, columns = PixelBox(
                     part.x0 - box.x0, part.y0 - box.y0, part.width, part.height
                 ).slices
                 image[rows, columns], z_m[rows, columns] = self._draw_tile(stage, x0, y0, part)
-            for texture in maps:
-                texture.release()
         return Radiance(
             box=box,
             radiance_rgb=np.ascontiguousarray(image[..., :3]),
@@ -118,7 +117,7 @@ class RasterRenderer(Renderer[RasterOptions]):
         """Release the OpenGL context."""
         if self._stage is not None:
             self._stage.context.release()
-            self._stage = None
+            self._stage = self._lit_by = None
 
     def describe(self) -> Mapping[str, str]:
         """The versions of OpenGL and moderngl, and the device that renders."""
@@ -149,12 +148,8 @@ class RasterRenderer(Renderer[RasterOptions]):
         stage.context.enable_only(moderngl.DEPTH_TEST)
         craft.draw_shadow()
 
-    def _set_frame(self, stage: _Stage, request: RenderRequest) -> list[Map]:
-        """Set the uniforms and textures that all tiles of a frame share.
-
-        Returns:
-            The textures to release after the frame.
-        """
+    def _set_frame(self, stage: _Stage, request: RenderRequest) -> None:
+        """Set the uniforms and textures that all tiles of a frame share."""
         craft, radiance = request.craft, stage.craft.radiance
         radius_m = SPHERE_RADII * stage.spacecraft.radius_m
         nearest_m = max(float(craft.t_body_cam_m[2]) - radius_m, NEAR_PLANE_RADII * radius_m)
@@ -171,12 +166,19 @@ class RasterRenderer(Renderer[RasterOptions]):
         stage.shadow_map.use(FREE_UNIT)
         stage.lobe_albedo.use(FREE_UNIT + 1)
         radiance["has_environment"] = request.environment is not None
-        if request.environment is None:
-            return []
-        maps = _environment_textures(stage.context, request.environment)
-        for unit, texture in enumerate(maps, FREE_UNIT + 2):
-            texture.use(unit)
-        return maps
+        if request.environment is not None:
+            for unit, texture in enumerate(self._maps(stage, request.environment), FREE_UNIT + 2):
+                texture.use(unit)
+
+    def _maps(self, stage: _Stage, environment: EnvironmentMap) -> list[Map]:
+        """The textures of an environment. Those of the last one are kept, as the images of an exposure
+        share one, and making them takes as long as a small image."""
+        if self._lit_by is None or self._lit_by[0] is not environment:
+            if self._lit_by is not None:
+                for texture in self._lit_by[1]:
+                    texture.release()
+            self._lit_by = (environment, _environment_textures(stage.context, environment))
+        return self._lit_by[1]
 
     def _draw_tile(
         self, stage: _Stage, x0: int, y0: int, part: PixelBox

@@ -1,5 +1,6 @@
 // Drawing on canvases, and the pointer over them: what the pages of the viewer share.
 
+const byId = (id) => document.getElementById(id);
 const GREY = "#465361", ACCENT = "#4fb3ff", SUN = "#ffc857", TEXT = "#e3e9ef", MUTED = "#8d9aa8";
 const MARGIN = 10;
 
@@ -74,4 +75,74 @@ function dragged(canvas, { start = () => {}, move, click = () => {} }) {
     if (last && moved <= 3 && event.type === "pointerup") click(...last);
     last = null;
   };
+}
+
+// A length of 1, 2 or 5 times a power of ten, about a quarter of the width, where a metre is so many CSS pixels.
+function scaleBar(context, canvas, perMetre) {
+  const { clientWidth: W, clientHeight: H } = canvas, wanted = W / 4 / perMetre;
+  const power = 10 ** Math.floor(Math.log10(wanted));
+  const length_m = [5, 2, 1].map((k) => k * power).find((length) => length <= wanted);
+  context.strokeStyle = context.fillStyle = MUTED;
+  context.lineWidth = 1.5;
+  stroke(context, [14, H - 12], [14 + length_m * perMetre, H - 12]);
+  context.fillText(length_m >= 1000 ? `${length_m / 1000} km` : `${short(length_m)} m`, 14, H - 18);
+}
+
+// A canvas with something of W × H pixels fitted into it: the wheel zooms, dragging moves, a double click resets.
+class Screen {
+  constructor(canvas, draw) {
+    Object.assign(this, { canvas, scale: 1 });
+    this.reset();
+    dragged(canvas, { move: (x, y, dx, dy) => { this.x += dx; this.y += dy; draw(); } });
+    canvas.onwheel = (event) => { event.preventDefault(); this.turnWheel(event); draw(); };
+    canvas.ondblclick = () => { this.reset(); draw(); };
+  }
+
+  // zoom over the fitted size, and the shift of the image's middle, screen px
+  reset() { Object.assign(this, { zoom: 1, x: 0, y: 0 }); }
+
+  // What is under the pointer stays there.
+  turnWheel({ deltaY, offsetX, offsetY }) {
+    const zoom = Math.min(Math.max(this.zoom * Math.exp(-deltaY / 400), 1), 64), by = zoom / this.zoom;
+    const { clientWidth, clientHeight } = this.canvas;
+    this.x = zoom === 1 ? 0 : by * this.x + (1 - by) * (offsetX - clientWidth / 2);
+    this.y = zoom === 1 ? 0 : by * this.y + (1 - by) * (offsetY - clientHeight / 2);
+    this.zoom = zoom;
+  }
+
+  // A context whose unit is a pixel, from the left upper corner of the first one, on an empty ground.
+  begin(W, H) {
+    const { canvas } = this, context = fitted(canvas), ratio = devicePixelRatio;
+    const scale = this.scale = Math.min(canvas.clientWidth / W, canvas.clientHeight / H) * this.zoom;
+    const left = canvas.clientWidth / 2 + this.x - scale * W / 2, top = canvas.clientHeight / 2 + this.y - scale * H / 2;
+    context.setTransform(ratio * scale, 0, 0, ratio * scale, ratio * left, ratio * top);
+    context.imageSmoothingEnabled = scale < 2;
+    context.fillStyle = "#07090b";
+    context.fillRect(0, 0, W, H);
+    return context;
+  }
+}
+
+// Images that are loaded for one frame after another; those that arrive when the next has begun are dropped.
+class Arrivals {
+  turn = 0;
+
+  begin() { this.turn++; }
+
+  load(source, done, failed = () => {}) {
+    const image = new Image(), turn = this.turn;
+    image.onload = () => { if (turn === this.turn) done(image); };
+    image.onerror = () => { if (turn === this.turn) failed(); };
+    image.src = source;
+  }
+
+  // The page's preview, if there is one, until the image itself arrives; note(text) says what is missing.
+  loadBest(jpeg, url, done, note) {
+    let whole = false;
+    note("");
+    if (jpeg) this.load(`data:image/jpeg;base64,${jpeg}`, (image) => { if (!whole) done(image); });
+    this.load(url, (image) => { whole = true; done(image); },
+      () => note(jpeg ? "preview; the image is not beside this page"
+        : "the image is not beside this page, and the page has no preview of it"));
+  }
 }

@@ -6,14 +6,19 @@ const columns = dataset.columns;
 const count = columns.index.length;
 const DEG = 180 / Math.PI;
 
-// {labels, preview: {jpeg, depth} or null} of the frame at a position in the columns.
+// {labels, preview: {jpeg, depth, readings} or null} of the frame at a position in the columns.
 function frameAt(position) {
   return JSON.parse(document.getElementById(`frame-${columns.index[position]}`).textContent);
 }
 
-// The frame's image in the dataset's folder, from where the page was written.
-function imageUrl(labels) {
-  return dataset.folder + labels.image.split("/").map(encodeURIComponent).join("/");
+// A file in the dataset's folder, from where the page was written.
+function urlOf(file) {
+  return dataset.folder + file.split("/").map(encodeURIComponent).join("/");
+}
+
+// Binary numbers, base64 → an array of the type, such as Float32Array.
+function decodeNumbers(text, type) {
+  return new type(Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer);
 }
 
 // COCO's compressed run lengths → Uint8Array of H × W, by rows.
@@ -45,8 +50,8 @@ function rotate([w, x, y, z], [a, b, c]) {
 
 // Camera axes, metres → [u, v] pixels, the top-left pixel's centre at (0, 0); null behind the camera and
 // beyond its lens.
-function project([X, Y, Z]) {
-  const { matrix: K, distortion: [k1, k2, p1, p2, k3], reach } = dataset.camera;
+function project([X, Y, Z], camera = dataset.camera) {
+  const { matrix: K, distortion: [k1, k2, p1, p2, k3], reach } = camera;
   const x = X / Z, y = Y / Z, r2 = x * x + y * y;
   if (Z <= 0 || (reach !== null && r2 > reach * reach)) return null;
   const radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3));
@@ -57,15 +62,33 @@ function project([X, Y, Z]) {
 }
 
 // The origin of the body axes and the tips of its three axes, pixels; each null behind the camera.
-function bodyAxes(labels) {
-  const length = dataset.spacecraft[labels.spacecraft].size_m / 2, t = labels.t_body_cam_m;
-  return [[0, 0, 0], [length, 0, 0], [0, length, 0], [0, 0, length]].map((tip) =>
-    project(rotate(labels.q_cam_from_body, tip).map((value, i) => value + t[i])));
+function bodyAxes(labels, camera = dataset.camera) {
+  return axesOf(labels).map((tip) => project(tip, camera));
 }
 
-// 0 … 1 → [r, g, b], dark blue over green to yellow.
+// The same in camera axes, metres; each axis is half as long as the spacecraft.
+function axesOf(labels) {
+  const length = dataset.spacecraft[labels.spacecraft].size_m / 2, t = labels.t_body_cam_m;
+  return [[0, 0, 0], [length, 0, 0], [0, length, 0], [0, 0, length]].map((tip) =>
+    rotate(labels.q_cam_from_body, tip).map((value, i) => value + t[i]));
+}
+
+// Colours whose lightness rises evenly: dark blue over green to yellow, and for temperatures black over red
+// to light yellow (viridis and inferno by Smith and van der Walt).
 const RAMP = [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]];
-function ramp(share) {
-  const at = Math.min(Math.max(share, 0), 1) * (RAMP.length - 1), i = Math.min(Math.floor(at), RAMP.length - 2);
-  return RAMP[i].map((low, c) => low + (at - i) * (RAMP[i + 1][c] - low));
+const HEAT = [[0, 0, 4], [33, 12, 74], [87, 16, 110], [138, 34, 106], [188, 55, 84], [228, 90, 49], [249, 142, 9],
+  [249, 203, 53], [252, 255, 164]];
+
+// 0 … 1 → [r, g, b]
+function ramp(share, colours = RAMP) {
+  const at = Math.min(Math.max(share, 0), 1) * (colours.length - 1), i = Math.min(Math.floor(at), colours.length - 2);
+  return colours[i].map((low, c) => low + (at - i) * (colours[i + 1][c] - low));
+}
+
+// Round values between low and high, about four of them.
+function ticks(low, high) {
+  const wanted = (high - low) / 4, power = 10 ** Math.floor(Math.log10(wanted));
+  const step = [1, 2, 5, 10].map((k) => k * power).find((size) => size >= wanted) ?? 10 * power, found = [];
+  if (high > low) for (let k = Math.ceil(low / step); k * step <= high; k++) found.push(k * step);
+  return found;
 }

@@ -21,6 +21,7 @@ from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.layout import MANIFEST
 from posse_core._errors import InputError
 from posse_core._files.atomic import atomic_file
+from posse_core._model.camera import Camera
 from posse_core._model.label_line import LabelLine
 from posse_core._view.columns import label_columns, motion_columns
 from posse_core._view.previews import preview
@@ -29,6 +30,16 @@ Progress = Callable[[Iterable[int], int], Iterable[int]]
 """Wraps the positions of the frames to show progress: (positions, how many)."""
 LEFT_OUT = ("part_area_px",)
 """Labels that a page does not carry: long, and nothing is drawn from them."""
+VIEWER_SCRIPTS = (
+    "data.js",
+    "canvas.js",
+    "picture.js",
+    "showings.js",
+    "cloud.js",
+    "eventimage.js",
+    "sensors.js",
+)
+"""Scripts of the frame and of the readings beside it; ``player.js`` follows them."""
 _SAMPLES = 12
 """Frames whose previews are made beforehand to see how large they become."""
 
@@ -105,8 +116,7 @@ class Document:
         return {positions[i] for i in evenly_spread(len(positions), int(room / mean))}
 
     def _frame(self, labels: LabelLine, small: dict[str, Any] | None) -> bytes:
-        kept = {name: value for name, value in labels.as_json().items() if name not in LEFT_OUT}
-        value = {"labels": kept, "preview": small, **self.of_frame(labels.index)}
+        value = {"labels": _kept(labels.as_json()), "preview": small, **self.of_frame(labels.index)}
         return _script(f"frame-{labels.index}", value)
 
     def _halves(self, out: Path) -> tuple[bytes, bytes]:
@@ -131,12 +141,14 @@ def _dataset_block(dataset: Dataset, out: Path, positions: Sequence[int]) -> dic
         "folder": quote(relative) + "/",
         "epoch_utc": trajectory.epoch_utc,
         "frames": len(dataset),
-        "camera": {
-            "width_px": dataset.camera.width_px,
-            "height_px": dataset.camera.height_px,
-            "matrix": dataset.camera.matrix.tolist(),
-            "distortion": dataset.camera.distortion_coefficients.tolist(),
-            "reach": None if dataset.camera.distortion is None else dataset.camera.distortion.reach,
+        "camera": _camera(dataset.camera),
+        "sensors": {
+            name: {
+                "type": sensor.type,
+                "rate_hz": sensor.rate_hz,
+                "camera": None if sensor.camera is None else _camera(sensor.camera),
+            }
+            for name, sensor in dataset.sensors.items()
         },
         "spacecraft": {name: _spacecraft(dataset, name) for name in dataset.spacecraft_by_name},
         "columns": {
@@ -147,11 +159,39 @@ def _dataset_block(dataset: Dataset, out: Path, positions: Sequence[int]) -> dic
     }
 
 
-def _spacecraft(dataset: Dataset, name: str) -> dict[str, Any]:
-    """Lines to draw between keypoints, and the longest side of the mesh's box, body axes, metres."""
+def _kept(labels: dict[str, Any]) -> dict[str, Any]:
+    """The labels that a page carries, of a frame and of its sensors' readings."""
+
+    def short(all_of_it: dict[str, Any]) -> dict[str, Any]:
+        return {name: value for name, value in all_of_it.items() if name not in LEFT_OUT}
+
+    sensors = {
+        name: [{**reading, "labels": short(reading["labels"])} for reading in readings]
+        for name, readings in labels.get("sensors", {}).items()
+    }
+    return short({**labels, "sensors": sensors} if sensors else labels)
+
+
+def _camera(camera: Camera) -> dict[str, Any]:
     return {
-        "skeleton": dataset.spacecraft_by_name[name].skeleton,
-        "size_m": float(np.ptp(dataset.mesh(name).vertices_body_m, axis=0).max()),
+        "width_px": camera.width_px,
+        "height_px": camera.height_px,
+        "matrix": camera.matrix.tolist(),
+        "distortion": camera.distortion_coefficients.tolist(),
+        "reach": None if camera.distortion is None else camera.distortion.reach,
+    }
+
+
+def _spacecraft(dataset: Dataset, name: str) -> dict[str, Any]:
+    """Lines to draw between keypoints, the names of the parts, and the longest side and the middle of
+    the mesh's box, body axes, metres."""
+    info, vertices_body_m = dataset.spacecraft_by_name[name], dataset.mesh(name).vertices_body_m
+    low, high = vertices_body_m.min(axis=0), vertices_body_m.max(axis=0)
+    return {
+        "skeleton": info.skeleton,
+        "parts": info.parts,
+        "size_m": float((high - low).max()),
+        "middle_body_m": ((low + high) / 2).tolist(),
     }
 
 

@@ -35,7 +35,8 @@ const orbit = {
     for (const position of kept) dot(context, this.toCanvas(r[position]));
     context.fillStyle = TEXT;
     context.fillRect(this.canvas.clientWidth / 2 - 3, this.canvas.clientHeight / 2 - 3, 6, 6);
-    this.scaleBar(context);
+    const { clientWidth: W, clientHeight: H } = this.canvas;
+    scaleBar(context, this.canvas, 0.42 * Math.min(W, H) * this.zoom / this.radius_m);
     if (current === undefined) return;
     const middle = this.toCanvas([0, 0, 0]), camera = this.toCanvas(r[current]);
     context.strokeStyle = "#ffffff66";
@@ -51,17 +52,5 @@ const orbit = {
     stroke(context, from, tip);
     arrowhead(context, from, tip);
     context.fillText(name, tip[0] + 5, tip[1] - 3);
-  },
-
-  // A length of 1, 2 or 5 times a power of ten, about a quarter of the width.
-  scaleBar(context) {
-    const { clientWidth: W, clientHeight: H } = this.canvas;
-    const perMetre = 0.42 * Math.min(W, H) * this.zoom / this.radius_m, wanted = W / 4 / perMetre;
-    const power = 10 ** Math.floor(Math.log10(wanted));
-    const length_m = [5, 2, 1].map((k) => k * power).find((length) => length <= wanted);
-    context.strokeStyle = context.fillStyle = MUTED;
-    context.lineWidth = 1.5;
-    stroke(context, [14, H - 12], [14 + length_m * perMetre, H - 12]);
-    context.fillText(length_m >= 1000 ? `${length_m / 1000} km` : `${short(length_m)} m`, 14, H - 18);
   },
 };

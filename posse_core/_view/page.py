@@ -7,9 +7,9 @@ from pathlib import Path
 from posse_core._arrays import evenly_spread
 from posse_core._dataset.dataset import Dataset
 from posse_core._errors import InputError
-from posse_core._view.document import Document, Page, Progress
+from posse_core._view.document import VIEWER_SCRIPTS, Document, Page, Progress
 
-_SCRIPTS = ("data.js", "canvas.js", "picture.js", "player.js", "plots.js", "orbit.js", "main.js")
+_SCRIPTS = (*VIEWER_SCRIPTS, "player.js", "plots.js", "orbit.js", "main.js")
 
 
 def write_page(

@@ -1,16 +1,17 @@
 // The frame: its image, and its labels drawn over it.
 
-// What can be drawn over the image, in the order of drawing; each is drawn in label coordinates, where
-// ``line`` is the length of a screen pixel. A page may add its own.
+// What can be drawn over an image, in the order of drawing; each is drawn in label coordinates, where
+// ``line`` is the length of a screen pixel. A page may add its own. A frame is the camera's, or what a sensor's
+// reading has of it: {labels, camera}.
 const OVERLAYS = [
   { name: "depth", title: "Depth", key: "d", colour: "#2f9e8f", has: (f) => f.preview && f.preview.depth,
     draw: (context, frame) => { if (picture.depth) drawDepth(context, picture.depth, frame.preview.depth); } },
   { name: "mask", title: "Mask", key: "m", colour: "#3ddcff", has: (f) => f.labels.mask_rle,
-    draw: (context, { labels }) => context.drawImage(picture.mask ??= maskImage(labels.mask_rle), -0.5, -0.5) },
+    draw: (context, frame) => context.drawImage(frame.mask ??= maskImage(frame.labels.mask_rle), -0.5, -0.5) },
   { name: "box", title: "Box", key: "b", colour: "#ffd34d", has: (f) => f.labels.box_visible_px,
     draw: (context, { labels }, line) => drawBoxes(context, labels, line) },
   { name: "axes", title: "Body axes", key: "a", colour: "#ff6b5e", has: (f) => f.labels.q_cam_from_body,
-    draw: (context, { labels }, line) => drawAxes(context, labels, line) },
+    draw: (context, { labels, camera }, line) => drawAxes(context, labels, camera, line) },
   { name: "keypoints", title: "Keypoints", key: "k", colour: "#58e07a", has: (f) => f.labels.keypoints,
     draw: (context, { labels }, line) => drawKeypoints(context, labels, line) },
   { name: "names", title: "Names", key: "n", colour: "#58e07a", has: (f) => f.labels.keypoints,
@@ -20,59 +21,43 @@ const VISIBILITY = { 1: "#ff9f43", 2: "#58e07a" };   // hidden, seen; 0 is out o
 const AXES = ["#ff5d5d", "#5dff7f", "#6a9bff"];
 
 const picture = {
-  canvas: document.getElementById("picture"),
   shown: new Set(["box", "keypoints"]),
-  frame: null, image: null, depth: null, mask: null, gain: 1,
-  zoom: 1, x: 0, y: 0,   // zoom over the fitted size, and the shift of the image's middle, screen px
-  turn: 0,               // counts frames, so that an image which arrives late is not drawn
+  frame: null, image: null, depth: null, gain: 1,
+  arrivals: new Arrivals(),
 
   show(position) {
-    const turn = ++this.turn, frame = frameAt(position), note = document.getElementById("note");
-    Object.assign(this, { frame, image: null, depth: null, mask: null });
-    const preview = frame.preview;
-    note.textContent = "";
-    let whole = false;
-    const load = (source, done, failed) => {
-      const image = new Image();
-      image.onload = () => { if (turn === this.turn) { done(image); this.draw(); } };
-      image.onerror = () => { if (turn === this.turn) failed(); };
-      image.src = source;
-    };
-    if (preview) {
-      load(`data:image/jpeg;base64,${preview.jpeg}`, (image) => { if (!whole) this.image = image; }, () => {});
-      if (preview.depth) load(`data:image/png;base64,${preview.depth.png}`,
-        (image) => { this.depth = coloured(image); }, () => {});
-    }
-    load(imageUrl(frame.labels),
-      (image) => { whole = true; this.image = image; },
-      () => { note.textContent = preview ? "preview; the image is not beside this page"
-        : "the image is not beside this page, and the page has no preview of it"; });
+    const frame = frameAt(position), { preview } = frame;
+    Object.assign(this, { frame, image: null, depth: null });
+    this.arrivals.begin();
+    this.arrivals.loadBest(preview?.jpeg, urlOf(frame.labels.image), (image) => { this.image = image; this.draw(); },
+      (text) => { byId("note").textContent = text; });
+    if (preview?.depth) this.arrivals.load(`data:image/png;base64,${preview.depth.png}`,
+      (image) => { this.depth = coloured(image, nearIsLight); this.draw(); });
     this.draw();
   },
 
   draw() {
-    const canvas = this.canvas, context = fitted(canvas);
-    const { width_px: W, height_px: H } = dataset.camera, ratio = devicePixelRatio;
-    const scale = Math.min(canvas.clientWidth / W, canvas.clientHeight / H) * this.zoom;
-    this.scale = scale;
-    this.left = canvas.clientWidth / 2 + this.x - scale * W / 2;
-    this.top = canvas.clientHeight / 2 + this.y - scale * H / 2;
-    context.setTransform(ratio * scale, 0, 0, ratio * scale, ratio * this.left, ratio * this.top);
-    context.imageSmoothingEnabled = scale < 2;
-    context.fillStyle = "#07090b";
-    context.fillRect(0, 0, W, H);
-    if (this.image) {
-      context.filter = `brightness(${this.gain})`;
-      context.drawImage(this.image, 0, 0, W, H);
-      context.filter = "none";
-    }
-    // From here on in label coordinates: a pixel's centre is a whole number.
-    context.translate(0.5, 0.5);
-    const shown = OVERLAYS.filter(({ name, has }) => this.shown.has(name) && has(this.frame));
-    for (const overlay of shown) overlay.draw(context, this.frame, 1 / scale);
-    showLegend(shown.some(({ name }) => name === "depth") ? this.frame.preview.depth : null);
+    const { width_px: W, height_px: H } = dataset.camera, context = this.screen.begin(W, H);
+    drawImage(context, this.image, W, H);
+    drawOverlays(context, this.frame, 1 / this.screen.scale);
+    showLegend(this.shown.has("depth") && this.frame.preview?.depth);
   },
 };
+picture.canvas = byId("picture");
+picture.screen = new Screen(picture.canvas, () => picture.draw());
+
+function drawImage(context, image, W, H) {
+  if (!image) return;
+  context.filter = `brightness(${picture.gain})`;
+  context.drawImage(image, 0, 0, W, H);
+  context.filter = "none";
+}
+
+// From then on the context is in label coordinates: a pixel's centre is a whole number.
+function drawOverlays(context, frame, line) {
+  context.translate(0.5, 0.5);
+  for (const { name, has, draw } of OVERLAYS) if (picture.shown.has(name) && has(frame)) draw(context, frame, line);
+}
 
 function maskImage(rle) {
   const [height, width] = rle.size, mask = decodeMask(rle);
@@ -86,15 +71,17 @@ function maskImage(rle) {
   });
 }
 
-// Grey steps of the preview → colours, none where the step is 0.
-function coloured(image) {
+const nearIsLight = (share) => ramp(1 - share);
+
+// Grey steps 1 … 255 of an image → the colours of 0 … 1, none where the step is 0.
+function coloured(image, colour) {
   const { width, height } = image;
   const copy = Object.assign(document.createElement("canvas"), { width, height }).getContext("2d");
   copy.drawImage(image, 0, 0);
   const steps = copy.getImageData(0, 0, width, height).data;
   return pixels(width, height, (data) => {
     for (let i = 0; i < data.length; i += 4)
-      if (steps[i]) data.set([...ramp(1 - (steps[i] - 1) / 254), 255], i);
+      if (steps[i]) data.set([...colour((steps[i] - 1) / 254), 255], i);
   });
 }
 
@@ -104,11 +91,11 @@ function drawDepth(context, image, { box: [x, y, w, h] }) {
 }
 
 function showLegend(depth) {
-  document.getElementById("legend").hidden = !depth;
+  byId("legend").hidden = !depth;
   if (!depth) return;
-  document.getElementById("near").textContent = `${depth.near_m.toFixed(2)} m`;
-  document.getElementById("far").textContent = `${depth.far_m.toFixed(2)} m`;
-  const canvas = document.getElementById("ramp"), context = canvas.getContext("2d");
+  byId("near").textContent = `${depth.low.toFixed(2)} m`;
+  byId("far").textContent = `${depth.high.toFixed(2)} m`;
+  const canvas = byId("ramp"), context = canvas.getContext("2d");
   for (let x = 0; x < canvas.width; x++) {
     context.fillStyle = `rgb(${ramp(1 - x / canvas.width)})`;
     context.fillRect(x, 0, 1, canvas.height);
@@ -127,8 +114,8 @@ function drawBoxes(context, labels, line) {
   context.setLineDash([]);
 }
 
-function drawAxes(context, labels, line) {
-  const [origin, ...tips] = bodyAxes(labels);
+function drawAxes(context, labels, camera, line) {
+  const [origin, ...tips] = bodyAxes(labels, camera);
   context.lineWidth = 2.5 * line;
   context.font = `bold ${13 * line}px sans-serif`;
   tips.forEach((tip, i) => {
@@ -163,17 +150,3 @@ function drawNames(context, labels, line) {
     if (visibility) context.fillText(name, u + 6 * line, v - 5 * line);
   }
 }
-
-dragged(picture.canvas, { move: (x, y, dx, dy) => { picture.x += dx; picture.y += dy; picture.draw(); } });
-picture.canvas.onwheel = (event) => {
-  event.preventDefault();
-  const zoom = Math.min(Math.max(picture.zoom * Math.exp(-event.deltaY / 400), 1), 64), by = zoom / picture.zoom;
-  // What is under the pointer stays there.
-  const { clientWidth: W, clientHeight: H } = picture.canvas;
-  picture.x = by * picture.x + (1 - by) * (event.offsetX - W / 2);
-  picture.y = by * picture.y + (1 - by) * (event.offsetY - H / 2);
-  if (zoom === 1) picture.x = picture.y = 0;
-  picture.zoom = zoom;
-  picture.draw();
-};
-picture.canvas.ondblclick = () => { Object.assign(picture, { zoom: 1, x: 0, y: 0 }); picture.draw(); };

@@ -1,7 +1,6 @@
 // Which frame is shown, and how the user goes from one to another: slider, strip, keys, address. A page
 // defines what it shows of a frame, showFrame(frame), and its plots, drawPlots().
 
-const byId = (id) => document.getElementById(id);
 const state = { current: 0, kept: [] };   // positions: of the frame shown, and of those that are gone through
 const THUMB = 114;   // px from one small image to the next
 
@@ -15,15 +14,21 @@ function keep(kept) {
   else drawAll();
 }
 
-function select(position) {
+function select(position, at = 0) {
   state.current = position;
-  history.replaceState(null, "", `#frame=${columns.index[position]}`);
   picture.show(position);
   const frame = picture.frame;
+  sensors.show(frame, at);
   for (const overlay of OVERLAYS) overlay.label.classList.toggle("off", !overlay.has(frame));
   byId("go").value = columns.index[position];
   showFrame(frame);
   drawAll();
+}
+
+// The address leads to the frame, and to a later instant of its readings.
+function setAddress() {
+  const { at } = sensors;
+  history.replaceState(null, "", `#frame=${columns.index[state.current]}${at ? `&reading=${at}` : ""}`);
 }
 
 function step(by) {
@@ -39,6 +44,7 @@ function drawAll() {
     waiting = false;
     const at = state.kept.indexOf(state.current);
     picture.draw();
+    sensors.draw();
     drawPlots();
     byId("scrub").value = Math.max(at, 0);
     const strip = byId("strip"), left = at * THUMB;
@@ -66,7 +72,7 @@ function makeThumb(at) {
   const thumb = Object.assign(document.createElement("button"), { className: "thumb", type: "button" });
   const number = Object.assign(document.createElement("span"), { textContent: columns.index[position] });
   const image = Object.assign(document.createElement("img"), { alt: "" });
-  image.src = preview ? `data:image/jpeg;base64,${preview.jpeg}` : imageUrl(labels);
+  image.src = preview ? `data:image/jpeg;base64,${preview.jpeg}` : urlOf(labels.image);
   thumb.dataset.at = at;
   thumb.style.left = `${6 + at * THUMB}px`;
   thumb.onclick = () => select(position);
@@ -96,11 +102,11 @@ function checkbox(parent, title, colour, checked, changed) {
 
 for (const overlay of OVERLAYS) {
   overlay.label = checkbox(byId("overlays"), overlay.title, overlay.colour, picture.shown.has(overlay.name),
-    (on) => { on ? picture.shown.add(overlay.name) : picture.shown.delete(overlay.name); picture.draw(); });
+    (on) => { on ? picture.shown.add(overlay.name) : picture.shown.delete(overlay.name); drawAll(); });
   overlay.label.title = `Key ${overlay.key}`;
 }
 const gain = Object.assign(document.createElement("input"), { type: "range", min: 0, max: 6, step: 0.25, value: 0 });
-gain.oninput = () => { picture.gain = 2 ** gain.value; picture.draw(); };
+gain.oninput = () => { picture.gain = 2 ** gain.value; drawAll(); };
 const brightness = document.createElement("label");
 brightness.append("Brightness", gain);
 byId("overlays").append(brightness);
@@ -122,10 +128,10 @@ function selectIndex(index) {
   select(position < 0 ? state.current : position);
 }
 
-// The frame that the address names, #frame=INDEX, or the first one.
+// What the address names, #frame=INDEX&reading=NUMBER of an instant of its readings, or the first frame.
 function selectAddressed() {
-  const index = Number(location.hash.replace("#frame=", ""));
-  selectIndex(columns.index.includes(index) ? index : columns.index[0]);
+  const named = new URLSearchParams(location.hash.slice(1));
+  select(Math.max(columns.index.indexOf(Number(named.get("frame") ?? NaN)), 0), Number(named.get("reading")) || 0);
 }
 window.onhashchange = selectAddressed;
 window.onresize = drawAll;
@@ -136,6 +142,8 @@ document.onkeydown = (event) => {
   if (overlay) overlay.label.querySelector("input").click();
   else if (event.key === "ArrowLeft") step(-1);
   else if (event.key === "ArrowRight") step(1);
+  else if (event.key === ",") stepReading(-1);
+  else if (event.key === ".") stepReading(1);
   else if (event.key === "Home") step(-Infinity);
   else if (event.key === "End") step(Infinity);
   else if (event.key === " ") byId("play").click();

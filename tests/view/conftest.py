@@ -8,6 +8,7 @@ import subprocess
 from pathlib import Path
 
 import cuboid
+import cuboid_sensors
 import pytest
 from click.testing import CliRunner
 
@@ -38,6 +39,12 @@ def two_crafts(tmp_path_factory) -> Path:
     """Twelve frames of a brick and a plate. Tests must not change it."""
     crafts = (("brick", cuboid.HALF), ("plate", cuboid.HALF * [1.4, 1.0, 0.1]))
     return cuboid.write_dataset(tmp_path_factory.mktemp("view") / "d", crafts)
+
+
+@pytest.fixture(scope="session")
+def sensed(tmp_path_factory) -> Path:
+    """Six frames of a brick with readings of five sensors. Tests must not change it."""
+    return cuboid_sensors.add_readings(cuboid.write_dataset(tmp_path_factory.mktemp("sensed") / "d"))
 
 
 @pytest.fixture(scope="session")

@@ -112,7 +112,7 @@ def test_previews_are_the_images_and_depths(page, two_crafts):
         assert [x, y, w, h] == list(dataset[index].box_visible_px)
         crop = depth_m[y : y + h, x : x + w]
         assert np.array_equal(steps > 0, np.isfinite(crop))
-        near_m, far_m = preview["depth"]["near_m"], preview["depth"]["far_m"]
+        near_m, far_m = preview["depth"]["low"], preview["depth"]["high"]
         decoded = near_m + (steps - 1.0) / 254 * (far_m - near_m)
         np.testing.assert_allclose(
             decoded[steps > 0], crop[steps > 0], atol=(far_m - near_m) / 508 + 1e-5

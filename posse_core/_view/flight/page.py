@@ -14,16 +14,14 @@ from posse_core._errors import InputError
 from posse_core._evaluation.flight import flight_errors, summarise
 from posse_core._evaluation.track import summarise_track
 from posse_core._model.flight_record import FlightRecord
-from posse_core._view.document import Document, Page
+from posse_core._view.document import VIEWER_SCRIPTS, Document, Page
 from posse_core._view.flight.columns import as_numbers, camera_poses, in_space, time_plots
 from posse_core._view.flight.figures import key_figures
 
 MAX_BYTES = 64 * 2**20
 """Largest size of a page, as that of ``posse view``."""
 _SCRIPTS = (
-    "data.js",
-    "canvas.js",
-    "picture.js",
+    *VIEWER_SCRIPTS,
     "flight/pose.js",
     "player.js",
     "flight/timeplot.js",

@@ -7,7 +7,7 @@ const POSES = [
   { name: "estimate", title: "Estimated pose", key: "e", colour: "#4fb3ff" },
 ];
 for (const { name, title, key, colour } of POSES)
-  OVERLAYS.push({ name, title, key, colour, has: (frame) => frame.poses[name],
+  OVERLAYS.push({ name, title, key, colour, has: (frame) => frame.poses?.[name],
     draw: (context, frame, line) => drawPose(context, frame.poses[name], colour, line) });
 picture.shown = new Set(["estimate"]);
 

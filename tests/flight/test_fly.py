@@ -13,7 +13,6 @@ from small_flight import SCENARIO
 from posse_core import Dataset
 from posse_core._files.flight import load_flight
 
-
 SENSORS = """\
 sensors:
   right: {type: camera, mount: {position_m: [0.5, 0, 0]}, rate_hz: 1}

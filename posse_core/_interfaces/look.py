@@ -149,6 +149,15 @@ class Look:
         )
 
     @property
+    def from_camera(self) -> Look:
+        """The same instant from the place and in the axes of the chaser's camera.
+
+        It gives geometry alone. Its :meth:`view` is still through the pixels of the sensor's own camera
+        if none is named.
+        """
+        return Look(replace(self._standpoint, mount=Mount()), self.scene, self._geometry)
+
+    @property
     def next_frame(self) -> Self | None:
         """The look at the instant of the sequence's next frame; None where there is none or it is not
         known."""

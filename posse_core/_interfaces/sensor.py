@@ -31,7 +31,7 @@ class SensorSetting:
         spacecraft: the target.
         camera: the chaser's camera.
         image_sensor: keys of the chaser's image sensor.
-        mount: where the sensor is.
+        mount: where the scenario says that the sensor is.
         annotate: labels of a look by the scenario's annotators, with arrays of the size of the whole
             image of the look's camera.
     """
@@ -81,6 +81,9 @@ class Sensor(Component[OptionsT]):
     camera: Camera | None = None
     """The camera whose pixels the image and arrays are of, known after :meth:`open`; None for a sensor
     that has none."""
+    mount: Mount | None = None
+    """Where a sensor is whose options say it, known after :meth:`open`; None where the scenario's
+    ``mount`` says it."""
 
     def open(self, setting: SensorSetting) -> None:
         """Prepare; called once, before the first reading.

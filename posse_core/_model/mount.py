@@ -20,3 +20,8 @@ class Mount:
 
     position_m: FloatArray = field(default_factory=lambda: np.zeros(3))
     R_camera_from_sensor: FloatArray = field(default_factory=lambda: np.eye(3))
+
+    @property
+    def is_none(self) -> bool:
+        """Whether the sensor's origin and axes are the camera's."""
+        return not self.position_m.any() and np.array_equal(self.R_camera_from_sensor, np.eye(3))

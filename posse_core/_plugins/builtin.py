@@ -254,6 +254,12 @@ def posse_sensors() -> list[ComponentSpec]:
             f"{package}.lidar.lidar:LidarSensor",
             f"{package}.lidar.options:LidarOptions",
         ),
+        ComponentSpec(
+            "stereo",
+            "the right eye of a pair with the chaser's camera: image, labels, disparity",
+            f"{package}.stereo.stereo:StereoSensor",
+            f"{package}.stereo.options:StereoOptions",
+        ),
     ]
 
 
@@ -347,10 +353,22 @@ def posse_writers() -> list[ComponentSpec]:
             capabilities=_GLOBAL_SHUTTER,
         ),
         ComponentSpec(
+            "kalibr",
+            "intrinsics and extrinsics of all cameras as a Kalibr camchain",
+            "posse_core._formats.kalibr:KalibrWriter",
+            capabilities=_LABELS_ONLY,
+        ),
+        ComponentSpec(
             "nerfstudio",
             "transforms.json of each target: poses, sparse points, masks",
             "posse_core._formats.nerfstudio:NerfstudioWriter",
             capabilities=_GLOBAL_SHUTTER,
+        ),
+        ComponentSpec(
+            "opencv-calibration",
+            "intrinsics and stereo pairs of all cameras as OpenCV's FileStorage",
+            "posse_core._formats.opencv_calibration:OpencvCalibrationWriter",
+            capabilities=_LABELS_ONLY,
         ),
         ComponentSpec(
             "posse",

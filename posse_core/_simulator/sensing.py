@@ -82,7 +82,7 @@ def open_sensors(
         except InputError as error:
             raise InputError(f"sensors.{name}: {error}") from None
         own = Scene(scene.spacecraft, sensor.camera or scene.camera)
-        return OpenSensor(name, choice, mount, sensor, own)
+        return OpenSensor(name, choice, sensor.mount or mount, sensor, own)
 
     return tuple(opened(name, choice) for name, choice in scenario.sensors.items())
 

@@ -48,6 +48,10 @@ class SensorConformance(Conformance):
     def sensor(self) -> Sensor[Any]:
         """A new sensor, with the same options each time."""
 
+    def mount(self) -> Mount:
+        """The mount that the scenario gives; ``Mount()`` for a sensor whose options say where it is."""
+        return MOUNT
+
     def test_its_readings_can_be_written(self) -> None:
         for state in _states():
             reading = self._read(self._opened(), state)
@@ -69,15 +73,16 @@ class SensorConformance(Conformance):
 
     def test_two_readings_of_a_frame_are_told_apart(self) -> None:
         """The second reading of a frame, a moment later, can be written too."""
-        look = _look(self._opened(), _states()[0], number=1, reading_s=0.1)
+        sensor = self._opened()
+        look = self._look(sensor, _states()[0], number=1, reading_s=0.1)
         assert look.number == 1
-        self._checked(look)
+        self._checked(look, sensor)
 
     def test_its_readings_have_no_faults(self) -> None:
         """A component that is not open finds nothing wrong with what it read, as a file holds it."""
         sensor = self._opened()
         for state in _states():
-            look = _look(sensor, state)
+            look = self._look(sensor, state)
             reading = self._checked(look, sensor)
             said = reading_labels(look, reading, "kit")
             said = type(said).model_validate_json(said.model_dump_json())
@@ -86,7 +91,7 @@ class SensorConformance(Conformance):
                 labels=said,
                 reading=replace(reading, labels=said.labels, files={}),
                 camera=sensor.camera,
-                mount=MOUNT,
+                mount=sensor.mount or self.mount(),
                 parts=tuple(part.name for part in look.scene.spacecraft.parts),
                 distances_m=partial(_distances_m, look),
             )
@@ -110,26 +115,26 @@ class SensorConformance(Conformance):
                 spacecraft=scene.spacecraft,
                 camera=scene.camera,
                 image_sensor=SensorConfig(),
-                mount=MOUNT,
+                mount=self.mount(),
                 annotate=lambda look: Labels({"pixels": int(look.view().mask.sum())}),
             )
         )
         return sensor
 
     def _read(self, sensor: Sensor[Any], state: FrameState) -> Reading:
-        return self._checked(_look(sensor, state), sensor)
+        return self._checked(self._look(sensor, state), sensor)
 
-    def _checked(self, look: SensorLook, sensor: Sensor[Any] | None = None) -> Reading:
-        sensor = self._opened() if sensor is None else sensor
+    def _checked(self, look: SensorLook, sensor: Sensor[Any]) -> Reading:
         return checked_reading(sensor.sense(look), type(sensor).__name__, sensor.camera)
 
-
-def _look(sensor: Sensor[Any], state: FrameState, number: int = 0, reading_s: float = 0.0) -> SensorLook:
-    scene = craft()
-    stand = Standpoint(state, MOUNT, SEED, "sensor kit", number, reading_s, duration_s=0.1)
-    caster = RayCaster(scene)
-    own = replace(scene, camera=sensor.camera or scene.camera)
-    return SensorLook(stand, own, caster.through, lit(scene))
+    def _look(
+        self, sensor: Sensor[Any], state: FrameState, number: int = 0, reading_s: float = 0.0
+    ) -> SensorLook:
+        scene, mount = craft(), sensor.mount or self.mount()
+        stand = Standpoint(state, mount, SEED, "sensor kit", number, reading_s, duration_s=0.1)
+        caster = RayCaster(scene)
+        own = replace(scene, camera=sensor.camera or scene.camera)
+        return SensorLook(stand, own, caster.through, lit(scene))
 
 
 def lit(scene: Scene) -> Callable[[LightRequest], Light]:

@@ -1,5 +1,6 @@
 """The core's sensors under the conformance kit."""
 
+from posse_core._model.mount import Mount
 from posse_core._plugins.loading import Plugins
 from posse_core.testing import SensorConformance
 
@@ -42,3 +43,11 @@ class TestEventCamera(SensorConformance):
     def sensor(self):
         keys = {"formats": ["h5", "aedat4"], "bandwidth_hz": 300.0}
         return REGISTRY.create("sensor", "events", REGISTRY.options("sensor", "events", keys))
+
+
+class TestStereo(SensorConformance):
+    def mount(self):
+        return Mount()
+
+    def sensor(self):
+        return REGISTRY.create("sensor", "stereo")

@@ -48,6 +48,9 @@ Case = Callable[[Path, random.Random], list[str]]
 # Scenarios
 
 
+SCENARIOS = ("small.yaml", "posse-v1.yaml", "cluster.yaml", "transfer.yaml", "sensors.yaml")
+
+
 def write_scenarios(folder: Path) -> None:
     registry = load_plugins().registry
     text = SCENARIO.replace("renderer: {name: flat, seconds: 0.05}\n", "")
@@ -58,10 +61,16 @@ def write_scenarios(folder: Path) -> None:
     value = yaml.safe_load(text)
     value["relative"]["plan"] = {"transfer": {"to_roe_m": [0, 100, 0, 50, 0, 50], "end_s": 20000}}
     (folder / "transfer.yaml").write_text(yaml.safe_dump(value))
+    del value["relative"]["plan"]
+    value["sensors"] = {
+        "side": {"type": "camera", "mount": {"rotation_vector_deg": [0, 5, 0]}, "rate_hz": 0.01},
+        "scanner": {"type": "lidar", "mount": {"position_m": [0.3, 0, 0]}},
+    }
+    (folder / "sensors.yaml").write_text(yaml.safe_dump(value))
 
 
 def scenario(folder: Path, draw: random.Random) -> list[str]:
-    path = folder / draw.choice(("small.yaml", "posse-v1.yaml", "cluster.yaml", "transfer.yaml"))
+    path = folder / draw.choice(SCENARIOS)
     if draw.random() < 0.6:
         value = yaml.safe_load(path.read_text())
         for _ in range(draw.choice((1, 1, 2))):
@@ -84,7 +93,7 @@ def scenario(folder: Path, draw: random.Random) -> list[str]:
 
 
 def write_dataset(folder: Path) -> None:
-    cuboid.write_dataset(folder / "d")
+    cuboid.add_twin(cuboid.write_dataset(folder / "d"))
     code, _, error = run_posse("partition", folder / "d")
     assert code == 0, error
     for form in ("coco", "speed"):

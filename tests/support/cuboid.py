@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -18,9 +19,11 @@ from pycocotools import mask as coco_mask
 from scipy.spatial.transform import Rotation
 
 from posse_core._dataset.camera import write_camera
+from posse_core._dataset.sensors import SensorInfo, write_sensor
 from posse_core._dataset.spacecraft import write_spacecraft
 from posse_core._files.trajectory import load_trajectory, save_trajectory
 from posse_core._model.camera import Camera
+from posse_core._model.mount import Mount
 from posse_core._model.spacecraft import Material, Part, Spacecraft
 from posse_core._model.trajectory import Trajectory
 
@@ -212,6 +215,36 @@ def write_dataset(folder: Path, crafts: tuple[tuple[str, np.ndarray], ...] = (("
     return folder
 
 
+def add_twin(folder: Path) -> Path:
+    """Add a sensor ``twin``: a camera at the camera's place, whose readings are the frames."""
+    info = SensorInfo("twin", "camera", Mount(), None, CAMERA)
+    (folder / "sensors" / "twin").mkdir(parents=True)
+    write_sensor(info, folder / "sensors" / "twin.json")
+    lines = read_lines(folder)
+    for line in lines:
+        files = [f"sensors/twin/{line['index']:06d}{suffix}" for suffix in (".npz", ".png")]
+        for name, source in zip(files, (line["truth"], line["image"]), strict=True):
+            shutil.copyfile(folder / source, folder / name)
+        rates = [
+            line.get(key, [0.0, 0.0, 0.0])
+            for key in ("v_body_cam_m_s", "omega_body_rad_s", "omega_camera_rad_s")
+        ]
+        own = ("keypoints", "mask_rle", "box_visible_px", "q_cam_from_body", "t_body_cam_m")
+        reading = {
+            "t_s": line["t_s"],
+            "q_sensor_from_body": line["q_cam_from_body"],
+            "t_body_sensor_m": line["t_body_cam_m"],
+            "v_body_sensor_m_s": rates[0],
+            "omega_body_rad_s": rates[1],
+            "omega_sensor_rad_s": rates[2],
+            "files": files,
+            "labels": {key: line[key] for key in own},
+        }
+        line["sensors"] = {"twin": [reading]}
+    write_lines(folder, lines)
+    return folder
+
+
 def add_flow(folder: Path) -> Path:
     """Add base colours and the flow to each next frame of a sequence, for the dataset of one cuboid."""
     lines = read_lines(folder)
@@ -286,13 +319,15 @@ def seal(folder: Path, frames: int) -> None:
     def digest(path: Path) -> str:
         return hashlib.sha256(path.read_bytes()).hexdigest()
 
-    files = sorted([*folder.glob("images/*.png"), *folder.glob("truth/*.npz")])
+    readings = [path for path in folder.glob("sensors/*/*") if path.is_file()]
+    files = sorted([*folder.glob("images/*.png"), *folder.glob("truth/*.npz"), *readings])
     rows = "".join(f"{digest(path)}  {path.relative_to(folder)}\n" for path in files)
     (folder / "checksums.sha256").write_text(rows)
     statics = [
         folder / "camera.json",
         folder / "trajectory.npz",
         *folder.glob("spacecraft/*"),
+        *folder.glob("sensors/*.json"),
         *folder.glob("labels/*"),
     ]
     manifest = {

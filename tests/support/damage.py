@@ -195,7 +195,8 @@ def damage_npz(path: Path, draw: random.Random) -> None:
         lambda: np.full(array.shape, np.iinfo(np.int64).max),
         lambda: array[::-1],
     ]
-    arrays[name] = draw.choice(changes)()
+    with np.errstate(over="ignore"):  # 1e300 in single precision is infinite
+        arrays[name] = draw.choice(changes)()
     if draw.random() < 0.1:
         del arrays[name]
     np.savez(path, **arrays)

@@ -10,8 +10,10 @@ from posse_core._model.labels import View
 from posse_core._model.scene import CraftState
 
 _ITERATIONS = 8
-"""Iterations to find the row that sees a point. The remaining error of each is the distance, in rows,
-that the point moves within the previous one's error in time."""
+"""Most iterations to find the row that sees a point. The remaining error of each is the distance, in
+rows, that the point moves within the previous one's error in time."""
+_ROW_ERROR = 1e-9
+"""Iterations end when none moves a point's row by more than this."""
 
 
 def seen_by_rows(
@@ -32,9 +34,11 @@ def seen_by_rows(
     after_s = np.zeros(len(x_body_m))
     x_cam_m = craft.body_in_camera(x_body_m, after_s)
     for _ in range(_ITERATIONS if camera.line_time_s > 0 else 0):
-        row_px = camera.project(x_cam_m)[:, 1]
-        after_s = np.nan_to_num(camera.row_after_s(row_px))
+        before_s = after_s
+        after_s = np.nan_to_num(camera.row_after_s(camera.project(x_cam_m)[:, 1]))
         x_cam_m = craft.body_in_camera(x_body_m, after_s)
+        if np.abs(after_s - before_s).max(initial=0.0) <= _ROW_ERROR * camera.line_time_s:
+            break
     return x_cam_m, after_s
 
 

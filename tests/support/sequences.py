@@ -12,15 +12,17 @@ from posse_core._model.scene import CraftState, FrameState, Onward, Rates, Scene
 DURATION_S = 5.0
 
 
-def look_at(scene: Scene, now: FrameState, then: FrameState | None) -> Look:
-    """The annotator's look at a frame; ``then`` is the next frame of the sequence, or None."""
+def look_at(scene: Scene, now: FrameState, then: FrameState | None, mount: Mount | None = None) -> Look:
+    """The look at a frame of the chaser's camera, or of one beside it with the same lens.
+
+    then: the next frame of the sequence, or None.
+    """
     if then is not None:
         then = replace(then, index=now.index + 1, t_s=now.t_s + DURATION_S)
     onward = Onward(DURATION_S if then else 0.0, now.after, lambda: then)
     caster = RayCaster(scene)
-    return Look(
-        Standpoint(replace(now, onward=onward), Mount(), 0, "annotator"), scene, lambda camera: caster
-    )
+    stand = Standpoint(replace(now, onward=onward), mount or Mount(), 0, "annotator")
+    return Look(stand, scene, lambda camera: caster)
 
 
 def posed(frame: FrameState, R_cam_from_body, t_body_cam_m, rates: Rates | None = None) -> FrameState:

@@ -25,8 +25,8 @@ from posse_core._errors import InputError
     help="Largest size of the page. Frames whose preview does not fit are loaded from the dataset.",
 )
 def command(dataset: Path, out: Path | None, frames: int | None, max_mib: float) -> None:
-    """Write one HTML page that shows DATASET in a browser: frames with their labels drawn, filters,
-    the relative orbit, distributions, the manifest.
+    """Write one HTML page that shows DATASET in a browser: frames with their labels drawn,
+    readings of sensors, filters, the relative orbit, distributions, the manifest.
 
     The page needs no server and no network.
     """

@@ -11,9 +11,10 @@ class Cloud {
     this.names = make(tile.bar, "span", { className: "names" });
     this.parts = [this.canvas, this.controls, this.scale.canvas, this.names];
     this.reset();
+    // What is in front follows the pointer.
     dragged(this.canvas, { move: (x, y, dx, dy) => {
-      this.yaw += dx / 120;
-      this.pitch = Math.min(Math.max(this.pitch - dy / 120, -Math.PI / 2), Math.PI / 2);
+      this.yaw -= dx / 120;
+      this.pitch = Math.min(Math.max(this.pitch + dy / 120, -Math.PI / 2), Math.PI / 2);
       this.draw();
     } });
     this.canvas.onwheel = (event) => {

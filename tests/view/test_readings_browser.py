@@ -61,6 +61,17 @@ TELL = """
     const points = columns.index.map((_, i) => Array.from(cloud.xyz.subarray(3 * i, 3 * i + 3)));
     told.cloud = { perMetre: cloud.perMetre, size: [cloud.canvas.clientWidth, cloud.canvas.clientHeight],
       points, at: points.map((point) => cloud.toCanvas(point)) };
+    const near = [0, 0, -0.5].map((value, i) => value + cloud.middle[i]);
+    const hand = (type, x, y) => cloud.canvas.dispatchEvent(
+      new PointerEvent(type, { clientX: x, clientY: y, pointerId: 1 }));
+    cloud.canvas.setPointerCapture = () => {};   // there is no real pointer
+    cloud.canvas.dispatchEvent(new MouseEvent("dblclick"));
+    told.before = [cloud.toCanvas(near), cloud.perMetre];
+    hand("pointerdown", 100, 100);
+    for (const [x, y] of [[106, 100], [106, 112]]) hand("pointermove", x, y);
+    hand("pointerup", 106, 112);
+    cloud.canvas.dispatchEvent(new WheelEvent("wheel", { deltaY: -100, cancelable: true }));
+    told.after = [cloud.toCanvas(near).map((value, i) => value - told.before[0][i]), cloud.perMetre];
     cloud.colour.value = "range";
     cloud.colour.onchange();
     told.range = cloud.scale.canvas.getAttribute("aria-label");
@@ -195,6 +206,14 @@ def test_points_turn_about_the_middle_of_the_spacecraft(told, sensed):
     expected = turn.apply(relative_m)[:, :2] * cloud["perMetre"] + np.array(cloud["size"]) / 2
     np.testing.assert_allclose(cloud["at"], expected, atol=1e-3)
     assert cloud["perMetre"] * 2 * cuboid.HALF.max() == pytest.approx(0.75 * min(cloud["size"]))
+
+
+def test_the_front_follows_the_pointer_and_the_wheel_zooms(told):
+    (place, before), ((right, down), after) = told["before"], told["after"]
+    assert place == pytest.approx(np.array(told["cloud"]["size"]) / 2)
+    assert right > 0
+    assert down > right
+    assert after > before
 
 
 def test_points_are_coloured_by_what_there_is(told, truth):

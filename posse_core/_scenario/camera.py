@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
@@ -15,6 +15,10 @@ from posse_core._plugins.options import Options, nearest
 from posse_core._scenario.presets import PRESETS
 
 Positive = Annotated[float, Field(gt=0)]
+FAR_SHARE: Final = 0.1
+"""How far outside the image a principal point is unless ``off_axis``, in widths or heights of it."""
+_WHOLE_PX: Final = 0.01
+"""Rounding of ``scale``, in pixels of the image's width or height."""
 
 
 class CameraConfig(Options):
@@ -29,8 +33,7 @@ class CameraConfig(Options):
         1280,
         ge=1,
         le=MOST_SIDE_PX,
-        description="image width, pixels; a width other than the preset's changes the size of its"
-        " pixels",
+        description="image width, pixels; scale is the key for the same camera with fewer pixels",
     )
     height_px: int = Field(960, ge=1, le=MOST_SIDE_PX, description="image height, pixels")
     hfov_deg: float | None = Field(
@@ -42,12 +45,24 @@ class CameraConfig(Options):
     focal_px: tuple[Positive, Positive] | None = Field(
         None, description="focal lengths along x and y, pixels; instead of hfov_deg"
     )
+    off_axis: bool = Field(
+        False,
+        description="whether the image may be far from the lens's axis, as a part cut from a larger one:"
+        " allows a centre_px farther outside the image than a tenth of its width or height",
+    )
     centre_px: tuple[float, float] | None = Field(
         None,
         description="principal point, pixels, with the first pixel's centre at (0, 0); null is the"
         " image's middle",
     )
     sensor_width_mm: float = Field(36.0, gt=0, description="width of the sensor, mm")
+    scale: float = Field(
+        1.0,
+        gt=0,
+        description="divides the same sensor behind the same lens into so many times as many columns and"
+        " rows: width_px, height_px, focal_px, centre_px, line_time_s, and the sensor's full_well_e and"
+        " gain_e_dn are those of scale 1",
+    )
     line_time_s: float = Field(
         0.0,
         ge=0,
@@ -83,6 +98,32 @@ class CameraConfig(Options):
             raise ValueError("give focal_px or hfov_deg, not both")
         return focal_px
 
+    @field_validator("centre_px")
+    @classmethod
+    def _near_the_image(
+        cls, centre_px: tuple[float, float] | None, info: ValidationInfo
+    ) -> tuple[float, float] | None:
+        known = {"width_px", "height_px", "off_axis"} <= info.data.keys()  # the others are wrong
+        if centre_px is None or not known or info.data["off_axis"]:
+            return centre_px
+        for position, side in zip(centre_px, ("width", "height"), strict=True):
+            size = info.data[f"{side}_px"]
+            outside_px = max(-0.5 - position, position - (size - 0.5))
+            if outside_px > FAR_SHARE * size:
+                raise ValueError(
+                    f"is {outside_px:.6g} px outside the image, farther than a tenth of its {side} of"
+                    f" {size} px; use scale for the same camera with fewer pixels, or off_axis: true for"
+                    " a part of a larger image"
+                )
+        return centre_px
+
+    @field_validator("scale")
+    @classmethod
+    def _to_whole_pixels(cls, scale: float, info: ValidationInfo) -> float:
+        if {"width_px", "height_px"} <= info.data.keys():
+            _scaled_size(info.data["width_px"], info.data["height_px"], scale)
+        return scale
+
     @field_validator("distortion")
     @classmethod
     def _one_to_one(cls, distortion: Any, info: ValidationInfo) -> Any:
@@ -91,12 +132,33 @@ class CameraConfig(Options):
             cls.model_construct(**info.data, distortion=distortion).camera()
         return distortion
 
+    def scaled(self) -> CameraConfig:
+        """The keys of the same camera with ``scale`` 1."""
+        if self.scale == 1:
+            return self
+        width_px, height_px = _scaled_size(self.width_px, self.height_px, self.scale)
+        x, y = width_px / self.width_px, height_px / self.height_px
+        changed: dict[str, Any] = {
+            "width_px": width_px,
+            "height_px": height_px,
+            "line_time_s": self.line_time_s / y,
+            "scale": 1.0,
+        }
+        if self.focal_px is not None:
+            changed["focal_px"] = (x * self.focal_px[0], y * self.focal_px[1])
+        if self.centre_px is not None:  # the corner of the first pixel, at -0.5, stays in its place
+            cx_px, cy_px = self.centre_px
+            changed["centre_px"] = (x * (cx_px + 0.5) - 0.5, y * (cy_px + 0.5) - 0.5)
+        return self.model_copy(update=changed)
+
     def camera(self) -> Camera:
         """The camera that these keys describe.
 
         Raises:
             ValueError: the distortion maps two directions to one pixel inside the image.
         """
+        if self.scale != 1:
+            return self.scaled().camera()
         if self.focal_px is not None:
             fx_px, fy_px = self.focal_px
         else:
@@ -114,6 +176,28 @@ class CameraConfig(Options):
             line_time_s=self.line_time_s,
             distortion=BrownConrady(*coefficients) if any(coefficients) else None,
         )
+
+
+def _scaled_size(width_px: int, height_px: int, scale: float) -> tuple[int, int]:
+    """The size of an image with so many times as many columns and rows.
+
+    Raises:
+        ValueError: it is not of whole pixels, or too large.
+    """
+    exact = width_px * scale, height_px * scale
+    width, height = (round(side) for side in exact)
+    if max(exact) > MOST_SIDE_PX:
+        raise ValueError(
+            f"would make {exact[0]:.6g} x {exact[1]:.6g} px, and a side has at most {MOST_SIDE_PX}"
+        )
+    if min(width, height) < 1 or max(abs(width - exact[0]), abs(height - exact[1])) > _WHOLE_PX:
+        steps = math.gcd(width_px, height_px)
+        near = max(1, round(scale * steps)) / steps
+        raise ValueError(
+            f"would make {exact[0]:.6g} x {exact[1]:.6g} px of {width_px} x {height_px}, not whole ones;"
+            f" {near:.8g} makes {round(near * width_px)} x {round(near * height_px)}"
+        )
+    return width, height
 
 
 def preset_camera(name: str) -> Camera:

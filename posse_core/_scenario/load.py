@@ -68,6 +68,7 @@ def load_scenario(
         raise InputError(f"{text.name}: a scenario is a mapping of keys; see 'posse describe scenario'")
     base = Path(text.name).parent if text.name == source else Path()
     given = {tuple(key.split(".")): value for key, value in (overrides or {}).items()}
+    _drop_former_cameras(raw, given)
     for path, value in sorted(given.items(), key=lambda item: item[0][-1] not in ("name", "law")):
         put(raw, path, value)
 
@@ -139,6 +140,18 @@ def put(raw: dict[str, Any], path: tuple[str, ...], value: Any) -> None:
     if names_component and current.get(name_key) != value:
         current.clear()
     current[path[-1]] = value
+
+
+def _drop_former_cameras(raw: dict[str, Any], given: Mapping[tuple[str, ...], Any]) -> None:
+    """Empty the keys of each camera for which a published one is named: the former camera's numbers
+    would hide the latter's."""
+    for path in given:
+        if path[0] in ("camera", "sensors") and path[-2:] == ("camera", "preset"):
+            inner: Any = raw
+            for step in path[:-1]:
+                inner = inner.get(step) if isinstance(inner, dict) else None
+            if isinstance(inner, dict):
+                inner.clear()
 
 
 _FILES = (

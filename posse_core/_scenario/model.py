@@ -148,6 +148,13 @@ class Scenario(Options):
             return raw
         return {**raw, "constants": {"solar_constant_w_m2": THESIS_SOLAR_CONSTANT_W_M2, **given}}
 
+    @model_validator(mode="after")
+    def _scaled(self) -> Scenario:
+        if self.camera.scale == 1:
+            return self
+        sensor = self.sensor.with_pixels_of(self.camera.scale**-2)
+        return self.model_copy(update={"camera": self.camera.scaled(), "sensor": sensor})
+
     @field_validator("sensors")
     @classmethod
     def _names_of_folders(cls, sensors: Mapping[str, SensorChoice]) -> Mapping[str, SensorChoice]:

@@ -21,38 +21,6 @@ class CameraPreset:
     camera: Mapping[str, Any]
     sensor: Mapping[str, Any]
 
-    def keys_for(self, camera: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-        """The preset's ``camera`` and ``sensor`` keys, adapted to the camera keys that a scenario gives.
-
-        Another ``width_px`` divides the same sensor into pixels of another size: focal length and
-        principal point scale with it, a pixel's full well with its area, and the height too if the
-        scenario does not give one. Another ``height_px`` crops or extends the image equally above and
-        below.
-        """
-        keys, sensor = dict(self.camera), dict(self.sensor)
-        width_px, height_px = (camera.get(key, keys[key]) for key in ("width_px", "height_px"))
-        if not isinstance(width_px, int) or not isinstance(height_px, int) or width_px < 1:
-            return keys, sensor
-        scale = width_px / keys["width_px"]
-        if "height_px" not in camera:
-            height_px = max(1, round(keys["height_px"] * scale))
-        if "focal_px" in keys:
-            keys["focal_px"] = [scale * f_px for f_px in keys["focal_px"]]
-        if "centre_px" in keys:
-            old, new = (keys["width_px"], keys["height_px"]), (width_px, height_px)
-            keys["centre_px"] = [
-                (size - 1) / 2 + scale * (c_px - (was - 1) / 2)
-                for c_px, was, size in zip(keys["centre_px"], old, new, strict=True)
-            ]
-        if "full_well_e" in sensor:
-            sensor["full_well_e"] = sensor["full_well_e"] / scale**2
-        keys["width_px"], keys["height_px"] = width_px, height_px
-        if camera.get("hfov_deg") is not None:
-            keys.pop("focal_px", None)
-        if camera.get("focal_px") is not None:
-            keys.pop("hfov_deg", None)
-        return keys, sensor
-
 
 _IMX174: Mapping[str, Any] = MappingProxyType(
     {
@@ -120,10 +88,17 @@ def with_preset(raw: Mapping[str, Any]) -> dict[str, Any]:
     name = camera.get("preset") if isinstance(camera, Mapping) else None
     preset = PRESETS.get(str(name))
     if preset is not None and isinstance(camera, Mapping) and isinstance(sensor, Mapping):
-        keys, sensor_keys = preset.keys_for(camera)
-        filled["camera"] = {**keys, **camera}
-        filled["sensor"] = _merged(sensor_keys, sensor)
+        filled["camera"] = {**_without_other_field(preset.camera, camera), **camera}
+        filled["sensor"] = _merged(preset.sensor, sensor)
     return filled
+
+
+def _without_other_field(preset: Mapping[str, Any], camera: Mapping[str, Any]) -> dict[str, Any]:
+    """A preset's camera keys less the one that describes the field of view in the other way than the
+    scenario."""
+    ways = {"hfov_deg": "focal_px", "focal_px": "hfov_deg"}
+    given = {other for way, other in ways.items() if camera.get(way) is not None}
+    return {key: value for key, value in preset.items() if key not in given}
 
 
 def _merged(under: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:

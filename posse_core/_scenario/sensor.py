@@ -135,3 +135,9 @@ class SensorConfig(Options):
     psf: PsfConfig | None = Field(
         PsfConfig(), description="point spread function of the lens; null for none"
     )
+
+    def with_pixels_of(self, area: float) -> SensorConfig:
+        """The keys of the same sensor divided into pixels of ``area`` times the size, whose images are
+        as bright."""
+        wells = {"full_well_e": self.full_well_e, "gain_e_dn": self.gain_e_dn}
+        return self.model_copy(update={k: e * area for k, e in wells.items() if e is not None})

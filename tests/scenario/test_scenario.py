@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from posse_core._cli.describe import command as describe
 from posse_core._errors import InputError
+from posse_core._imaging.image_sensor import FULL_WELL_E_M2, ImageSensor
 from posse_core._plugins.loading import load_plugins
 from posse_core._scenario.camera import preset_camera
 from posse_core._scenario.load import (
@@ -254,18 +255,83 @@ def test_a_camera_of_no_known_name_is_refused():
         preset_camera("sped")
 
 
-def test_a_named_camera_of_another_width_sees_the_same(tmp_path):
-    scenes = [
-        load(tmp_path, MINIMAL + "camera: {preset: speed-plus}\n", **more)
-        for more in ({}, {"camera.width_px": 480}, {"camera.width_px": 480, "camera.height_px": 320})
-    ]
-    full, small, taller = (scene.camera.camera() for scene in scenes)
-    assert (small.width_px, small.height_px) == (480, 300)
-    corner = [[-0.5, -0.5]]
-    assert small.rays(corner) == pytest.approx(full.rays(corner), abs=1e-12)
-    assert taller.rays([[-0.5, 9.5]]) == pytest.approx(full.rays(corner), abs=1e-12)
-    assert small.focal_length_m == pytest.approx(full.focal_length_m)
-    assert scenes[1].sensor.full_well_e == pytest.approx(16 * 32500)  # sixteen pixels in one
+CALIBRATED = (
+    "camera: {width_px: 1920, height_px: 1200, focal_px: [2988.6, 2988.3], centre_px: [955.2, 611.7],"
+    " sensor_width_mm: 11.25, line_time_s: 1.0e-5, distortion: [-0.2, 0.1, 0.001, 0, 0]}\n"
+    "sensor: {full_well_e: 32500, gain_e_dn: 130}\n"
+)
+
+
+def dn_s(scenario) -> float:
+    """The DN per second of a pixel that sees a uniform radiance."""
+    camera, keys = scenario.camera.camera(), scenario.sensor
+    full_well_e = keys.full_well_e or FULL_WELL_E_M2 * camera.pixel_pitch_m**2
+    electrons_s = ImageSensor(keys, camera).electrons_s(np.full(3, 10.0))
+    return electrons_s[0] / (keys.gain_e_dn or full_well_e / 255)
+
+
+@pytest.mark.parametrize(
+    "camera", [CALIBRATED, "camera: {preset: speed-plus}\n", "camera: {preset: thesis}\n"]
+)
+def test_a_camera_at_another_scale_sees_the_same(tmp_path, camera):
+    full, small = (load(tmp_path, MINIMAL + camera, **{"camera.scale": s}) for s in (1, 0.25))
+    one, other = full.camera.camera(), small.camera.camera()
+    assert (other.width_px, other.height_px) == (one.width_px // 4, one.height_px // 4)
+    for share in ([0, 0], [1, 0], [0.3, 0.8], [1, 1]):  # of the image's width and height
+        position = [np.array(share) * [c.width_px, c.height_px] - 0.5 for c in (one, other)]
+        assert other.rays(position[1]) == pytest.approx(one.rays(position[0]), abs=1e-12)
+    assert other.focal_length_m == pytest.approx(one.focal_length_m)
+    assert other.line_time_s * other.height_px == pytest.approx(one.line_time_s * one.height_px)
+    assert dn_s(small) == pytest.approx(dn_s(full))
+    if full.sensor.full_well_e is not None:
+        assert small.sensor.full_well_e == pytest.approx(16 * full.sensor.full_well_e)
+    (tmp_path / "dumped.yaml").write_text(dump_scenario(small))
+    assert load_scenario(str(tmp_path / "dumped.yaml"), REGISTRY) == small
+    back = load_scenario(str(tmp_path / "dumped.yaml"), REGISTRY, {"camera.scale": 4})
+    assert back.camera.camera().rays([[3.0, 5.0]]) == pytest.approx(one.rays([[3.0, 5.0]]), abs=1e-12)
+
+
+def test_the_scale_of_a_camera_beside_is_its_own(tmp_path):
+    beside = (
+        "sensors: {wide: {type: camera, camera: {preset: speed, scale: 0.5}, sensor: {exposure_s: 1}}}\n"
+    )
+    options = load(tmp_path, MINIMAL + beside).sensors["wide"].options
+    assert (options["camera"]["width_px"], options["camera"]["height_px"]) == (960, 600)
+    assert options["sensor"]["full_well_e"] == pytest.approx(4 * 32500)
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ({"width_px": 612}, ["camera.centre_px", "343.7 px outside", "use scale", "off_axis: true"]),
+        ({"height_px": 400}, ["camera.centre_px", "tenth of its height of 400 px"]),
+        ({"scale": 0.31875}, ["camera.scale", "612 x 382.5 px", "0.31666667 makes 608 x 380"]),
+        ({"scale": 1e-9}, ["camera.scale", "0.0041666667 makes 8 x 5"]),
+        ({"scale": 20}, ["camera.scale", "at most 16384"]),
+        ({"scale": 0}, ["camera.scale", "greater than 0"]),
+        ({"scale": "half"}, ["camera.scale", "'half'"]),
+    ],
+)
+def test_a_calibrated_camera_of_another_size_is_not_cut_by_mistake(tmp_path, override, words):
+    given = {f"camera.{key}": value for key, value in override.items()}
+    with pytest.raises(InputError) as refused:
+        load(tmp_path, MINIMAL + CALIBRATED, **given)
+    for word in words:
+        assert word in str(refused.value)
+
+
+def test_a_part_of_a_larger_image_is_had_by_asking_for_it(tmp_path):
+    near = load(tmp_path, MINIMAL + CALIBRATED, **{"camera.width_px": 900}).camera.camera()
+    assert near.cx_px == 955.2  # a little outside
+    far = {"camera.width_px": 612, "camera.off_axis": True}
+    assert load(tmp_path, MINIMAL + CALIBRATED, **far).camera.camera().cx_px == 955.2
+
+
+def test_a_camera_named_by_option_replaces_the_scenario_s(tmp_path):
+    named = load(tmp_path, MINIMAL + CALIBRATED, **{"camera.preset": "thesis", "camera.width_px": 640})
+    assert (named.camera.width_px, named.camera.height_px) == (640, 960)
+    assert named.camera.hfov_deg == 90
+    assert named.camera.distortion is None
 
 
 def test_the_field_of_a_named_camera_can_be_another(tmp_path):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Self
 
 from pydantic import Field, model_validator
 
@@ -34,3 +34,10 @@ class CameraOptions(Options):
         if not isinstance(raw, Mapping) or not isinstance(raw.get("camera"), Mapping):
             return raw
         return with_preset({key: value for key, value in raw.items() if value is not None})
+
+    @model_validator(mode="after")
+    def _scaled(self) -> Self:
+        if self.camera is None or self.camera.scale == 1:
+            return self
+        sensor = self.sensor and self.sensor.with_pixels_of(self.camera.scale**-2)
+        return self.model_copy(update={"camera": self.camera.scaled(), "sensor": sensor})

@@ -56,7 +56,7 @@ class RasterOptions(_Scan):
     columns: int = Field(100, ge=1, le=16384, description="beams in a row, equally spaced in azimuth")
     rows: int = Field(100, ge=1, le=16384, description="rows, equally spaced in elevation")
     duration_s: float = Field(
-        0.1, ge=0, description="from the first beam to the one that would follow the last, s"
+        0.1, ge=0, le=1e4, description="from the first beam to the one that would follow the last, s"
     )
 
     @property
@@ -73,7 +73,7 @@ class SpiralOptions(_Scan):
     turns: float = Field(50.0, gt=0, le=1e5, description="number of turns")
     beams: int = Field(10_000, ge=1, le=MOST_RAYS, description="number of beams")
     duration_s: float = Field(
-        0.1, ge=0, description="from the first beam to the one that would follow the last, s"
+        0.1, ge=0, le=1e4, description="from the first beam to the one that would follow the last, s"
     )
 
 
@@ -124,11 +124,12 @@ class ReceiverOptions(Options):
     threshold_snr: float = Field(
         6.0,
         gt=0,
+        le=1e6,
         description="least signal that is detected, in standard deviations of the noise without signal;"
         " never less than one electron",
     )
     saturation_e: float | None = Field(
-        1e6, gt=0, description="largest signal that is measured, electrons; null for no limit"
+        1e6, gt=0, le=1e18, description="largest signal that is measured, electrons; null for no limit"
     )
 
 
@@ -141,9 +142,9 @@ class RangingOptions(Options):
         " half its length: the first that exceeds the threshold or the strongest; or the centroid of"
         " all",
     )
-    bias_m: float = Field(0.0, description="added to every range, m")
+    bias_m: float = Field(0.0, ge=-1e4, le=1e4, description="added to every range, m")
     resolution_m: float = Field(
-        0.0, ge=0, description="ranges are rounded to multiples of it, m; 0 for none"
+        0.0, ge=0, le=1e3, description="ranges are rounded to multiples of it, m; 0 for none"
     )
 
 
@@ -152,11 +153,15 @@ class LidarNoise(Options):
 
     shot: bool = Field(True, description="Poisson noise of the signal and of sunlight")
     receiver_e: float = Field(
-        100.0, ge=0, description="standard deviation of the receiver's own noise in a pulse, electrons"
+        100.0,
+        ge=0,
+        le=1e9,
+        description="standard deviation of the receiver's own noise in a pulse, electrons",
     )
     range_m: float = Field(
         0.01,
         ge=0,
+        le=1e3,
         description="standard deviation of ranges whatever the signal, such as jitter of the clock, m",
     )
 

@@ -83,7 +83,8 @@ class Receiver:
         """Standard deviation of measured ranges (N,).
 
         σ = c t_rise / (2 SNR), where SNR is the signal over its noise, the root of the ratio of powers
-        (Jelalian 1992, chapter 1; Baltsavias 1999, ISPRS J. 54, 199), and in addition ``noise.range_m``.
+        (Jelalian 1992, chapter 1; Baltsavias 1999, ISPRS J. 54, 199), at least 1 here, and in addition
+        ``noise.range_m``.
         The rise time is that of the returning pulse, which is longer if its rays meet the surface at
         different distances.
 
@@ -94,10 +95,9 @@ class Receiver:
         """
         rise_s = _RISE_SIGMAS * np.hypot(self._pulse_s, 2 * spread_m / SPEED_OF_LIGHT_M_S)
         noise_e = np.sqrt(self._variance(signal_e + background_e))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            by_signal_m = np.where(
-                signal_e > 0, SPEED_OF_LIGHT_M_S / 2 * rise_s * noise_e / signal_e, 0.0
-            )
+        larger_e = np.maximum(signal_e, noise_e)
+        inverse_snr = np.divide(noise_e, larger_e, out=np.zeros_like(larger_e), where=larger_e > 0)
+        by_signal_m = SPEED_OF_LIGHT_M_S / 2 * rise_s * inverse_snr
         return np.hypot(by_signal_m, self._options.noise.range_m)
 
     def measured(

@@ -6,11 +6,15 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.constants import c, h, k
 from scipy.stats import norm
 
+from posse_core._model.spacecraft import Material
 from posse_core.testing import scenes
 
+MATT = Material("matt", (0.4, 0.3, 0.2), specular=0.0)
 BEAMS = 40_000
 SIGMA_BOUND = 4.5
 """Of a mean or a variance that is drawn, in its own standard deviations: 7 in a million are beyond."""
@@ -184,3 +188,57 @@ def test_frames_have_errors_of_their_own(many):
     one, again, other = (many(energy_j=4e-8, index=i)[0]["range_m"] for i in (0, 0, 1))
     np.testing.assert_array_equal(one, again)
     assert abs(np.corrcoef(one, other)[0, 1]) < SIGMA_BOUND / math.sqrt(BEAMS)
+
+
+def positive(low, high):
+    return st.floats(math.log(low), math.log(high)).map(lambda x: min(max(math.exp(x), low), high))
+
+
+@given(
+    st.fixed_dictionaries(
+        {
+            "pattern": st.fixed_dictionaries(
+                {
+                    "shape": st.just("raster"),
+                    "columns": st.just(5),
+                    "rows": st.just(4),
+                    "rays": st.integers(1, 9),
+                    "pulse_energy_j": positive(1e-30, 100),
+                    "divergence_rad": st.just(0.0) | positive(1e-12, 0.2),
+                }
+            ),
+            "wavelength_m": positive(2e-7, 2e-5),
+            "pulse_width_s": positive(1e-20, 1e-6),
+            "receiver": st.fixed_dictionaries(
+                {
+                    "aperture_m": positive(1e-9, 10),
+                    "bandwidth_m": st.just(0.0) | positive(1e-20, 1e-6),
+                    "threshold_snr": positive(1e-9, 1e6),
+                    "efficiency": st.floats(0, 1),
+                }
+            ),
+            "ranging": st.fixed_dictionaries(
+                {"echo": st.sampled_from(["first", "strongest", "centroid"])}
+            ),
+            "noise": st.fixed_dictionaries(
+                {
+                    "shot": st.booleans(),
+                    "receiver_e": st.just(0.0) | positive(1e-9, 1e9),
+                    "range_m": st.just(0.0) | positive(1e-9, 1e3),
+                }
+            ),
+        }
+    ),
+    positive(0.1, 1e5),
+    st.sampled_from([MATT, Material("matt", metallic=1.0, roughness=0.0), Material("matt", (0, 0, 0))]),
+)
+def test_any_lidar_measures_finite_numbers_or_nothing(sense, options, distance_m, material):
+    wall = scenes.rectangle("wall", "matt", u_m=(distance_m / 9, 0, 0), v_m=(0, distance_m / 9, 0))
+    options = {**options, "formats": ["ply", "las"]}
+    reading = sense(
+        [wall], options, t_m=(0, 0, distance_m), sun_body=(0.1, 0.2, 1), materials=(material,)
+    )
+    detected = reading.arrays["part_id"] >= 0
+    for name in ("range_m", "intensity_e"):
+        assert (np.isfinite(reading.arrays[name]) == detected).all()
+    assert reading.labels["returns"] + reading.labels["drop_outs"] <= reading.labels["beams"] == 20

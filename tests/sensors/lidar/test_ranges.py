@@ -70,7 +70,7 @@ def test_a_plane_that_moves_while_it_is_scanned(sense, seed):
     """Each beam meets it where the rates have taken it: a plane that turns and goes, before a sensor
     that turns, by SciPy's rotations."""
     rng = np.random.default_rng(seed)
-    v, omega_body, omega_camera = rng.normal(0, [[0.5], [0.2], [0.02]], (3, 3))
+    v, omega_body, omega_camera = rng.uniform(-1, 1, (3, 3)) * [[1.0], [0.25], [0.04]]
     wall = scenes.rectangle("wall", "matt", u_m=(60, 0, 0), v_m=(0, 60, 0))
     t = np.array([0.0, 0.0, 30.0])
     arrays = sense(

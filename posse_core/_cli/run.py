@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import shlex
 import sys
 from collections.abc import Iterable, Iterator
 from functools import partial
@@ -145,12 +146,15 @@ def _emit(event: str, **values: Any) -> None:
 
 
 def _as_json(result: RunResult) -> dict[str, Any]:
+    from posse_core._dataset.remarks import Remark
+
     return {
         "dataset": result.out,
         "frames": result.frames,
         "made": result.made,
         "failed": {str(index): error for index, error in result.failed.items()},
         "seconds": round(result.seconds, 3),
+        "remarks": {remark.name.lower(): result.remarks.get(remark, 0) for remark in Remark},
     }
 
 
@@ -159,5 +163,27 @@ def _print(result: RunResult, *, to_stdout: bool) -> None:
         click.echo(
             f"{result.out}: {result.made} frames made of {result.frames} in {result.seconds:.1f} s"
         )
+        click.echo(f"{_remarks(result)}; next: {_next(result)}")
     for index, error in sorted(result.failed.items()):
         click.echo(f"posse: frame {index} failed: {' '.join(error.split())}", err=True)
+
+
+def _remarks(result: RunResult) -> str:
+    """``30 frames: 9 in eclipse, 4 dark``, of the frames that the dataset now has."""
+    from posse_core._dataset.remarks import Remark
+
+    counted = [
+        f"{result.remarks[remark]} {remark.value}" for remark in Remark if remark in result.remarks
+    ]
+    words = f"{result.frames - len(result.failed)} frames"
+    return f"{words}: {', '.join(counted)}" if counted else words
+
+
+def _next(result: RunResult) -> str:
+    """What the user may do with the dataset."""
+    from posse_core._files.store import is_remote
+
+    folder = shlex.quote(result.out)
+    if result.failed:
+        return f"posse run --resume --out {folder}"
+    return "copy it to a folder for 'posse view'" if is_remote(result.out) else f"posse view {folder}"

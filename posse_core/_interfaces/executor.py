@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
+from posse_core._dataset.remarks import Remark
 from posse_core._errors import ComponentError
 from posse_core._model.label_line import LabelLine
 from posse_core._plugins.component import Component, OptionsT
@@ -22,10 +23,12 @@ class FrameMade:
     Attributes:
         labels: the frame's label line.
         sha256: path of each of the frame's files in the dataset → SHA-256.
+        remark: what is remarkable about the frame, None for nothing.
     """
 
     labels: LabelLine
     sha256: Mapping[str, str]
+    remark: Remark | None = None
 
 
 class FrameWorker(Protocol[MadeBy]):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from posse_core._dataset.camera import write_camera
@@ -23,6 +23,7 @@ from posse_core._dataset.layout import (
     inside,
     sensor_file,
 )
+from posse_core._dataset.remarks import Remark
 from posse_core._dataset.sensors import SensorInfo, write_sensor
 from posse_core._dataset.spacecraft import write_spacecraft
 from posse_core._errors import ComponentError, InputError, PosseError, StoreError
@@ -103,8 +104,12 @@ class Recording:
 
     def add(self, made: FrameMade) -> None:
         """Log a frame whose files are complete."""
-        self._destination.frame_logged(self._log.append(made.labels, made.sha256))
+        self._destination.frame_logged(self._log.append(made.labels, made.sha256, made.remark))
         self._plugins.notify("posse_frame_completed", index=made.labels.index, labels=made.labels)
+
+    def remarks(self) -> Mapping[Remark, int]:
+        """Remark → number of the frames so far, those of earlier attempts too, that it is made on."""
+        return self._log.remarks()
 
     def finish(self, failed: dict[int, str], *, frames: int | None = None) -> None:
         """Sort the labels, write the exports, and then the manifest as the last file of a dataset.

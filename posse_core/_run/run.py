@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 
+from posse_core._dataset.remarks import Remark
 from posse_core._errors import InputError
 from posse_core._files.store import is_remote
 from posse_core._interfaces.executor import Executor, FrameMade, FrameResult
@@ -30,6 +31,7 @@ class RunResult:
         made: number of frames made by this run.
         failed: index of a frame → why it failed.
         seconds: duration of the run.
+        remarks: remark → number of the dataset's frames that it is made on, those of earlier runs too.
     """
 
     out: str
@@ -37,6 +39,7 @@ class RunResult:
     made: int
     failed: dict[int, str]
     seconds: float
+    remarks: Mapping[Remark, int]
 
 
 def run(
@@ -74,7 +77,9 @@ def run(
         failed: dict[int, str] = {}
         if todo or not dataset.is_complete:
             failed = _make(dataset, todo, frames, executor, progress)
-    return RunResult(out, frames, len(todo) - len(failed), failed, time.monotonic() - started)
+        remarks = dataset.remarks()
+    made = len(todo) - len(failed)
+    return RunResult(out, frames, made, failed, time.monotonic() - started, remarks)
 
 
 def _make(

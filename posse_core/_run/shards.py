@@ -1,9 +1,10 @@
 """The labels on disk: append-only shards of JSON lines, and the checksums of the frames' files.
 
 A frame is complete when its whole line is in a shard. Before the line, the frame's files are written,
-and then a block of checksums: a row for each file and a seal, which is a checksum of these rows and the
-line. A run that is interrupted at any point therefore leaves at most one incomplete line, which is
-dropped. A bit that changes later is detected in lines and in files, without parsing a line.
+and then a block of checksums: a row for each file and a seal, which is a checksum of these rows, the
+line and the remark on the frame, and ends in this remark if there is one. A run that is interrupted at
+any point therefore leaves at most one incomplete line, which is dropped. A bit that changes later is
+detected in lines and in files, without parsing a line.
 
 Lines contain only labels. They are appended as frames are completed and sorted at the end of the run, so
 they are equal to the bit for any renderer, any number of workers, and any interruption of the run.
@@ -13,12 +14,14 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
 from posse_core._dataset.layout import LABELS
+from posse_core._dataset.remarks import Remark
 from posse_core._files.atomic import write_bytes
 from posse_core._files.reading import check_file
 from posse_core._model.label_line import LabelLine
@@ -27,7 +30,7 @@ from posse_core._model.manifest import CHECKSUMS
 FRAMES_PER_SHARD = 1000
 
 _LINE_START = re.compile(rb'\{"index":(\d{1,15}),')
-_SEAL = re.compile(rb"# [0-9a-f]{64}  frame (\d{1,15})\n")
+_SEAL = re.compile(rb"# [0-9a-f]{64}  frame (\d{1,15})(?:, ([a-z -]+))?\n")
 
 
 def shard_path(folder: Path, index: int) -> Path:
@@ -54,7 +57,9 @@ class LabelLog:
         self._shards = [shard_path(folder, first) for first in range(0, frames, FRAMES_PER_SHARD)]
         (folder / LABELS).mkdir(exist_ok=True)
 
-    def append(self, labels: LabelLine, digests: Mapping[str, str]) -> bytes:
+    def append(
+        self, labels: LabelLine, digests: Mapping[str, str], remark: Remark | None = None
+    ) -> bytes:
         """Append a frame whose files are complete; ``digests`` maps each file to its SHA-256.
 
         Returns:
@@ -62,7 +67,7 @@ class LabelLog:
         """
         line = labels.to_json() + b"\n"
         rows = "".join(f"{digest}  {name}\n" for name, digest in digests.items())
-        block = _sealed(labels.index, rows.encode(), line)
+        block = _sealed(labels.index, rows.encode(), line, remark.value.encode() if remark else None)
         _append(self._folder / CHECKSUMS, block)
         _append(shard_path(self._folder, labels.index), line)
         return block + line
@@ -105,6 +110,12 @@ class LabelLog:
             write_bytes(path, b"".join(lines))
         return intact
 
+    def remarks(self) -> Counter[Remark]:
+        """Remark → number of the frames that it is made on."""
+        blocks = _blocks(self._folder / CHECKSUMS).values()
+        made = (_remark(block) for block in blocks)
+        return Counter(Remark(words.decode()) for words in made if words is not None)
+
     def put_in_order(self) -> None:
         """Sort lines and checksums by frame, since workers complete frames in any order."""
         for path in self._shards:
@@ -124,7 +135,7 @@ def replay(folder: Path, entries: bytes) -> None:
 
 def _is_intact(index: int, line: bytes, block: bytes, digest_of: Callable[[str], str]) -> bool:
     rows = block[: block.rindex(b"# ")]
-    if _sealed(index, rows, line) != block:
+    if _sealed(index, rows, line, _remark(block)) != block:
         return False
     try:
         for row in rows.decode().splitlines():
@@ -153,9 +164,17 @@ def _index(line: bytes) -> int:
     return int(match[1]) if match else -1
 
 
-def _sealed(index: int, rows: bytes, line: bytes) -> bytes:
-    """Return a frame's block of checksums: the rows of its files and the seal over them and its line."""
-    return b"%b# %b  frame %d\n" % (rows, hashlib.sha256(rows + line).hexdigest().encode(), index)
+def _sealed(index: int, rows: bytes, line: bytes, remark: bytes | None) -> bytes:
+    """Return a frame's block of checksums: the rows of its files, and the seal over them, the frame's
+    line and the remark on it."""
+    digest = hashlib.sha256(rows + line + (remark or b"")).hexdigest().encode()
+    return b"%b# %b  frame %d%b\n" % (rows, digest, index, b", " + remark if remark else b"")
+
+
+def _remark(block: bytes) -> bytes | None:
+    """The remark in a frame's block of checksums."""
+    seal = _SEAL.search(block)
+    return seal[2] if seal else None
 
 
 def _blocks(path: Path) -> dict[int, bytes]:

@@ -6,6 +6,7 @@ import hashlib
 import json
 
 from posse_core._dataset.layout import IMAGES, SCENARIO, TRAJECTORY, TRUTH, reading_file
+from posse_core._dataset.remarks import remark_on
 from posse_core._files.compressed import npz, png
 from posse_core._files.store import Store, open_store
 from posse_core._files.trajectory import load_trajectory
@@ -69,7 +70,8 @@ def write_frame(frame: Frame, store: Store) -> FrameMade:
         labels = labels.model_copy(update={"sensors": beside})
     for name, data in files.items():
         store.write(name, data)
-    return FrameMade(labels, {name: hashlib.sha256(data).hexdigest() for name, data in files.items()})
+    digests = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
+    return FrameMade(labels, digests, remark_on(labels, frame.image))
 
 
 def _reading_files(reading: Reading, sensor: str, index: int, number: int) -> dict[str, bytes]:

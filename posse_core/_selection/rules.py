@@ -6,8 +6,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
+from posse_core._dataset.remarks import (
+    DARK_LEVEL_SHARE,
+    DARK_PIXEL_SHARE,
+    ECLIPSE_DISC_SHARE,
+    in_eclipse,
+    is_dark,
+)
 from posse_core._errors import InputError
 from posse_core._model.label_line import LabelLine
 from posse_core._model.labels import VISIBLE
@@ -16,11 +21,6 @@ from posse_core._plugins.options import nearest
 if TYPE_CHECKING:
     from posse_core._dataset.dataset import Dataset
 
-ECLIPSE_DISC_SHARE = 0.5
-"""Visible share of the Sun's disc below which a frame is in eclipse."""
-DARK_PIXEL_SHARE, DARK_LEVEL_SHARE = 0.9, 0.05
-"""A spacecraft is dark if this share of its pixels is below this share of the full scale, or if none of
-its pixels is visible."""
 ENOUGH_KEYPOINTS = 3
 
 
@@ -42,14 +42,12 @@ class Rule:
 
 
 def _eclipse(dataset: Dataset, labels: LabelLine) -> bool:
-    return bool(min(labels.sun_fraction_target, labels.sun_fraction_camera) < ECLIPSE_DISC_SHARE)
+    return in_eclipse(labels)
 
 
 def _dark(dataset: Dataset, labels: LabelLine) -> bool:
-    image = dataset.image(dataset.position(labels.index))
-    craft = image[labels.mask_rle.mask()]
-    dark_dn = DARK_LEVEL_SHARE * np.iinfo(image.dtype).max
-    return craft.size == 0 or bool(np.quantile(craft, DARK_PIXEL_SHARE) < dark_dn)
+    craft = dataset.image(dataset.position(labels.index))[labels.mask_rle.mask()]
+    return len(craft) == 0 or is_dark(craft)
 
 
 def _few_keypoints(dataset: Dataset, labels: LabelLine) -> bool:

@@ -9,8 +9,13 @@ import subprocess
 import time
 from pathlib import Path
 
+import cv2
 import numpy as np
+import pycocotools.mask
 import pytest
+
+# pycocotools 2.0.11 on numpy 2.4
+pytestmark = pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")
 
 FRAMES = 8
 
@@ -22,6 +27,25 @@ def labels_of(folder: Path) -> dict[str, bytes]:
 
 def files_of(folder: Path) -> set[str]:
     return {str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()}
+
+
+def remarks_in(folder: Path) -> dict[str, int]:
+    """Remark → number of frames, counted from the files by OpenCV and pycocotools."""
+    counts = {"off_image": 0, "in_eclipse": 0, "dark": 0, "saturated": 0}
+    for line in (folder / "labels/shard-00000.jsonl").read_text().splitlines():
+        labels = json.loads(line)
+        craft = cv2.imread(str(folder / labels["image"]), cv2.IMREAD_UNCHANGED)[
+            pycocotools.mask.decode(labels["mask_rle"]) == 1
+        ]
+        if craft.size == 0:
+            counts["off_image"] += 1
+        elif labels["sun_fraction_target"] < 0.5:
+            counts["in_eclipse"] += 1
+        elif (craft < 0.05 * 255).mean() > 0.9:
+            counts["dark"] += 1
+        elif (craft > 0.98 * 255).mean() > 0.1:
+            counts["saturated"] += 1
+    return counts
 
 
 def test_a_run_leaves_a_whole_dataset(undisturbed):
@@ -235,6 +259,7 @@ def test_events_tell_what_happens_as_it_happens(posse, small_scenario, tmp_path)
         "frames": FRAMES,
         "made": FRAMES - 1,
         "failed": {"3": failure["error"]},
+        "remarks": remarks_in(out),
     }
     assert len(events) == 1 + FRAMES + 1
     resumed = posse("run", "--resume", "--out", out, "--json")
@@ -242,6 +267,29 @@ def test_events_tell_what_happens_as_it_happens(posse, small_scenario, tmp_path)
     assert first["done"] == FRAMES - 1
     assert second == {"event": "frame", "frame": 3}
     assert (last["event"], last["made"], last["failed"]) == ("finished", 1, {})
+    assert last["remarks"] == remarks_in(out)
+
+
+@pytest.mark.parametrize(
+    ("radiance_w_m2_sr", "others"), [("0", "dark"), ("5e4", "saturated"), ("50", None)]
+)
+def test_the_last_line_says_what_is_wrong_with_frames_and_what_to_do_next(
+    radiance_w_m2_sr, others, posse, small_scenario, tmp_path
+):
+    changes = ("-o", f"renderer.radiance_w_m2_sr={radiance_w_m2_sr}", "-o", "renderer.seconds=0")
+    made = posse("run", small_scenario, "--out", "d", *changes)
+    assert made.returncode == 0, made.stderr
+    counts = remarks_in(tmp_path / "d")
+    eclipsed = counts["in_eclipse"]
+    assert 0 < eclipsed < FRAMES
+    words = f"{eclipsed} in eclipse"
+    if others is not None:
+        assert counts[others] == FRAMES - eclipsed
+        words += f", {FRAMES - eclipsed} {others}"
+    assert made.stdout.splitlines()[-1] == f"8 frames: {words}; next: posse view d"
+    (tmp_path / "d/images/000005.png").unlink()
+    mended = posse("run", "--resume", "--out", "d")
+    assert mended.stdout.splitlines()[-1] == made.stdout.splitlines()[-1]
 
 
 def test_a_plugins_labels_stand_under_its_annotators_name(posse, small_scenario, tmp_path):

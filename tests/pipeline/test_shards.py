@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from posse_core._dataset.remarks import Remark
 from posse_core._files.atomic import sha256
 from posse_core._files.store import LocalStore
 from posse_core._model.label_line import LabelLine
@@ -16,6 +17,7 @@ from posse_core._run.shards import CHECKSUMS, LabelLog
 
 FRAMES = 13
 PER_SHARD = 5
+REMARKS = [None, *Remark]
 
 
 @pytest.fixture(autouse=True)
@@ -36,7 +38,7 @@ def enter(log: LabelLog, folder: Path, index: int) -> None:
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_bytes(f"{name} {index**3}".encode())
         digests[name] = sha256(folder / name)
-    log.append(labels, digests)
+    log.append(labels, digests, REMARKS[index % len(REMARKS)])
 
 
 def books(folder: Path) -> dict[str, bytes]:

@@ -52,6 +52,23 @@ def _legendre_2(x: FloatArray) -> FloatArray:
     return np.asarray((3 * x**2 - 1) / 2)
 
 
+@dataclass(frozen=True)
+class EarthPatches:
+    """The cap of the Earth that is visible from F positions, divided into K patches.
+
+    Attributes:
+        directions: (F, K, 3) unit vectors to the patches.
+        solid_angle_sr: (F, K) solid angles of the patches; their sum is the cap's.
+        reflected_w_m2_sr, emitted_w_m2_sr: (F, K) radiance of reflected sunlight and of the infrared
+            radiation, over all wavelengths.
+    """
+
+    directions: FloatArray
+    solid_angle_sr: FloatArray
+    reflected_w_m2_sr: FloatArray
+    emitted_w_m2_sr: FloatArray
+
+
 def earthlight_on_plate(
     *,
     r_eci_m: FloatArray,
@@ -65,37 +82,50 @@ def earthlight_on_plate(
     """Irradiance from the Earth on one side of a plate, at F positions.
 
     Args:
-        r_eci_m, r_sun_eci_m: (F, 3) positions of the plate and the Sun from the Earth's centre, in any
-            axes.
-        normal_eci, earth_pole_eci: (F, 3) the plate's normal and the Earth's pole, of any length.
-        jd_tt: (F,) Julian dates, for the season.
-        solar_flux_w_m2: (F,) at the Earth.
-        earth_radius_m: radius of the Earth.
+        normal_eci: (F, 3) the plate's normal, of any length.
+        r_eci_m, r_sun_eci_m, earth_pole_eci, jd_tt, solar_flux_w_m2, earth_radius_m: as in
+            :func:`earth_patches`.
     """
     frames = len(r_eci_m)
     out = np.empty((2, frames))
     for start in range(0, frames, _CHUNK):  # the rays of all frames would not fit in memory
         part = slice(start, start + _CHUNK)
-        out[:, part] = _chunk_on_plate(
-            r_eci_m[part] / earth_radius_m,
-            unit(normal_eci[part]),
-            r_sun_eci_m[part] / earth_radius_m,
-            unit(earth_pole_eci[part]),
-            jd_tt[part, None],
-            solar_flux_w_m2[part, None],
+        patches = earth_patches(
+            r_eci_m=r_eci_m[part],
+            r_sun_eci_m=r_sun_eci_m[part],
+            earth_pole_eci=earth_pole_eci[part],
+            jd_tt=jd_tt[part],
+            solar_flux_w_m2=solar_flux_w_m2[part],
+            earth_radius_m=earth_radius_m,
         )
+        cosine = np.einsum("fki,fi->fk", patches.directions, unit(normal_eci[part]))
+        facing = np.maximum(cosine, 0.0) * patches.solid_angle_sr
+        out[0, part] = np.sum(patches.reflected_w_m2_sr * facing, axis=-1)
+        out[1, part] = np.sum(patches.emitted_w_m2_sr * facing, axis=-1)
     return EarthLight(*out)
 
 
-def _chunk_on_plate(
-    r: FloatArray,
-    normal: FloatArray,
-    sun: FloatArray,
-    pole: FloatArray,
+def earth_patches(
+    *,
+    r_eci_m: FloatArray,
+    r_sun_eci_m: FloatArray,
+    earth_pole_eci: FloatArray,
     jd_tt: FloatArray,
-    flux: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Compute :func:`earthlight_on_plate` for f frames, lengths in Earth radii; returns two (f,)."""
+    solar_flux_w_m2: FloatArray,
+    earth_radius_m: float,
+) -> EarthPatches:
+    """The visible cap of the Earth and its radiance, at F positions.
+
+    Args:
+        r_eci_m, r_sun_eci_m: (F, 3) positions of the observer and the Sun from the Earth's centre, in
+            any axes; the patches' directions are in the same.
+        earth_pole_eci: (F, 3) the Earth's pole, of any length.
+        jd_tt: (F,) Julian dates, for the season.
+        solar_flux_w_m2: (F,) at the Earth.
+        earth_radius_m: radius of the Earth.
+    """
+    r = r_eci_m / earth_radius_m
+    sun = r_sun_eci_m / earth_radius_m
     distance = np.linalg.norm(r, axis=-1)
     down = -r / distance[:, None]
     axes = R_with_z(down)
@@ -119,10 +149,12 @@ def _chunk_on_plate(
     ground = r[:, None, :] + reach[..., None] * rays
     to_sun = unit(sun[:, None, :] - ground)
     sunlit = np.maximum(np.einsum("fki,fki->fk", ground, to_sun), 0.0)
-    sin_latitude = np.einsum("fki,fi->fk", ground, pole)
-    reflected = albedo(sin_latitude, jd_tt) * sunlit * flux / np.pi
-    emitted = emissivity(sin_latitude, jd_tt) * flux / (4 * np.pi)
+    sin_latitude = np.einsum("fki,fi->fk", ground, unit(earth_pole_eci))
+    flux, jd = solar_flux_w_m2[:, None], jd_tt[:, None]
     weight = np.repeat(_RING_WEIGHT / 2, 4 * _RINGS) * 2 * np.pi / (4 * _RINGS)
-    solid_angle = drop[:, None] * weight
-    facing = np.maximum(np.einsum("fki,fi->fk", rays, normal), 0.0) * solid_angle
-    return np.sum(reflected * facing, axis=-1), np.sum(emitted * facing, axis=-1)
+    return EarthPatches(
+        directions=rays,
+        solid_angle_sr=drop[:, None] * weight,
+        reflected_w_m2_sr=albedo(sin_latitude, jd) * sunlit * flux / np.pi,
+        emitted_w_m2_sr=emissivity(sin_latitude, jd) * flux / (4 * np.pi),
+    )

@@ -158,6 +158,12 @@ class Look:
         return Look(replace(self._standpoint, mount=Mount()), self.scene, self._geometry)
 
     @property
+    def follows_scenario(self) -> bool:
+        """Whether :meth:`at` goes by the scenario's propagator and attitude laws, as far as one likes; a
+        state that a caller gave to the simulator goes on by its rates, which holds for seconds."""
+        return self._standpoint.state.onward is not None
+
+    @property
     def next_frame(self) -> Self | None:
         """The look at the instant of the sequence's next frame; None where there is none or it is not
         known."""

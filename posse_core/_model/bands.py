@@ -20,8 +20,10 @@ SUN_TEMPERATURE_K = 5772.0
 _GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(24)
 
 
-def planck_radiance_w_m2_sr_m(wavelength_m: FloatArray, temperature_k: float) -> FloatArray:
-    """Spectral radiance of a black body, any shape → the same shape, W m⁻² sr⁻¹ per metre."""
+def planck_radiance_w_m2_sr_m(
+    wavelength_m: FloatArray | float, temperature_k: FloatArray | float
+) -> FloatArray:
+    """Spectral radiance of a black body, W m⁻² sr⁻¹ per metre; shapes broadcast."""
     x = PLANCK_J_S * SPEED_OF_LIGHT_M_S / (wavelength_m * BOLTZMANN_J_K * temperature_k)
     return np.asarray(
         2 * PLANCK_J_S * SPEED_OF_LIGHT_M_S**2 / wavelength_m**5 / np.expm1(x), dtype=np.float64

@@ -260,6 +260,12 @@ def posse_sensors() -> list[ComponentSpec]:
             f"{package}.stereo.stereo:StereoSensor",
             f"{package}.stereo.options:StereoOptions",
         ),
+        ComponentSpec(
+            "thermal",
+            "a long-wave infrared camera, with the true temperature of the surface in every pixel",
+            f"{package}.thermal.thermal:ThermalCamera",
+            f"{package}.thermal.options:ThermalOptions",
+        ),
     ]
 
 

@@ -112,8 +112,10 @@ class Cloud {
     for (const part of values) counts.set(part, (counts.get(part) ?? 0) + 1);
     const found = [...counts].sort((a, b) => b[1] - a[1]).map(([part]) => part);
     this.names.replaceChildren();
-    for (const part of found.slice(0, most))
-      keyEntry(this.names, partColour(part), dataset.spacecraft[this.tile.spacecraft].parts[part] ?? "no part");
+    for (const part of found.slice(0, most)) {
+      make(this.names, "span", { className: "swatch" }).style.background = partColour(part);
+      this.names.append(dataset.spacecraft[this.tile.spacecraft].parts[part] ?? "no part", " ");
+    }
     if (found.length > most) this.names.append(`and ${found.length - most} more`);
   }
 

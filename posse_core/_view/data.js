@@ -85,10 +85,10 @@ function ramp(share, colours = RAMP) {
   return colours[i].map((low, c) => low + (at - i) * (colours[i + 1][c] - low));
 }
 
-// Round values between low and high, three to eight of them.
+// Round values between low and high, about four of them.
 function ticks(low, high) {
-  const most = (high - low) / 3, power = 10 ** Math.floor(Math.log10(most)), found = [];
-  const step = [5, 2, 1].map((k) => k * power).find((size) => size <= most);
+  const wanted = (high - low) / 4, power = 10 ** Math.floor(Math.log10(wanted));
+  const step = [1, 2, 5, 10].map((k) => k * power).find((size) => size >= wanted) ?? 10 * power, found = [];
   if (high > low) for (let k = Math.ceil(low / step); k * step <= high; k++) found.push(k * step);
   return found;
 }

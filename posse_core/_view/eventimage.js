@@ -9,9 +9,11 @@ class EventImage {
     this.screen = new Screen(this.canvas, () => this.draw());
     [this.until, this.over] = ["Until", "over"].map((name) => slider(tile.bar, name, 1, () => this.draw()));
     this.text = make(tile.bar, "span");
-    const key = make(tile.bar, "span", { className: "names" });
-    keyEntry(key, ON, "lighter");
-    keyEntry(key, OFF, "darker");
+    const key = make(tile.bar, "span");
+    for (const [colour, name] of [[ON, "lighter"], [OFF, "darker"]]) {
+      make(key, "span", { className: "swatch" }).style.background = colour;
+      key.append(` ${name} `);
+    }
     this.parts = [this.canvas, this.until.parentElement, this.over.parentElement, this.text, key];
   }
 

@@ -10,18 +10,18 @@ function titleOf(name) {
 // What can be shown of a reading, the first by default: {name, way, data}, where the way is a property of the tile.
 function choicesOf({ preview, files }) {
   const maps = Object.entries(preview?.maps ?? {}).map(([name, data]) => ({ name, way: "flat", data }));
-  const named = (map) => TEMPERATURES.indexOf(map.name);
+  const isTemperature = ({ name }) => TEMPERATURES.includes(name);
   const image = files.find((file) => file.endsWith(".png"));
   return [
     ...(preview?.points ? [{ name: "points", way: "cloud", data: preview.points }] : []),
     ...(preview?.events ? [{ name: "events", way: "events", data: preview.events }] : []),
-    ...maps.filter((map) => named(map) >= 0).sort((a, b) => named(a) - named(b)),
+    ...maps.filter(isTemperature).reverse(),
     ...(image ? [{ name: "image", way: "flat", data: { jpeg: preview?.image, url: urlOf(image) } }] : []),
-    ...maps.filter((map) => named(map) < 0),
+    ...maps.filter((map) => !isTemperature(map)),
     { name: "contents", way: "contents", data: preview },
   ];
 }
-const TEMPERATURES = ["brightness_temperature_k", "temperature_k"];
+const TEMPERATURES = ["temperature_k", "brightness_temperature_k"];
 
 // A label of a third party's sensor may have the name of one of the core's and hold something else.
 const numbers = (value, count) => Array.isArray(value) && value.length === count

@@ -5,13 +5,6 @@ function make(parent, tag, properties = {}) {
   return parent.appendChild(Object.assign(document.createElement(tag), properties));
 }
 
-// What a colour stands for.
-function keyEntry(parent, colour, name) {
-  const entry = make(parent, "span");
-  make(entry, "span", { className: "swatch" }).style.background = colour;
-  entry.append(name, " ");
-}
-
 // A slider from 0 to 1.
 function slider(parent, name, value, changed) {
   const label = make(parent, "label", { textContent: name });
@@ -95,8 +88,7 @@ class Flat {
       context.drawImage(this.image, ...this.map.box);
       this.scale.draw(this.key);
     }
-    // A map of another kind may be in other pixels, as the disparity of the other eye is.
-    if (!this.map || TEMPERATURES.includes(this.name)) drawOverlays(context, this.tile.frame, 1 / this.screen.scale);
+    drawOverlays(context, this.tile.frame, 1 / this.screen.scale);
   }
 }
 

@@ -25,7 +25,9 @@ def many(sense):
     """Returns a function that sends the same beam 40 000 times: (N,) arrays, the labels, and the
     expected signal in electrons."""
 
-    def send(*, energy_j=1e-9, noise=None, receiver=None, pattern=None, distance_m=20.0, **more):
+    def send(
+        *, energy_j=1e-9, noise=None, receiver=None, pattern=None, parts=(), distance_m=20.0, **more
+    ):
         wall = scenes.rectangle("wall", "matt", u_m=(9, 0, 0), v_m=(0, 9, 0))
         options = {
             "pattern": {
@@ -41,7 +43,7 @@ def many(sense):
             "receiver": {"saturation_e": None, **(receiver or {})},
             "noise": {"shot": True, "receiver_e": 20.0, "range_m": 0.0, **(noise or {})},
         }
-        reading = sense([wall], options, t_m=(0, 0, distance_m), **more)
+        reading = sense([wall, *parts], options, t_m=(0, 0, distance_m), **more)
         expected_e = energy_j * 0.7 * 0.7 * 1.55e-6 / (h * c) * 0.4 * 0.02**2 / (4 * distance_m**2)
         return reading.arrays, reading.labels, expected_e
 
@@ -169,6 +171,39 @@ def test_sunlight_adds_its_photon_noise(many):
 def test_there_is_no_sunlight_behind_the_surface_and_in_eclipse(many, dark):
     arrays, _, signal = many(energy_j=4e-8, **dark, **SUNNY)
     assert_variance(arrays["intensity_e"], signal + 400)
+
+
+def test_there_is_no_sunlight_in_the_shadow_of_a_part(many):
+    """A plate beside the beam, towards the Sun."""
+    shade = scenes.rectangle("shade", "matt", centre_m=(6, 0, 8), u_m=(1, 0, 0), v_m=(0, 1, 0))
+    for parts, background in (([shade], 0.0), ([], sunlight_e(0.8))):
+        arrays, _, signal = many(energy_j=4e-8, sun_body=(0.6, 0.0, 0.8), parts=parts, **SUNNY)
+        assert_variance(arrays["intensity_e"], signal + background + 400)
+
+
+def test_the_sun_stands_still_while_the_sensor_turns(sense, tmp_path):
+    """Beams 2 s later, aimed at where the wall is then: it is as sunlit as before."""
+    turned = 2 * 0.2
+    axis = np.tile([-math.sin(turned), 0, math.cos(turned)], (BEAMS, 1))
+    np.savez(tmp_path / "beams.npz", t_s=np.full(BEAMS, 2.0), r_beam=axis)
+    pattern = {
+        "shape": "given",
+        "path": tmp_path / "beams.npz",
+        "pulse_energy_j": 4e-8,
+        "rays": 1,
+        "field_of_view_rad": 0.05,
+    }
+    wall = scenes.rectangle("wall", "matt", u_m=(9, 0, 0), v_m=(0, 9, 0))
+    options = {
+        "pattern": pattern,
+        "receiver": {"saturation_e": None, **SUNNY["receiver"]},
+        "noise": {"receiver_e": 20.0},
+    }
+    rates = ((0, 0, 0), (0, 0, 0), (0, 0.2, 0))
+    reading = sense([wall], options, t_m=(0, 0, 20), sun_body=(0.6, 0, 0.8), rates=rates)
+    expected_e = 4e-8 * 0.49 * 1.55e-6 / (h * c) * 0.4 * 0.02**2 / (4 * 20**2)
+    np.testing.assert_allclose(reading.arrays["true_range_m"], 20, atol=1e-9)
+    assert_variance(reading.arrays["intensity_e"], expected_e + sunlight_e(0.8) + 400)
 
 
 def test_sunlight_raises_the_threshold(many):

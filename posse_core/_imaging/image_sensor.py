@@ -235,15 +235,16 @@ class ImageSensor:
         reach = np.all((pixels >= -radius) & (pixels < [width + radius, height + radius]), axis=-1)
         pixels, light_e = pixels[reach], light_e[reach]
         spots = self._psf.spots(sky.points_px[reach] - pixels)
-        around = np.arange(-radius, radius + 1)
-        rows = pixels[:, 1, None, None] + around[:, None]
-        columns = pixels[:, 0, None, None] + around
-        rows, columns = np.broadcast_arrays(rows, columns)
-        inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
-        deposit = (spots[..., None] * light_e[:, None, None, :])[inside].astype(np.float32)
+        around = pixels[:, None, :] + np.arange(-radius, radius + 1)[:, None]
+        # What falls beside the image is deposited at its border, as nothing.
+        inside = (around >= 0) & (around < [width, height])
+        columns, rows = np.moveaxis(np.clip(around, 0, [width - 1, height - 1]), -1, 0)
+        spots = spots * inside[:, :, None, 1] * inside[:, None, :, 0]
         channels = electrons.shape[-1]
-        first = channels * (rows[inside] * width + columns[inside])
-        np.add.at(electrons.reshape(-1), first[:, None] + np.arange(channels), deposit)
+        first = channels * (rows[:, :, None] * width + columns[:, None, :]).ravel()
+        for channel in range(channels):
+            deposit = (spots * light_e[:, None, None, channel]).astype(np.float32)
+            np.add.at(electrons.reshape(-1), first + channel, deposit.ravel())
 
 
 def _falloff(camera: Camera, cos4: bool) -> Float32Array | None:

@@ -251,8 +251,9 @@ class SensorLook(Look):
         return self._earthshine_at(round(stand.after_s / step_s) * step_s)
 
     def _earthshine_at(self, after_s: float) -> FrameState:
-        stand = replace(self._standpoint, after_s=after_s)
-        key = after_s, stand.by_rates
+        by_rates = self._standpoint.by_rates and after_s != 0
+        stand = replace(self._standpoint, after_s=after_s, by_rates=by_rates)
+        key = after_s, by_rates
         if key not in self._earthshine:
             self._earthshine[key] = _state_of(stand)
         return self._earthshine[key]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -86,7 +87,7 @@ class Spacecraft:
         high = np.max([part.vertices_body_m.max(axis=0) for part in self.parts], axis=0)
         return np.stack([low, high])
 
-    @property
+    @cached_property
     def radius_m(self) -> float:
         """Radius of the smallest sphere about the origin that contains every vertex, m."""
         return float(max(np.sqrt((part.vertices_body_m**2).sum(axis=1).max()) for part in self.parts))

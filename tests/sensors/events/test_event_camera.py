@@ -160,6 +160,40 @@ def test_the_pattern_of_thresholds_is_fixed_and_the_start_is_not() -> None:
     assert gap.std() == pytest.approx(0.03 / 20 * 1e6, rel=0.05)
 
 
+def test_a_sky_that_is_mixed_makes_the_events_of_one_that_is_computed_each_time() -> None:
+    """Waves of 20 px move by 50 px/s, since the camera turns. Half a pixel apart, skies are mixed to
+    (2π 0.5 / 20)² / 8 of their amplitude, which is 1 % of a threshold."""
+    computed = [0, 0]
+
+    def waves(mixes: bool) -> Gather:
+        def gather(request: LightRequest) -> Light:
+            if mixes and request.sky is not None:
+                return Light(request.camera, request.sky, None)
+            computed[mixes] += 1
+            right = request.state.R_cam_from_eci[0]
+            turned_px = 100 * np.arctan2(right[2], right[0])
+            columns = np.arange(96) - turned_px
+            level = np.exp(0.5 * np.sin(2 * np.pi * columns / 20))
+            radiance = np.tile(level[:, None], (72, 1, 3)).astype(np.float32)
+            return Light(request.camera, replace(BLACK, radiance_rgb=radiance), None)
+
+        return gather
+
+    sensor = opened(**QUIET, window_s=0.2, least_rate_hz=1000)
+    state = moving(omega_camera=(0.0, 0.5, 0.0))
+    counts = []
+    for mixes in (False, True):
+        arrays = sensor.sense(look_at(state, waves(mixes))).arrays
+        made = np.zeros((72, 96, 2), dtype=int)
+        np.add.at(made, (arrays["y"], arrays["x"], arrays["p"]), 1)
+        counts.append(made)
+    assert computed[0] == 201
+    assert computed[1] < 40
+    assert counts[0].sum() > 20_000
+    assert (counts[0] == counts[1]).mean() > 0.98
+    assert np.abs(counts[0] - counts[1]).max() <= 1
+
+
 def test_a_recording_without_an_end_is_empty() -> None:
     """The last frame of a sequence has no next one."""
     reading = opened().sense(look_at(moving(), flickering(1.0, 10.0)))
@@ -177,6 +211,7 @@ SMALL: Mapping[str, Any] = {
     "frames": 2,
     "camera.width_px": 64,
     "camera.height_px": 48,
+    "sky": {"earth": False, "stars": None},
     "sensors": {
         "dvs": {
             "type": "events",

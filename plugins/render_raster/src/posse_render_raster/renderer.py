@@ -23,7 +23,6 @@ from posse_core import (
     Renderer,
     RenderRequest,
     Scene,
-    Spacecraft,
 )
 from posse_render_raster.context import create_context
 from posse_render_raster.craft import FREE_UNIT, Craft, program
@@ -46,7 +45,8 @@ class _Stage:
 
     context: moderngl.Context
     camera: Camera
-    spacecraft: Spacecraft
+    vertices_body_m: FloatArray
+    radius_m: float
     craft: Craft
     shadow: moderngl.Framebuffer
     shadow_map: moderngl.Texture
@@ -135,7 +135,9 @@ class RasterRenderer(Renderer[RasterOptions]):
         return [("opengl", True, detail)]
 
     def _draw_shadow(self, stage: _Stage, state: CraftState) -> None:
-        shadow_from_body = _shadow_from_body(stage.spacecraft, state.sun_direction_body)
+        shadow_from_body = _shadow_from_body(
+            stage.vertices_body_m, stage.radius_m, state.sun_direction_body
+        )
         cam_from_body = np.eye(4)
         cam_from_body[:3, :3], cam_from_body[:3, 3] = state.R_cam_from_body, state.t_body_cam_m
         craft = stage.craft
@@ -151,7 +153,7 @@ class RasterRenderer(Renderer[RasterOptions]):
     def _set_frame(self, stage: _Stage, request: RenderRequest) -> None:
         """Set the uniforms and textures that all tiles of a frame share."""
         craft, radiance = request.craft, stage.craft.radiance
-        radius_m = SPHERE_RADII * stage.spacecraft.radius_m
+        radius_m = SPHERE_RADII * stage.radius_m
         nearest_m = max(float(craft.t_body_cam_m[2]) - radius_m, NEAR_PLANE_RADII * radius_m)
         for target in (stage.craft.depth, radiance):
             _set_matrix(target, "R_cam_from_body", craft.R_cam_from_body)
@@ -242,7 +244,8 @@ def _set_up(context: moderngl.Context, scene: Scene, options: RasterOptions) -> 
     return _Stage(
         context=context,
         camera=scene.camera,
-        spacecraft=scene.spacecraft,
+        vertices_body_m=np.concatenate([part.vertices_body_m for part in scene.spacecraft.parts]).T,
+        radius_m=scene.spacecraft.radius_m,
         craft=Craft(context, scene.spacecraft),
         shadow=context.framebuffer(depth_attachment=shadow_map),
         shadow_map=shadow_map,
@@ -267,15 +270,19 @@ def _tiles(box: PixelBox, size: int) -> Iterator[tuple[int, int, PixelBox]]:
             yield x0, y0, PixelBox(x, y, min(x0 + size, right) - x, min(y0 + size, bottom) - y)
 
 
-def _shadow_from_body(spacecraft: Spacecraft, sun_direction_body: FloatArray) -> FloatArray:
+def _shadow_from_body(
+    vertices_body_m: FloatArray, radius_m: float, sun_direction_body: FloatArray
+) -> FloatArray:
     """(4, 4) matrix from body axes, m, to the shadow map's coordinates: −1 … 1, as seen from the Sun,
-    tight around the spacecraft; z grows away from the Sun."""
+    tight around the spacecraft; z grows away from the Sun.
+
+    ``vertices_body_m`` is (3, V); they are within ``radius_m`` of the origin.
+    """
     axes = (R_with_z(sun_direction_body) * [1.0, 1.0, -1.0]).T
-    bounds = [(p @ axes.T).min(axis=0) for p in (part.vertices_body_m for part in spacecraft.parts)]
-    low = np.min(bounds, axis=0)
-    high = np.max([(part.vertices_body_m @ axes.T).max(axis=0) for part in spacecraft.parts], axis=0)
+    along = axes @ vertices_body_m
+    low, high = along.min(axis=1), along.max(axis=1)
     # The margin keeps the border texels empty, so that there is no shadow outside the map.
-    half = np.maximum((high - low) / 2, 1e-6) * SPHERE_RADII + 1e-3 * spacecraft.radius_m
+    half = np.maximum((high - low) / 2, 1e-6) * SPHERE_RADII + 1e-3 * radius_m
     out = np.eye(4)
     out[:3, :3] = axes / half[:, None]
     out[:3, 3] = -(low + high) / 2 / half

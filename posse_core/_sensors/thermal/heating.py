@@ -24,6 +24,8 @@ _SUN_JUMP = 0.25
 """Change of the Sun's visible share from one instant to the next above which instants are added."""
 _CLOSEST_S = 2.0
 """No instant is added nearer to another."""
+_NORMALS = 1 << 13
+"""Tilts of facets that are computed at once, to save memory."""
 _EARTH_RADIUS_M = Constants().earth_radius_m
 
 
@@ -113,16 +115,19 @@ def earthlight(facets: Facets, around: Surroundings) -> tuple[FloatArray, FloatA
     normals, which = facets.normals
     # In single precision this is twice as fast, and right to 1e-5.
     towards, tilts = around.earth_directions.astype(np.float32), normals.astype(np.float32)
-    facing = towards[0][:, None] * tilts[0]
-    for direction, along in zip(towards[1:], tilts[1:], strict=True):
-        facing += direction[:, None] * along
-    np.maximum(facing, 0, out=facing)
-    received = []
-    for patch_w_m2 in (around.earth_reflected_w_m2, around.earth_emitted_w_m2):
-        front = np.einsum("k,kn->n", patch_w_m2.astype(np.float32), facing)
-        # Behind, max(−c, 0) = max(c, 0) − c.
-        back = front - dot(np.sum(patch_w_m2 * around.earth_directions, axis=1), normals)
-        received.append(facets.openness * np.concatenate([front[which], np.maximum(back, 0.0)[which]]))
+    patches_w_m2 = np.stack([around.earth_reflected_w_m2, around.earth_emitted_w_m2])
+    front = np.empty((2, normals.shape[1]))
+    for start in range(0, normals.shape[1], _NORMALS):
+        part = slice(start, start + _NORMALS)
+        facing = towards[0][:, None] * tilts[0, part]
+        for direction, along in zip(towards[1:], tilts[1:, part], strict=True):
+            facing += direction[:, None] * along
+        np.maximum(facing, 0, out=facing)
+        front[:, part] = np.einsum("pk,kn->pn", patches_w_m2.astype(np.float32), facing)
+    # Behind, max(−c, 0) = max(c, 0) − c.
+    whole = np.einsum("pk,ik->pi", patches_w_m2, around.earth_directions)
+    back = np.maximum(front - np.einsum("pi,in->pn", whole, normals), 0.0)
+    received = facets.openness * np.concatenate([front[:, which], back[:, which]], axis=1)
     return received[0], received[1]
 
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 
 import click
-from tqdm import tqdm
 
 from posse_core._cli.common import echo_json
+from posse_core._cli.progress import bar
 from posse_core._errors import InputError
-from posse_core._model.label_line import LabelLine
 from posse_core._selection.balance import AXES, Balance, axes_named
 from posse_core._selection.rules import RULES, named
 
@@ -77,14 +75,9 @@ def command(
     if frames is not None and not by:
         raise InputError("--frames is for --balance only; name an axis by --balance")
     balance = Balance(axes_named(by), frames, seed) if by else None
-    counts = collect([Dataset(folder) for folder in datasets], rules, balance, out, _progress)
+    counts = collect([Dataset(folder) for folder in datasets], rules, balance, out, bar)
     if as_json:
         echo_json(counts)
         return
     for name, count in counts.items():
         click.echo(f"{name} {count}")
-
-
-def _progress(labels: Iterable[LabelLine], frames: int) -> Iterable[LabelLine]:
-    shown: Iterable[LabelLine] = tqdm(labels, total=frames, unit="frame", disable=None)
-    return shown

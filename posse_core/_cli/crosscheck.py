@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import sys
 import tempfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from tqdm import tqdm
 
 from posse_core._cli.common import DEFAULT_SCENARIO, echo_json, echo_table, read_scenario
+from posse_core._cli.progress import bar
 from posse_core._errors import CheckFailed, ComponentError, InputError
 from posse_core._evaluation.crosscheck.checks import Thresholds, Verdict, judge
 from posse_core._plugins.loading import load_plugins
@@ -22,7 +21,7 @@ from posse_core._scenario.component import ComponentChoice
 if TYPE_CHECKING:
     from posse_core._evaluation.crosscheck.measures import Comparison
     from posse_core._evaluation.crosscheck.settings import Case, Poses
-    from posse_core._interfaces.executor import Executor, FrameResult
+    from posse_core._interfaces.executor import Executor
 
 
 def _threshold_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -116,7 +115,7 @@ def command(
                 for name, choice in choices.items()
                 if not case.needs_environment or "environment" in capabilities[name]
             }
-            comparisons.append(compare(case, able, Path(folder) / case.name, executor, _bar))
+            comparisons.append(compare(case, able, Path(folder) / case.name, executor, bar))
     verdicts = [v for c in comparisons for v in judge(c, thresholds, capabilities)]
     if out is not None:
         write_bytes(out, make_page(comparisons, verdicts).encode())
@@ -179,13 +178,6 @@ def _choices(
         checked = registry.options("renderer", name, raw, where=name)
         choices[name] = ComponentChoice(name=name, options=checked.model_dump(mode="json"))
     return choices, rest
-
-
-def _bar(results: Iterable[FrameResult[Any]], count: int, title: str) -> Iterable[FrameResult[Any]]:
-    shown: Iterable[FrameResult[Any]] = tqdm(
-        results, total=count, unit="frame", desc=title, file=sys.stderr, disable=None
-    )
-    return shown
 
 
 def _as_json(comparisons: Sequence[Comparison], verdicts: Sequence[Verdict]) -> dict[str, Any]:

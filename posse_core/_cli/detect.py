@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from posse_core._cli.common import echo_json, model_options, options_from
+from posse_core._cli.progress import phase
 from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
 
@@ -73,7 +74,8 @@ def command(
     files = _files(images)
     registry = load_plugins().registry
     given = options_from(overrides)
-    boxes, finder = open_models(model, keypoints, registry, given)
+    with phase("opening the models"):
+        boxes, finder = open_models(model, keypoints, registry, given)
     detector = PoseDetector(boxes, finder, score)
     intrinsics = None if camera is None else read_camera(camera)
     results = []

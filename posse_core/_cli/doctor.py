@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import importlib
 import platform
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 import click
 
 from posse_core._cli.common import echo_json
+from posse_core._cli.progress import phase
 from posse_core._errors import CheckFailed, PosseError
 from posse_core._plugins.kinds import KINDS
 from posse_core._plugins.loading import Plugins, load_plugins
@@ -44,16 +45,24 @@ def command(as_json: bool) -> None:
     when the core lacks a library.
     """
     plugins = load_plugins()
-    core = list(_core())
-    others = list(_plugins(plugins))
-    classes = list(_classes(plugins.registry))
-    renderers = {name: list(_renderer(plugins, name)) for name in plugins.registry.names("renderer")}
-    findings = [*core, *others, *classes, *(f for found in renderers.values() for f in found)]
-    if as_json:
-        echo_json([{"what": w, "works": ok, "detail": detail} for w, ok, detail in findings])
-    else:
-        for what, works, detail in findings:
+
+    def found(words: str, findings: Iterable[Finding]) -> list[Finding]:
+        with phase(f"checking {words}"):
+            known = list(findings)
+        for what, works, detail in () if as_json else known:
             click.echo(f"{'ok  ' if works else 'no  '} {what}: {detail}")
+        return known
+
+    core = found("libraries", _core())
+    others = found("plugins", _plugins(plugins))
+    classes = [f for kind in KINDS for f in found(f"{kind}s", _classes(plugins.registry, kind))]
+    renderers = {
+        name: found(f"the renderer {name}", _renderer(plugins, name))
+        for name in plugins.registry.names("renderer")
+    }
+    if as_json:
+        findings = [*core, *others, *classes, *(f for known in renderers.values() for f in known)]
+        echo_json([{"what": w, "works": ok, "detail": detail} for w, ok, detail in findings])
     if not all(works for _, works, _ in core):
         raise CheckFailed("the core lacks a library; install posse-core again")
     unusable = [what for what, works, _ in (*others, *classes) if not works]
@@ -62,7 +71,7 @@ def command(as_json: bool) -> None:
             f"{', '.join(unusable)}: cannot be used, as said above; update or uninstall the plugin, or"
             " exclude it by POSSE_DISABLE_PLUGINS"
         )
-    if not any(all(works for _, works, _ in found) for found in renderers.values()):
+    if not any(all(works for _, works, _ in known) for known in renderers.values()):
         raise CheckFailed(
             "no renderer works here; try 'pip install posse-render-mitsuba', which needs nothing else"
         )
@@ -87,21 +96,20 @@ def _plugins(plugins: Plugins) -> Iterator[Finding]:
         yield f"plugin {status.name}", status.state in ("ok", "disabled"), detail
 
 
-def _classes(registry: Registry) -> Iterator[Finding]:
-    """Import each component's class and options and check their kind, without making a component."""
-    for kind in KINDS:
-        faults = {}
-        for name in registry.names(kind):
-            try:
-                registry.load(kind, name)
-                registry.options_model(kind, name)
-            except PosseError as error:
-                faults[name] = str(error)
-        sound = [name for name in registry.names(kind) if name not in faults]
-        if sound:
-            yield f"{kind}s", True, ", ".join(sound)
-        for name, fault in faults.items():
-            yield f"{kind} {name}", False, fault
+def _classes(registry: Registry, kind: str) -> Iterator[Finding]:
+    """Import each class of a kind and its options and check them, without making a component."""
+    faults = {}
+    for name in registry.names(kind):
+        try:
+            registry.load(kind, name)
+            registry.options_model(kind, name)
+        except PosseError as error:
+            faults[name] = str(error)
+    sound = [name for name in registry.names(kind) if name not in faults]
+    if sound:
+        yield f"{kind}s", True, ", ".join(sound)
+    for name, fault in faults.items():
+        yield f"{kind} {name}", False, fault
 
 
 def _renderer(plugins: Plugins, name: str) -> Iterator[Finding]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from posse_core._cli.common import echo_json, echo_table, model_options, options_from
+from posse_core._cli.progress import bar, phase
 from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
 
@@ -57,9 +58,11 @@ def command(
     given = options_from(overrides)
     source = open_dataset(dataset)
     indices = frames_of(source, part)
-    detector, finder = open_models(model, keypoints, registry, given)
-    judged = evaluate(source, indices, detector, finder)
-    result = groups(source, judged, poses=finder is not None)
+    with phase("opening the models"):
+        detector, finder = open_models(model, keypoints, registry, given)
+    judged = evaluate(source, bar(indices, len(indices)), detector, finder)
+    with phase("computing the metrics"):
+        result = groups(source, judged, poses=finder is not None)
     digest = source.sha256
     if out is not None:
         models = " and ".join(path.name for path in (model, keypoints) if path is not None)

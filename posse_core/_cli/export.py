@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from posse_core._cli.progress import phase
 from posse_core._plugins.loading import load_plugins
 
 
@@ -39,7 +40,8 @@ def command(dataset: Path, formats: tuple[str, ...], out: Path | None) -> None:
     _ = source.manifest  # raises if the run has not ended: no partial export
     folder = source.folder if out is None else out
     for name, writer in writers.items():
-        paths = written(writer, name, source, folder)
+        with phase(f"writing {name}"):
+            paths = written(writer, name, source, folder)
         if folder.resolve() == source.folder.resolve():
             record_exports(source.folder, paths)
         for path in paths:

@@ -11,6 +11,7 @@ import click
 
 from posse_core._arrays import evenly_spread
 from posse_core._cli.common import model_options, options_from
+from posse_core._cli.progress import bar, phase
 from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
 
@@ -63,10 +64,12 @@ def command(model: Path, dataset: Path, out: Path, int8: bool, overrides: tuple[
         raise InputError(f"--int8: {card.net!r} can be exported in float32 only")
     source = open_dataset(dataset)
     images = [source.image(index) for index in _spread(source, _FRAMES)]
-    net = open_model(model, card.task, registry, options_from(overrides))
+    with phase("opening the model"):
+        net = open_model(model, card.task, registry, options_from(overrides))
     with tempfile.TemporaryDirectory() as folder:
         exact = Path(folder) / out.name if int8 else out
-        differences = net.export_onnx(exact, images)
+        with phase(f"exporting, and comparing on {len(images)} frames"):
+            differences = net.export_onnx(exact, images)
         shown = ", ".join(f"{name} {value:.1e}" for name, value in differences.items())
         click.echo(f"{out}: greatest differences on {len(images)} frames: {shown}")
         if int8:
@@ -98,8 +101,12 @@ def _write_int8(
     )  # shuffled, since classes may alternate
     half = (len(chosen) + 1) // 2
     seen = [(source.image(i), true_boxes(source[i])[0].box_px) for i in order[:half].tolist()]
-    net.write_int8(exact, out, seen)
+    with phase(f"calibrating eight bits on {len(seen)} frames"):
+        net.write_int8(exact, out, seen)
     others = order[half:].tolist() or chosen
-    before, after = (accuracy(source, others, path, task, registry) for path in (exact, out))
+    before, after = (
+        accuracy(source, bar(others, len(others), title), path, task, registry)
+        for path, title in ((exact, "accuracy, float32"), (out, "accuracy, eight bits"))
+    )
     losses = ", ".join(f"{name} {before[name]:.4g} to {after[name]:.4g}" for name in before)
     click.echo(f"{out}: eight bits, calibrated on {len(seen)} frames; on {len(others)} others: {losses}")

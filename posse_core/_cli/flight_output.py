@@ -3,28 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from tqdm import tqdm
+
+from posse_core._cli.progress import bar
 
 if TYPE_CHECKING:
     from posse_core._flight.watch import Step
 
 
-def bar(steps: Iterable[Step], frames: int) -> Iterable[Step]:
-    """Show progress, range and error of the estimate."""
-    with tqdm(total=frames, unit="frame", disable=None, smoothing=0.1) as progress:
-        for step in steps:
-            range_m = float(np.linalg.norm(step.row.r_chaser_rtn_m))
-            error = "no estimate"
-            if step.estimate is not None:
-                off_m = float(np.linalg.norm(step.row.r_chaser_rtn_m[0] - step.estimate.r_rtn_m))
-                error = f"error {off_m:.2f} m"
-            progress.set_postfix_str(f"range {range_m:.1f} m, {error}", refresh=False)
-            progress.update()
-            yield step
+def _told(step: Step) -> str:
+    """The range and the error of the estimate."""
+    range_m = float(np.linalg.norm(step.row.r_chaser_rtn_m))
+    error = "no estimate"
+    if step.estimate is not None:
+        off_m = float(np.linalg.norm(step.row.r_chaser_rtn_m[0] - step.estimate.r_rtn_m))
+        error = f"error {off_m:.2f} m"
+    return f"range {range_m:.1f} m, {error}"
+
+
+flight_bar = partial(bar, first="opening the renderer and the models", tell=_told)
+"""Shows the progress of a flight or of tracking."""
 
 
 def shown(value: Any) -> str:

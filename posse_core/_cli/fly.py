@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
-from tqdm import tqdm
 
 from posse_core._cli.common import (
     echo_json,
@@ -19,7 +18,8 @@ from posse_core._cli.common import (
     read_scenario,
     scenario_options,
 )
-from posse_core._cli.flight_output import bar, plain, shown
+from posse_core._cli.flight_output import flight_bar, plain, shown
+from posse_core._cli.progress import bar
 from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
 
@@ -81,7 +81,7 @@ def _one(scenario: Any, folder: str, *, resume: bool, as_json: bool) -> int:
     from posse_core._evaluation.flight import summarise
     from posse_core._flight.fly import fly
 
-    record = fly(scenario, folder, load_plugins(), resume=resume, progress=bar)
+    record = fly(scenario, folder, load_plugins(), resume=resume, progress=flight_bar)
     summary = summarise(record, Dataset(Path(folder)).spacecraft.symmetries)
     if as_json:
         echo_json({"dataset": folder, **plain(dataclasses.asdict(summary))})
@@ -100,7 +100,7 @@ def _many(scenario: Any, folder: str, seeds: int, workers: int, *, resume: bool,
     results = fly_many(scenario, folder, seeds, executor, resume=resume)
     flown: list[FlightMade] = []
     failed: dict[int, str] = {}
-    for result in tqdm(results, total=seeds, unit="flight", disable=None):
+    for result in bar(results, seeds, unit="flight"):
         if result.made is None:
             failed[scenario.seed + result.index] = result.error
         else:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from posse_core._cli.common import echo_json, echo_table
+from posse_core._cli.progress import phase
 from posse_core._errors import InputError
 from posse_core._plugins.options import validated
 
@@ -97,8 +98,9 @@ def command(
     from posse_core._spacecraft.reader import read_mesh
 
     group = _group(symmetries)
-    raw = read_mesh(model)
-    about = importing.summary(raw)
+    with phase(f"reading {model}"):
+        raw = read_mesh(model)
+        about = importing.summary(raw)
     if not as_json:
         _show(model, about)
     scale = _scale(raw, model, scale_m_per_unit, length_m)
@@ -117,7 +119,8 @@ def command(
     points = Keypoints() if keypoints is None else read_keypoints(keypoints)
     craft = spacecraft_from_raw(raw, options, title, points)
     if keypoints is None:
-        craft = replace(craft, keypoints_body_m=propose_keypoints(craft, keypoint_count))
+        with phase("proposing keypoints"):
+            craft = replace(craft, keypoints_body_m=propose_keypoints(craft, keypoint_count))
     if group:
         craft = replace(craft, symmetries=group)
     centre = centre_of_mass_m or tuple(scale * R_body_from_mesh(body_axes) @ raw.surface_centre)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from posse_core._cli.common import echo_json, echo_table, naming, read_scenario, scenario_options
+from posse_core._cli.progress import phase
 from posse_core._errors import InputError
 
 
@@ -21,7 +22,7 @@ def command(
     checked = read_scenario(scenario, overrides, seed=seed, frames=frames)
     if checked.relative.plan is None:
         raise InputError(f"{scenario}: there is no relative.plan; add one with burns or a transfer")
-    with naming(scenario):
+    with naming(scenario), phase("computing the impulses"):
         target = target_at_epoch(checked.orbit, checked.constants)
         plan = planned(checked.relative.plan, starts_of(target, checked.relative)[0])
     if as_json:

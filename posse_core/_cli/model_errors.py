@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from posse_core._cli.common import echo_json, echo_table
+from posse_core._cli.progress import bar
 
 
 @click.command()
@@ -22,7 +23,8 @@ def command(as_json: bool) -> None:
 
     constants = Constants()
     columns: dict[str, dict[str, float]] = {}
-    for case in cases(constants):
+    known = cases(constants)
+    for case in bar(known, len(known), "integrating", unit="case"):
         result = errors(case, constants)
         for orbits in sorted({1, case.orbits}):
             flown = result.orbits <= orbits

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from posse_core._cli.common import naming, read_scenario, scenario_options
+from posse_core._cli.progress import phase
 from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
 
@@ -30,7 +31,7 @@ def command(
     if out.suffix not in (".npz", ".csv"):
         raise InputError(f"--out {out}: the file's name must end in .npz or .csv")
     checked = read_scenario(scenario, overrides, seed=seed, frames=frames)
-    with naming(scenario):
+    with naming(scenario), phase("computing the trajectory"):
         trajectory = make_trajectory(checked, load_plugins().registry)
     try:
         save_trajectory(trajectory, out)

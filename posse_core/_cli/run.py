@@ -5,16 +5,15 @@ from __future__ import annotations
 import contextlib
 import json
 import shlex
-import sys
 from collections.abc import Iterable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from tqdm import tqdm
 
 from posse_core._cli.common import DEFAULT_SCENARIO, free_folder, naming, read_scenario, scenario_options
+from posse_core._cli.progress import bar, phase
 from posse_core._errors import InputError
 from posse_core._plugins.loading import Plugins, load_plugins
 
@@ -76,7 +75,7 @@ def command(
     with _started_in(out) if resume and scenario is None and out is not None else given as source:
         for member in scenario_members(source):
             checked = read_scenario(member, overrides, **named)
-            with naming(member):
+            with naming(member), phase("preparing the trajectory and the spacecraft"):
                 plans[Path(member).stem] = make_plan(checked, plugins.registry)
     folder = out or free_folder(Path(source).stem)
     folders = {name: f"{folder}/{name}" if len(plans) > 1 else folder for name in plans}
@@ -122,10 +121,7 @@ def _executor(
 def _bar(
     results: Iterable[FrameResult[FrameMade]], frames: int, done: int
 ) -> Iterable[FrameResult[FrameMade]]:
-    with tqdm(total=frames, initial=done, unit="frame", file=sys.stderr, smoothing=0.1) as bar:
-        for result in results:
-            bar.update()
-            yield result
+    return bar(results, frames, done=done, first="opening the renderer")
 
 
 def _events(

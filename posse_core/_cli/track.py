@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from posse_core._cli.common import echo_json, echo_table, options_from
-from posse_core._cli.flight_output import bar, plain, shown
+from posse_core._cli.flight_output import flight_bar, plain, shown
 from posse_core._plugins.loading import load_plugins
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def command(
     config = read_track_config(dataset / SCENARIO, given)
     folder = out or dataset
     registry = load_plugins().registry
-    record = track(source, config, registry, sequence=sequence, out=folder, progress=bar)
+    record = track(source, config, registry, sequence=sequence, out=folder, progress=flight_bar)
     summary = summarise_track(record, source.spacecraft.symmetries)
     if as_json:
         echo_json({"dataset": str(dataset), "out": str(folder), **plain(dataclasses.asdict(summary))})

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from posse_core._cli.common import model_options, options_from
+from posse_core._cli.progress import phase
 from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
 
@@ -46,7 +47,8 @@ def command(dataset: Path, detector: str, out: Path, overrides: tuple[str, ...])
     options = registry.options("detector", detector, options_from(overrides), where="option")
     source = open_dataset(dataset)
     _ = source.sha256  # raises if the run has not ended: frames would be missing
-    model: Model = registry.create("detector", detector, options)
+    with phase("opening the detector"):
+        model: Model = registry.create("detector", detector, options)
     is_new = not out.exists()
     try:
         out.mkdir(parents=True, exist_ok=True)

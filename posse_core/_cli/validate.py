@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
-from tqdm import tqdm
 
 from posse_core._cli.common import echo_json, echo_table
+from posse_core._cli.progress import bar
 from posse_core._errors import CheckFailed
 
 if TYPE_CHECKING:
@@ -32,7 +31,7 @@ def command(dataset: Path, as_json: bool) -> None:
     from posse_core._evaluation.foreign import validate_foreign
     from posse_core._evaluation.validate import validate
 
-    report = validate_foreign(dataset) or validate(Dataset(dataset), _progress)
+    report = validate_foreign(dataset) or validate(Dataset(dataset), bar)
     if as_json:
         echo_json(report.as_json())
     else:
@@ -43,11 +42,6 @@ def command(dataset: Path, as_json: bool) -> None:
         echo_table(("check", "checked", "faults", "first fault, or what holds"), rows)
     if not report.passed:
         raise CheckFailed(_summary(report))
-
-
-def _progress(indices: Iterable[int], frames: int) -> Iterable[int]:
-    shown: Iterable[int] = tqdm(indices, total=frames, unit="frame", disable=None)
-    return shown
 
 
 def _summary(report: Report) -> str:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 
 import click
-from tqdm import tqdm
 
+from posse_core._cli.progress import bar
 from posse_core._errors import InputError
 
 
@@ -38,14 +37,9 @@ def command(dataset: Path, out: Path | None, frames: int | None, max_mib: float)
     if not out.parent.is_dir():
         raise InputError(f"--out {out}: there is no folder {out.parent}; make it first")
     try:
-        page = write_page(source, out, frames=frames, max_bytes=int(max_mib * 2**20), progress=_progress)
+        page = write_page(source, out, frames=frames, max_bytes=int(max_mib * 2**20), progress=bar)
     except OSError as error:
         raise InputError(f"--out {out}: cannot be written: {error.strerror}") from None
     click.echo(
         f"{out}: {page.frames} frames, {page.previews} with a preview, {page.size_bytes / 2**20:.1f} MiB"
     )
-
-
-def _progress(indices: Iterable[int], frames: int) -> Iterable[int]:
-    shown: Iterable[int] = tqdm(indices, total=frames, unit="frame", disable=None)
-    return shown

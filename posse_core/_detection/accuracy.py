@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,7 @@ from posse_core._plugins.registry import Registry
 
 
 def accuracy(
-    dataset: LabelledImages, positions: Sequence[int], path: Path, task: str, registry: Registry
+    dataset: LabelledImages, positions: Iterable[int], path: Path, task: str, registry: Registry
 ) -> dict[str, float]:
     """Return mAP, mAP50 and mean IoU of a detector, or the median error of a keypoint finder, px.
 
@@ -35,7 +35,7 @@ def accuracy(
 
 
 def _of_keypoints(
-    dataset: LabelledImages, positions: Sequence[int], finder: KeypointFinder
+    dataset: LabelledImages, positions: Iterable[int], finder: KeypointFinder
 ) -> dict[str, float]:
     """Measure a keypoint finder in the labelled boxes."""
     away_px: list[float] = []

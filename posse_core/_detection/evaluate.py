@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,7 +67,7 @@ def frames_of(dataset: LabelledImages, part: str) -> list[int]:
 
 def evaluate(
     dataset: LabelledImages,
-    positions: Sequence[int],
+    positions: Iterable[int],
     detector: Detector,
     finder: KeypointFinder | None = None,
 ) -> list[Judged]:

@@ -136,7 +136,7 @@ def learn(make_lesson: Callable[[], Lesson], card: ModelCard, folder: Path) -> P
             sums: dict[str, float] = {}
             net.train()
             batches = _batches(lesson, epoch, pool)
-            bar = tqdm(batches, f"epoch {epoch + 1}/{options.epochs}", steps, file=sys.stderr)
+            bar = tqdm(batches, f"epoch {epoch + 1}/{options.epochs}", steps, disable=None)
             for number, batch in enumerate(bar):
                 step = epoch * steps + number
                 for group in optimizer.param_groups:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -58,7 +57,7 @@ def cut_pictures(
         unfinished = path.with_suffix(".part")
         shape = (len(labels), size_px, size_px)
         coded = np.lib.format.open_memmap(unfinished, mode="w+", dtype=np.uint8, shape=shape)
-        for i, position in enumerate(tqdm(positions, f"{name}: cut", file=sys.stderr, unit="frame")):
+        for i, position in enumerate(tqdm(positions, f"{name}: cut", unit="frame", disable=None)):
             light = squares[i].cut(to_grey(dataset.image(position)))
             coded[i] = np.round(255 * np.sqrt(np.clip(light, 0, 1)))
         coded.flush()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from typing import Any
+from typing import Any, Literal, get_args, get_origin
 
 import click
 from pydantic import BaseModel
@@ -113,15 +113,22 @@ def _describe(model: type[BaseModel], indent: str) -> None:
     for key, field in model.model_fields.items():
         if is_choice and key in ComponentChoice.model_fields:
             continue
+        values = get_args(field.annotation) if get_origin(field.annotation) is Literal else ()
+        if len(values) == 1:  # the key selects the model, which the docstring describes
+            click.echo(f"{indent}{key}: {values[0]}. {_first_sentence(model)}")
+            continue
         default = "" if field.default is PydanticUndefined else f" [{_default(field.default)}]"
-        click.echo(f"{indent}{key}{default}: {field.description or _first_line(model)}")
+        said = field.description or ""
+        if not all(str(value) in said for value in values):
+            said += f" ({', '.join(map(str, values))})"
+        click.echo(f"{indent}{key}{default}: {said}")
         for nested in _models(field.annotation):
             _describe(nested, indent + "  ")
 
 
-def _first_line(model: type[BaseModel]) -> str:
-    """The first line of a model's docstring: describes a key that only selects the model."""
-    return (model.__doc__ or "").strip().split("\n")[0]
+def _first_sentence(model: type[BaseModel]) -> str:
+    """The first paragraph of a model's docstring, in one line."""
+    return " ".join((model.__doc__ or "").strip().split("\n\n")[0].split())
 
 
 def _models(annotation: Any) -> list[type[BaseModel]]:

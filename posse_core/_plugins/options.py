@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -58,19 +59,34 @@ def _explain(
 ) -> str:
     # An unknown key is reported first, since it is often the cause of the other faults.
     first = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
-    path = tuple(first["loc"])
+    location, context = tuple(first["loc"]), first.get("ctx", {})
     if first["type"] == "extra_forbidden":
-        known = _known_keys(model, path[:-1])
+        path, models = _located(model, location[:-1])
+        known = list(dict.fromkeys(f.alias or key for m in models for key, f in m.model_fields.items()))
         others = f"; known keys are {', '.join(known)}" if known else "; no keys are known here"
-        return f"{where(path)}: unknown key{nearest(str(path[-1]), known) or others}"
+        key = location[-1]
+        return f"{where((*path, key))}: unknown key{nearest(str(key), known) or others}"
+    path, models = _located(model, location)
+    if first["type"] in ("union_tag_invalid", "union_tag_not_found"):
+        key = str(context["discriminator"]).strip("'")
+        tags = [tag for m in models for name, tag in _tags(m).items() if name == key]
+        if "tag" not in context:
+            return f"{where((*path, key))}: missing; give one of {', '.join(tags)}"
+        hint = nearest(str(context["tag"]), tags) or f"; known are {', '.join(tags)}"
+        return f"{where((*path, key))}: there is no {context['tag']!r}{hint}"
     if first["type"] == "missing":
         return f"{where(path)}: missing; add it"
     value = first.get("input")
     message = first["msg"].removeprefix("Value error, ")
     message = message[:1].lower() + message[1:]
+    if first["type"] in ("dict_type", "model_attributes_type", "model_type"):
+        message = "input should be a mapping of keys to values"
     if isinstance(value, Mapping | BaseModel) or first["type"] == "json_invalid":
         return f"{where(path)}: {message}"
-    return f"{where(path)}: {message} (it is {_short(value)})"
+    hint = ""
+    if first["type"] == "literal_error" and isinstance(value, str):
+        hint = nearest(value, re.findall(r"'([^']*)'", str(context["expected"])))
+    return f"{where(path)}: {message} (it is {_short(value)}){hint}"
 
 
 def _short(value: Any) -> str:
@@ -78,18 +94,45 @@ def _short(value: Any) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def _known_keys(model: type[BaseModel], path: tuple[int | str, ...]) -> list[str]:
-    """Return the keys that the model at ``path`` inside ``model`` accepts."""
-    models = [model]
-    for step in path:
+def _located(
+    model: type[BaseModel], location: tuple[int | str, ...]
+) -> tuple[tuple[int | str, ...], list[type[BaseModel]]]:
+    """The path of keys that pydantic's location means inside ``model``, and the models that may be
+    there.
+
+    A location also names the members of unions, by their tags or types; those are no keys.
+    """
+    models, path = [model], list[int | str]()
+    is_value = False
+    for step in location:
         fields = [m.model_fields[str(step)] for m in models if str(step) in m.model_fields]
+        tagged = [m for m in models if step in _tags(m).values()]
         if fields:
-            models = [inner for field in fields for inner in _models_in(field.annotation)] or models
-        else:  # pydantic includes the tag that selects a member of a union in the path
-            models = [
-                m for m in models if step in (f.default for f in m.model_fields.values())
-            ] or models
-    return list(dict.fromkeys(f.alias or key for m in models for key, f in m.model_fields.items()))
+            models = [inner for field in fields for inner in _models_in(field.annotation)]
+            is_value = not models and not any(_has_keys(field.annotation) for field in fields)
+        elif tagged:
+            models = tagged
+            continue
+        elif is_value and isinstance(step, str):
+            continue
+        path.append(step)
+    return tuple(path), models
+
+
+def _tags(model: type[BaseModel]) -> dict[str, str]:
+    """The keys of a model that can have one value only, by which a union selects it, and this value."""
+    return {
+        key: str(get_args(field.annotation)[0])
+        for key, field in model.model_fields.items()
+        if get_origin(field.annotation) is Literal and len(get_args(field.annotation)) == 1
+    }
+
+
+def _has_keys(annotation: Any) -> bool:
+    """Whether a value of this type may be a mapping, whose keys are the user's own."""
+    if isinstance(get_origin(annotation), type) and issubclass(get_origin(annotation), Mapping):
+        return True
+    return any(_has_keys(argument) for argument in get_args(annotation))
 
 
 def _models_in(annotation: Any) -> list[type[BaseModel]]:

@@ -72,20 +72,20 @@ def command(
     pool = _executor(plugins, executor, workers, frame_time_limit)
     given = contextlib.nullcontext(scenario or DEFAULT_SCENARIO)
     plans = {}
+    results = []
     with _started_in(out) if resume and scenario is None and out is not None else given as source:
         for member in scenario_members(source):
             checked = read_scenario(member, overrides, **named)
             with naming(member), phase("preparing the trajectory and the spacecraft"):
                 plans[Path(member).stem] = make_plan(checked, plugins.registry)
-    folder = out or free_folder(Path(source).stem)
-    folders = {name: f"{folder}/{name}" if len(plans) > 1 else folder for name in plans}
-    results = []
-    for name, plan in plans.items():
-        shown = partial(_events, folders[name]) if as_json else _bar
-        result = run(plan, folders[name], plugins, pool, resume=resume, progress=shown)
-        if as_json:
-            _emit("finished", **_as_json(result))
-        results.append(result)
+        folder = out or free_folder(Path(source).stem)
+        folders = {name: f"{folder}/{name}" if len(plans) > 1 else folder for name in plans}
+        for name, plan in plans.items():
+            shown = partial(_events, folders[name]) if as_json else _bar
+            result = run(plan, folders[name], plugins, pool, resume=resume, progress=shown)
+            if as_json:
+                _emit("finished", **_as_json(result))
+            results.append(result)
     for result in results:
         _print(result, to_stdout=not as_json)
     return 3 if any(result.failed for result in results) else 0
@@ -93,19 +93,20 @@ def command(
 
 @contextlib.contextmanager
 def _started_in(out: str) -> Iterator[str]:
-    """A local copy of the scenario of the run at a location."""
-    from posse_core._dataset.layout import SCENARIO
+    """A local copy of the scenario of the run at a location, with its files."""
+    from posse_core._dataset.layout import INPUTS, SCENARIO
     from posse_core._files.store import open_store
 
-    try:
-        with open_store(out).local_copy(SCENARIO) as path:
+    with contextlib.ExitStack() as stack:
+        try:
+            path = stack.enter_context(open_store(out).local_copy(SCENARIO, INPUTS))
             if not path.exists():
                 raise FileNotFoundError
-            yield str(path)
-    except FileNotFoundError:
-        raise InputError(
-            f"--resume: {out} has no scenario.yaml; name the scenario that the run was started with"
-        ) from None
+        except FileNotFoundError:
+            raise InputError(
+                f"--resume: {out} has no scenario.yaml; name the scenario that the run was started with"
+            ) from None
+        yield str(path)
 
 
 def _executor(

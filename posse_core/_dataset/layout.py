@@ -9,8 +9,12 @@ from posse_core._errors import InputError
 
 SCENARIO: Final = "scenario.yaml"
 MANIFEST: Final = "manifest.json"
+SOURCES: Final = "sources"
+"""Folder with a folder for each dataset that was joined: its scenario, and its inputs."""
 TRAJECTORY: Final = "trajectory.npz"
 CAMERA: Final = "camera.json"
+INPUTS: Final = "inputs"
+"""Folder with copies of the files that the scenario names."""
 LABELS: Final = "labels"
 IMAGES: Final = "images"
 TRUTH: Final = "truth"

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, JsonValue, Strict
+from pydantic_core import to_jsonable_python
 
 from posse_core._dataset.camera import CameraFile, camera_record
 from posse_core._files.atomic import write_json
@@ -28,7 +29,7 @@ class SensorInfo:
         mount: where it is, relative to the dataset's camera.
         rate_hz: readings per second; None for one at each frame.
         camera: whose pixels its readings are in; None for a sensor that has none.
-        options: of the component.
+        options: of the component; in a dataset, paths of files are relative to its folder.
     """
 
     name: str
@@ -47,7 +48,7 @@ def write_sensor(sensor: SensorInfo, path: Path) -> None:
         "q_camera_from_sensor": quaternion_from_matrix(sensor.mount.R_camera_from_sensor).tolist(),
         "rate_hz": sensor.rate_hz,
         "camera": None if sensor.camera is None else camera_record(sensor.camera),
-        "options": dict(sensor.options),
+        "options": to_jsonable_python(dict(sensor.options)),
     }
     write_json(path, value)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from posse_core._arrays import FloatArray
 from posse_core._dataset.dataset import Dataset
-from posse_core._dataset.layout import SCENARIO, TRAJECTORY
+from posse_core._dataset.layout import SCENARIO, TRAJECTORY, inside
 from posse_core._environment.earth import R_itrf_from_gcrf
 from posse_core._environment.time import Epoch
 from posse_core._errors import InputError
@@ -95,7 +95,7 @@ def _scenario_file(dataset: Dataset, line: LabelLine) -> Path | None:
     if line.has("origin"):  # made by 'posse collect', which copies the scenario of each source
         sources = [s for s in dataset.manifest.sources or () if s.dataset == line.origin[0]]
         name = (sources[0].scenario if len(sources) == 1 else None) or ""
-    path = dataset.folder / name
+    path = inside(dataset.folder, name)
     return path if path.is_file() else None
 
 

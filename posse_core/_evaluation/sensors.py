@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +15,7 @@ from pydantic import ValidationError
 from posse_core import _frames as frames
 from posse_core._arrays import FloatArray
 from posse_core._dataset.dataset import Dataset
+from posse_core._dataset.layout import sensor_file
 from posse_core._dataset.readings import read_reading
 from posse_core._dataset.sensors import SensorInfo
 from posse_core._errors import InputError
@@ -25,6 +28,8 @@ from posse_core._model.label_line import LabelLine, ReadingLabels, first_fault
 from posse_core._model.reading import Reading
 from posse_core._plugins.component import failures_named
 from posse_core._plugins.loading import load_plugins
+from posse_core._scenario.files import anchored, with_files
+from posse_core._scenario.yaml_lines import KeyPath
 
 MOUNT_ERROR = 1e-9
 """How far the attitude at a frame's instant may be from the frame's by the mount, rad, and the position,
@@ -48,9 +53,14 @@ class SensorChecks:
             try:
                 assert registry is not None
                 options = registry.options("sensor", info.type, info.options)
+                options = with_files(options, partial(self._file, name))
                 self._components[name] = registry.create("sensor", info.type, options)
             except InputError as error:
                 result.proves = f"only pose and files were checked: {error}"
+
+    def _file(self, name: str, key: KeyPath, path: Path) -> Path:
+        where = f"{sensor_file(self._dataset.folder, name)}: {'.'.join(map(str, key))}"
+        return anchored(path, self._dataset.folder, where, confined=True)
 
     @property
     def results(self) -> Sequence[Result]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.files import read_image
-from posse_core._dataset.layout import IMAGES, LABELS, SENSORS, TRUTH, inside
+from posse_core._dataset.layout import IMAGES, INPUTS, LABELS, SENSORS, TRUTH, inside
 from posse_core._errors import InputError
 from posse_core._evaluation.case import Case
 from posse_core._evaluation.checks import CHECKS, SCHEMA
@@ -61,7 +61,7 @@ def validate(dataset: Dataset, progress: Progress) -> Report:
     whole = [
         _lines(dataset),
         _frames(dataset, manifest),
-        _leftovers(dataset, frames),
+        _leftovers(dataset, manifest, frames),
         _checksums(dataset, manifest, frames),
         _twins(dataset, frames),
         _partition(dataset, frames),
@@ -137,15 +137,20 @@ def _frames(dataset: Dataset, manifest: Manifest) -> Result:
     return result
 
 
-def _leftovers(dataset: Dataset, frames: Sequence[_Frame]) -> Result:
+def _leftovers(dataset: Dataset, manifest: Manifest, frames: Sequence[_Frame]) -> Result:
     named = {name for frame in frames for name in frame.files}
-    result = Result("leftovers", "no image, array or reading is there that no frame names", len(named))
+    proves = "no image, array or reading is there that no frame names, and no input that no run copied"
+    result = Result("leftovers", proves, len(named))
     readings = [f"{SENSORS}/{path.name}" for path in sorted((dataset.folder / SENSORS).glob("*/"))]
     for part in (IMAGES, TRUTH, *readings):
         for path in sorted((dataset.folder / part).glob("[!.]*")):
             name = f"{part}/{path.name}"
             if name not in named:
                 result.faults.append(Fault(None, f"{name}: no frame names it"))
+    for path in sorted((dataset.folder / INPUTS).rglob("[!.]*")):
+        name = path.relative_to(dataset.folder).as_posix()
+        if name not in manifest.sha256 and not path.is_dir():
+            result.faults.append(Fault(None, f"{name}: the manifest does not name it"))
     return result
 
 

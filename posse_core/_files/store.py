@@ -53,10 +53,16 @@ class Store(ABC):
         """Return the hexadecimal SHA-256 digest of a file; it raises the same errors as :meth:`read`."""
 
     @abstractmethod
-    def local_copy(self, name: str) -> contextlib.AbstractContextManager[Path]:
+    def local_copy(
+        self, name: str, folder: str | None = None
+    ) -> contextlib.AbstractContextManager[Path]:
         """Give a local path to the file's content, valid within the block.
 
         It raises the same errors as :meth:`read`.
+
+        Args:
+            name: of the file, in the dataset's folder itself.
+            folder: name of a folder whose files are there too, beside the copy.
         """
 
 
@@ -79,7 +85,7 @@ class LocalStore(Store):
         return sha256(f"{self._folder}/{name}")
 
     @contextlib.contextmanager
-    def local_copy(self, name: str) -> Iterator[Path]:
+    def local_copy(self, name: str, folder: str | None = None) -> Iterator[Path]:
         yield self._folder / name
 
 
@@ -133,26 +139,48 @@ class RemoteStore(Store):
         with self._explain_errors("written to"), contextlib.suppress(FileNotFoundError):
             self._files.rm_file(f"{self._root}/{name}")
 
-    def names(self, folder: str = "") -> list[str]:
-        """Return the sorted names of the files directly in a folder, without those of its subfolders."""
+    def names(self, folder: str = "", *, below: bool = False) -> list[str]:
+        """Return the sorted names of the files in a folder.
+
+        Args:
+            folder: its name.
+            below: also of those in its subfolders.
+
+        Raises:
+            StoreError: The store refuses, or a name leads out of the dataset.
+        """
         path = f"{self._root}/{folder}".rstrip("/")
         with self._explain_errors("read"):
             try:
-                found = self._files.ls(path, detail=True)
+                if below:
+                    found = self._files.find(path, detail=True).values()
+                else:
+                    found = self._files.ls(path, detail=True)
             except FileNotFoundError:
                 return []
         files = (each["name"] for each in found if each["type"] == "file")
-        return sorted(name.removeprefix(f"{self._root}/") for name in files)
+        names = sorted(name.removeprefix(f"{self._root}/") for name in files)
+        for name in names:
+            if ".." in name.split("/"):
+                raise StoreError(
+                    f"{self.location}: has the file {name!r}, which leads out of the folder"
+                )
+        return names
 
     def sha256(self, name: str) -> str:
         return hashlib.sha256(self.read(name)).hexdigest()
 
     @contextlib.contextmanager
-    def local_copy(self, name: str) -> Iterator[Path]:
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / Path(name).name
-            path.write_bytes(self.read(name))
-            yield path
+    def local_copy(self, name: str, folder: str | None = None) -> Iterator[Path]:
+        with tempfile.TemporaryDirectory() as temporary:
+            copy = Path(temporary)
+            if folder is not None:
+                (copy / folder).mkdir()
+            for each in [name, *(self.names(folder, below=True) if folder is not None else ())]:
+                path = copy / each
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(self.read(each))
+            yield copy / name
 
     @contextlib.contextmanager
     def _explain_errors(self, action: str) -> Iterator[None]:

@@ -6,7 +6,6 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -210,9 +209,7 @@ def open_eye(
     """
     if config.source == "truth":
         return TrueEye(config, craft, camera, seed)
-    boxes = None if config.boxes is None else Path(config.boxes)
-    keypoints = None if config.keypoints is None else Path(config.keypoints)
-    detector, finder = open_models(boxes, keypoints, registry, {})
+    detector, finder = open_models(config.boxes, config.keypoints, registry, {})
     if craft.name not in detector.classes:
         raise InputError(
             f"{where}: the model finds {', '.join(detector.classes)}, not {craft.name!r};"

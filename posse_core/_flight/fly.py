@@ -15,6 +15,7 @@ from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.layout import FLIGHT, FLIGHT_PAGE, SCENARIO, TRAJECTORY
 from posse_core._errors import InputError
 from posse_core._evaluation.flight import FlightSummary, summarise
+from posse_core._files.atomic import write_bytes
 from posse_core._files.flight import load_flight, save_flight
 from posse_core._files.store import is_remote
 from posse_core._files.trajectory import save_trajectory
@@ -30,6 +31,7 @@ from posse_core._model.flight_record import FlightRecord
 from posse_core._model.spacecraft import Spacecraft
 from posse_core._plugins.loading import Plugins, load_plugins
 from posse_core._randomness import derived_seed
+from posse_core._run.inputs import as_begun, inputs_of, write_inputs
 from posse_core._run.recording import Recording, recording
 from posse_core._run.worker import write_frame, write_renderer
 from posse_core._scenario.component import create
@@ -178,16 +180,16 @@ def fly_many(
         InputError: the folder cannot be used.
     """
     folder = Path(out)
-    text = dump_scenario(scenario)
+    inputs = inputs_of(scenario)
     path = folder / SCENARIO
     if path.exists():
         if not resume:
             raise InputError(f"--out {out}: contains flights; choose another folder, or use --resume")
-        if path.read_text("utf-8") != text:
-            raise InputError(f"--out {out}: its flights have another scenario; choose another folder")
+        write_inputs(folder, as_begun(folder, scenario, inputs, out), {})
     elif folder.exists() and os.listdir(folder):
         raise InputError(f"--out {out}: is not empty and contains no flights; choose another folder")
     else:
         folder.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, "utf-8")
+        write_inputs(folder, inputs, {})
+        write_bytes(path, dump_scenario(inputs.scenario).encode())
     yield from executor.run(partial(FlightWorker, str(path), str(folder), resume), range(seeds))

@@ -34,8 +34,8 @@ class Source(_Record):
 
     Attributes:
         dataset: name of its folder.
-        scenario: file name of the copy of its scenario, in the folder of the manifest; None if it has no
-            scenario.
+        scenario: path of the copy of its scenario from the folder of the manifest, where its inputs are
+            beside; None if it has no scenario.
         frames, seed, renderer, versions, sources: as in its own manifest.
     """
 

@@ -20,7 +20,7 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-from posse_core._dataset.layout import LABELS, MANIFEST, SCENARIO, SPACECRAFT
+from posse_core._dataset.layout import INPUTS, LABELS, MANIFEST, SCENARIO, SPACECRAFT
 from posse_core._errors import InputError, StoreError
 from posse_core._files.store import LocalStore, RemoteStore, Store, is_remote
 from posse_core._run.lease import Lease
@@ -136,9 +136,11 @@ class RemoteDestination(Destination):
         for part in (LABELS, SPACECRAFT):
             (self.folder / part).mkdir()
             names += self.store.names(part)
-        for name in names:
+        for name in [*names, *self.store.names(INPUTS, below=True)]:
             data = self.store.read(name)
-            (self.folder / name).write_bytes(data)
+            path = self.folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(data)
             self._saved[name] = hashlib.sha256(data).hexdigest()
         for name in self.store.names(JOURNAL):
             replay(self.folder, self.store.read(name))

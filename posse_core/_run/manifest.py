@@ -10,6 +10,7 @@ from posse_core import __version__
 from posse_core._dataset.layout import (
     CAMERA,
     FLIGHT,
+    INPUTS,
     LABELS,
     READINGS,
     SCENARIO,
@@ -55,9 +56,10 @@ def make_manifest(
         path
         for pattern in (
             *(SCENARIO, TRAJECTORY, CAMERA, FLIGHT, READINGS),
-            *(f"{SPACECRAFT}/*", f"{SENSORS}/*.json", f"{LABELS}/*"),
+            *(f"{INPUTS}/**/*", f"{SPACECRAFT}/*", f"{SENSORS}/*.json", f"{LABELS}/*"),
         )
         for path in folder.glob(pattern)
+        if path.is_file()
     )
     return Manifest(
         format=FORMAT,
@@ -76,7 +78,7 @@ def make_manifest(
             status.name: PluginVersion(dist=status.dist, version=status.version, state=status.state)
             for status in plugins.statuses
         },
-        sha256={str(path.relative_to(folder)): sha256(path) for path in hashed},
+        sha256={path.relative_to(folder).as_posix(): sha256(path) for path in hashed},
         exports=dict(exports),
         frame_checksums=CHECKSUMS,
     )

@@ -6,6 +6,7 @@ import contextlib
 import errno
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from posse_core._dataset.camera import write_camera
@@ -13,6 +14,7 @@ from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.layout import (
     CAMERA,
     IMAGES,
+    INPUTS,
     LABELS,
     MANIFEST,
     SCENARIO,
@@ -28,7 +30,7 @@ from posse_core._dataset.sensors import SensorInfo, write_sensor
 from posse_core._dataset.spacecraft import write_spacecraft
 from posse_core._errors import ComponentError, InputError, PosseError, StoreError
 from posse_core._files.atomic import remove_partial, sha256, write_bytes, write_json
-from posse_core._files.reading import read_bytes, read_text
+from posse_core._files.reading import read_bytes
 from posse_core._files.store import Store, is_remote
 from posse_core._files.trajectory import load_trajectory, save_trajectory
 from posse_core._interfaces.executor import FrameMade
@@ -38,6 +40,7 @@ from posse_core._model.trajectory import Trajectory
 from posse_core._plugins.loading import Plugins
 from posse_core._run.destination import Destination, open_destination
 from posse_core._run.exports import export_digests
+from posse_core._run.inputs import Inputs, as_begun, inputs_of, write_inputs
 from posse_core._run.manifest import make_manifest
 from posse_core._run.shards import LabelLog, shard_path
 from posse_core._scenario.component import create
@@ -63,7 +66,7 @@ class Recording:
     def __init__(
         self,
         destination: Destination,
-        scenario: Scenario,
+        inputs: Inputs,
         spacecraft: Spacecraft,
         sensors: Sequence[SensorInfo],
         frames: int,
@@ -71,13 +74,15 @@ class Recording:
         trajectory: Trajectory | None,
     ) -> None:
         self._destination = destination
-        self._scenario = scenario
+        self._scenario = inputs.scenario
         self._frames = frames
         self._plugins = plugins
         self.folder = destination.folder
         self._recorded = self._read_manifest()
-        self._refuse_strangers(spacecraft, sensors)
+        self._refuse_strangers(spacecraft, sensors, inputs)
         self._write_statics(spacecraft, sensors)
+        recorded = {} if self._recorded is None else self._recorded.sha256
+        write_inputs(self.folder, inputs, recorded)
         if trajectory is not None and not self._has_trajectory(trajectory):
             save_trajectory(trajectory, self.folder / TRAJECTORY)
         self._log = LabelLog(self.folder, frames)
@@ -151,7 +156,8 @@ class Recording:
         for part in (".", *parts):
             remove_partial(folder / part)
         for sensor in sensors:
-            write_sensor(sensor, sensor_file(folder, sensor.name))
+            named = replace(sensor, options=self._scenario.sensors[sensor.name].options)
+            write_sensor(named, sensor_file(folder, sensor.name))
         write_camera(self._scenario.camera.camera(), folder / CAMERA)
         write_spacecraft(spacecraft, folder / SPACECRAFT)
 
@@ -177,7 +183,9 @@ class Recording:
         except (OSError, InputError):
             return False
 
-    def _refuse_strangers(self, spacecraft: Spacecraft, sensors: Sequence[SensorInfo]) -> None:
+    def _refuse_strangers(
+        self, spacecraft: Spacecraft, sensors: Sequence[SensorInfo], inputs: Inputs
+    ) -> None:
         """Refuse files where only those of the run may be, since ``posse validate`` would find them.
 
         Raises:
@@ -196,9 +204,14 @@ class Recording:
                 continue
             for name in sorted({*os.listdir(self.folder / part)} - names):
                 if not name.startswith("."):
-                    raise InputError(
-                        f"{self.folder}: {part}/{name} is no file of this run; move it elsewhere"
-                    )
+                    raise self._strange(f"{part}/{name}")
+        for path in sorted((self.folder / INPUTS).rglob("[!.]*")):
+            name = path.relative_to(self.folder).as_posix()
+            if name not in inputs.files and not path.is_dir():
+                raise self._strange(name)
+
+    def _strange(self, name: str) -> InputError:
+        return InputError(f"{self.folder}: {name} is no file of this run; move it elsewhere")
 
 
 @contextlib.contextmanager
@@ -234,13 +247,16 @@ def recording(
     """
     if not is_remote(out) and Path(out).exists() and not Path(out).is_dir():
         raise InputError(f"--out {out}: is a file; choose a folder that does not exist yet")
+    inputs = inputs_of(scenario)
     destination = open_destination(out)
     made_some = False
     try:
         with destination.claimed():
-            fresh = _check_claim(destination, out, scenario, resume=resume)
+            fresh = _check_claim(destination, out, resume=resume)
+            if not fresh:
+                inputs = as_begun(destination.folder, scenario, inputs, out)
             try:
-                yield Recording(destination, scenario, spacecraft, sensors, frames, plugins, trajectory)
+                yield Recording(destination, inputs, spacecraft, sensors, frames, plugins, trajectory)
             except (OSError, PosseError):
                 made_some = not fresh or any((destination.folder / LABELS).glob("*.jsonl"))
                 if not made_some:
@@ -252,21 +268,15 @@ def recording(
         raise StoreError(f"{error}{_how_to_continue(made_some)}") from None
 
 
-def _check_claim(destination: Destination, out: str, scenario: Scenario, *, resume: bool) -> bool:
-    """Check that the destination is empty or holds this run; return whether it was empty."""
+def _check_claim(destination: Destination, out: str, *, resume: bool) -> bool:
+    """Check that the destination is empty or holds a run to resume; return whether it was empty."""
     if all(path.name.startswith(".") for path in destination.folder.iterdir()):
         return True
-    scenario_file = destination.folder / SCENARIO
-    if not scenario_file.exists():
+    if not (destination.folder / SCENARIO).exists():
         raise InputError(f"--out {out}: is not empty and contains no run; choose another folder")
     if not resume:
         raise InputError(
             f"--out {out}: contains another run; choose another folder, or continue it with --resume"
-        )
-    if read_text(scenario_file) != dump_scenario(scenario):
-        raise InputError(
-            f"--out {out}: its run has another scenario than this one; resume it without"
-            " a scenario or options, or choose another folder"
         )
     return False
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 
-from posse_core._dataset.layout import IMAGES, SCENARIO, TRAJECTORY, TRUTH, reading_file
+from posse_core._dataset.layout import IMAGES, INPUTS, SCENARIO, TRAJECTORY, TRUTH, reading_file
 from posse_core._dataset.remarks import remark_on
 from posse_core._files.compressed import npz, png
 from posse_core._files.store import Store, open_store
@@ -25,23 +26,28 @@ class RunWorker:
     """Makes the frames of one dataset and writes their files."""
 
     def __init__(self, dataset: str) -> None:
-        """Open a dataset at a path or URL, which must hold the scenario and the trajectory."""
+        """Open a dataset at a path or URL, which must hold the scenario with its files, and the
+        trajectory."""
         self._store = open_store(dataset)
         registry = load_plugins().registry
-        with self._store.local_copy(SCENARIO) as path:
-            scenario = load_scenario(str(path), registry)
-        with self._store.local_copy(TRAJECTORY) as path:
-            trajectory = load_trajectory(path)
-        self._simulator = Simulator(scenario, registry, trajectory)
-        write_renderer(self._simulator, self._store)
+        with contextlib.ExitStack() as stack:
+            # The copies of inputs are kept: components may read them at any time.
+            scenario_file = stack.enter_context(self._store.local_copy(SCENARIO, INPUTS))
+            scenario = load_scenario(str(scenario_file), registry)
+            with self._store.local_copy(TRAJECTORY) as path:
+                trajectory = load_trajectory(path)
+            self._simulator = Simulator(scenario, registry, trajectory)
+            stack.callback(self._simulator.close)
+            write_renderer(self._simulator, self._store)
+            self._opened = stack.pop_all()
 
     def make(self, index: int) -> FrameMade:
         """Make one frame and write its files."""
         return write_frame(self._simulator.frame(self._simulator.state(index)), self._store)
 
     def close(self) -> None:
-        """Free the renderer."""
-        self._simulator.close()
+        """Free the renderer, and delete local copies."""
+        self._opened.close()
 
 
 def write_renderer(simulator: Simulator, store: Store) -> None:

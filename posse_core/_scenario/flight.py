@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import Field, model_validator
@@ -70,8 +71,8 @@ class MeasurementConfig(Options):
         description="nets: found in the image; truth: the true projections of the keypoints that are"
         " in view and not hidden, with noise of sigma_px, while the Sun shines on the target",
     )
-    boxes: str | None = Field(None, description="model file that finds boxes; null: the shipped one")
-    keypoints: str | None = Field(
+    boxes: Path | None = Field(None, description="model file that finds boxes; null: the shipped one")
+    keypoints: Path | None = Field(
         None, description="model file that finds keypoints; null: the shipped one"
     )
     least_score: float = Field(0.3, ge=0, le=1, description="detections below it are ignored")

@@ -11,11 +11,13 @@ from typing import Any
 import yaml
 from pydantic import BaseModel
 
+from posse_core._dataset.layout import INPUTS, LABELS
 from posse_core._errors import InputError
 from posse_core._plugins.options import nearest, validated
 from posse_core._plugins.registry import Registry
 from posse_core._scenario.attitude import LawChoice, Subject, check_law
 from posse_core._scenario.component import ComponentChoice
+from posse_core._scenario.files import anchored, keys_of, with_files
 from posse_core._scenario.model import Scenario
 from posse_core._scenario.yaml_lines import KeyPath, YamlText
 
@@ -55,8 +57,9 @@ def load_scenario(
     """Read a scenario and check all of it, the options of components included.
 
     Args:
-        source: path of a YAML file, the name of a built-in scenario, or the keys of a scenario, whose
-            paths are then relative to the working directory.
+        source: path of a YAML file, the name of a built-in scenario, or the keys of a scenario. Paths in
+            a file are relative to that file, and those in a dataset's do not lead out of the dataset;
+            the others are relative to the working directory. In the scenario, all are absolute.
         overrides: dotted key, as in ``renderer.spp``, → value that replaces the scenario's.
 
     Raises:
@@ -66,7 +69,7 @@ def load_scenario(
     raw = text.value
     if not isinstance(raw, dict):
         raise InputError(f"{text.name}: a scenario is a mapping of keys; see 'posse describe scenario'")
-    base = Path(text.name).parent if text.name == source else Path()
+    base = Path(text.name).parent if text.name == source else None
     given = {tuple(key.split(".")): value for key, value in (overrides or {}).items()}
     _drop_former_cameras(raw, given)
     for path, value in sorted(given.items(), key=lambda item: item[0][-1] not in ("name", "law")):
@@ -79,10 +82,15 @@ def load_scenario(
         return text.where(path)
 
     _refuse_extremes(raw, (), where)
-    _anchor_files(raw, base)
     scenario = _with_complete_options(validated(Scenario, raw, where), registry, where)
     _refuse_unable_writers(scenario, registry, where)
-    return scenario
+
+    def file(key: KeyPath, path: Path) -> Path:
+        by_option = any(key[:length] in given for length in range(1, len(key) + 1))
+        confined = base is not None and _is_dataset(base) and not by_option
+        return anchored(path, base or Path(), where(key), confined=confined)
+
+    return with_files(scenario, file)
 
 
 def parse_override(text: str) -> tuple[str, Any]:
@@ -154,21 +162,6 @@ def _drop_former_cameras(raw: dict[str, Any], given: Mapping[tuple[str, ...], An
                 inner.clear()
 
 
-_FILES = (
-    ("target", "mesh"),
-    ("target", "package"),
-    ("target", "keypoints"),
-    ("propagator", "path"),
-    ("propagator", "chaser_path"),
-    ("attitude", "target", "path"),
-    ("attitude", "camera", "path"),
-    ("flight", "measurement", "boxes"),
-    ("flight", "measurement", "keypoints"),
-)
-
-_SENSOR_FILES = (("path",), ("pattern", "path"))
-
-
 _SMALLEST, _LARGEST = 1e-40, 1e40
 """No quantity in SI units is beyond these, and powers of those within do not overflow."""
 
@@ -190,17 +183,9 @@ def _refuse_extremes(value: Any, path: KeyPath, where: Callable[[KeyPath], str])
         )
 
 
-def _anchor_files(raw: dict[str, Any], base: Path) -> None:
-    """Make paths absolute: in a scenario file they are relative to that file."""
-    sensors = raw.get("sensors")
-    names = sensors if isinstance(sensors, dict) else ()
-    of_sensors = [("sensors", name, *keys) for name in names for keys in _SENSOR_FILES]
-    for *blocks, key in (*_FILES, *of_sensors):
-        inner: Any = raw
-        for block in blocks:
-            inner = inner.get(block) if isinstance(inner, dict) else None
-        if isinstance(inner, dict) and isinstance(inner.get(key), str):
-            inner[key] = str((base / inner[key]).absolute())
+def _is_dataset(folder: Path) -> bool:
+    """Say whether a folder with a scenario is a dataset, whose scenario may be anyone's."""
+    return any((folder / part).is_dir() for part in (INPUTS, LABELS))
 
 
 def _refuse_unable_writers(scenario: Scenario, registry: Registry, where: Any) -> None:
@@ -228,7 +213,7 @@ def _with_complete_options(scenario: Scenario, registry: Registry, where: Any) -
         except InputError as error:
             raise InputError(f"{where((*path, choice.key()))}: {error}") from None
         options: BaseModel = validated(model, choice.options, lambda p: str(where((*path, *p))))
-        return choice.model_copy(update={"options": options.model_dump(mode="json")})
+        return choice.model_copy(update={"options": keys_of(options)})
 
     def law(subject: Subject, choice: LawChoice) -> ComponentChoice:
         check_law(registry, choice, subject, where(("attitude", subject, "law")))

@@ -11,6 +11,7 @@ from pydantic import Field
 from posse_core._constants import Constants
 from posse_core._errors import InputError
 from posse_core._plugins.options import validated
+from posse_core._scenario.files import anchored, with_files
 from posse_core._scenario.flight import NavigationConfig, NavigationErrorsConfig
 from posse_core._scenario.load import put
 from posse_core._scenario.yaml_lines import KeyPath, YamlText
@@ -61,7 +62,12 @@ def read_track_config(scenario: Path, overrides: Mapping[str, Any]) -> TrackConf
             return f"option {'.'.join(str(step) for step in path)}"
         return text.where(path if path[0] in made else ("flight", *path))
 
-    return validated(TrackConfig, raw, where)
+    def file(key: KeyPath, path: Path) -> Path:
+        by_option = any(key[:length] in given for length in range(1, len(key) + 1))
+        base = Path() if by_option else scenario.parent
+        return anchored(path, base, where(key), confined=not by_option)
+
+    return with_files(validated(TrackConfig, raw, where), file)
 
 
 def _mapping(text: YamlText, value: Any, *path: str) -> dict[str, Any]:

@@ -19,10 +19,12 @@ from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.layout import (
     CAMERA,
     IMAGES,
+    INPUTS,
     LABELS,
     MANIFEST,
     SCENARIO,
     SENSORS,
+    SOURCES,
     SPACECRAFT,
     TRAJECTORY,
     TRUTH,
@@ -166,9 +168,15 @@ def _check_alike(sources: Sequence[Dataset]) -> None:
                 raise InputError(f"{dataset.folder}: its {name!r} is not that of {other.folder}")
 
 
+_OF_SENSORS = f"{INPUTS}/{SENSORS}."
+"""What the names of sensors' inputs begin with."""
+
+
 def _sensors(dataset: Dataset) -> dict[str, str]:
-    """Name of each sensor → the digest of its description."""
-    return {name: sha256(sensor_file(dataset.folder, name)) for name in dataset.sensors}
+    """Each sensor's description, and each file that one names → its digest."""
+    digests = {name: sha256(sensor_file(dataset.folder, name)) for name in dataset.sensors}
+    named = dataset.manifest.sha256
+    return digests | {name: named[name] for name in named if name.startswith(_OF_SENSORS)}
 
 
 def _build(sources: Sequence[Dataset], choice: Choice, folder: Path, progress: Progress) -> None:
@@ -177,6 +185,7 @@ def _build(sources: Sequence[Dataset], choice: Choice, folder: Path, progress: P
     for name in sources[0].sensors:
         (folder / SENSORS / name).mkdir(parents=True)
         shutil.copyfile(sensor_file(sources[0].folder, name), sensor_file(folder, name))
+    _take_inputs(sources[0], _OF_SENSORS, folder)
     frames = sum(map(len, choice.kept))
     log = LabelLog(folder, frames)
     trajectories: list[Trajectory] = []
@@ -195,7 +204,7 @@ def _build(sources: Sequence[Dataset], choice: Choice, folder: Path, progress: P
         first_sequence = int(sequences.max()) + 1
         moved = replace(trajectory, t_s=trajectory.t_s + later_s, sequence=sequences)
         trajectories.append(moved.rows(np.array(kept, dtype=np.int64)))
-        records.append(_record(dataset, number, folder))
+        records.append(_record(dataset, f"{SOURCES}/{number}", folder))
     save_trajectory(_joined(trajectories), folder / TRAJECTORY)
     shutil.copyfile(sources[0].folder / CAMERA, folder / CAMERA)
     _write_manifest(folder, records, frames, choice)
@@ -220,11 +229,8 @@ def _take(
 
     def taken(name: str, new: str) -> str:
         """Take a file under a new name."""
-        source = inside(dataset.folder, name)
-        if not source.is_file() or dataset.digests.get(name) != sha256(source):
-            raise InputError(f"{source}: missing, or changed since it was written; see 'posse validate'")
+        link_or_copy(_unchanged(dataset, name, dataset.digests.get(name)), folder / new)
         digests[new] = dataset.digests[name]
-        link_or_copy(source, folder / new)
         return new
 
     for key, name in (("image", labels.image), ("truth", labels.truth)):
@@ -249,6 +255,23 @@ def _take(
     log.append(labels.model_copy(update=changed), digests)
 
 
+def _take_inputs(dataset: Dataset, prefix: str, folder: Path) -> None:
+    """Take the files among a source's inputs whose names begin with a text."""
+    for name, digest in dataset.manifest.sha256.items():
+        if name.startswith(prefix):
+            target = inside(folder, name)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            link_or_copy(_unchanged(dataset, name, digest), target)
+
+
+def _unchanged(dataset: Dataset, name: str, digest: str | None) -> Path:
+    """The path of a source's file, after a check of its digest."""
+    source = inside(dataset.folder, name)
+    if not source.is_file() or digest != sha256(source):
+        raise InputError(f"{source}: missing, or changed since it was written; see 'posse validate'")
+    return source
+
+
 def _seconds_between(start: Epoch, end: Epoch) -> float:
     zero = np.zeros(())
     (a1, a2), (b1, b2) = start.tt(zero), end.tt(zero)
@@ -269,15 +292,21 @@ def _joined(trajectories: Sequence[Trajectory]) -> Trajectory:
     return Trajectory(epoch_utc=first.epoch_utc, **arrays, extras=extras)
 
 
-def _record(dataset: Dataset, number: int, folder: Path) -> Source:
-    """Copy the spacecraft and scenario of a source, and return its record for the manifest."""
+def _record(dataset: Dataset, part: str, folder: Path) -> Source:
+    """Copy the spacecraft of a source, and its scenario with inputs into a folder of their own.
+
+    Returns:
+        Its record for the manifest.
+    """
     for name in dataset.spacecraft_by_name:
         for file_of in (spacecraft_file, mesh_file):
             shutil.copyfile(file_of(dataset.folder, name), file_of(folder, name))
     scenario = dataset.folder / SCENARIO
-    copy = f"scenario-{number}.yaml"
+    copy = f"{part}/{SCENARIO}"
     if scenario.exists():
+        (folder / part).mkdir(parents=True)
         shutil.copyfile(scenario, folder / copy)
+        _take_inputs(dataset, f"{INPUTS}/", folder / part)
     said = dataset.manifest.model_dump(
         include={"frames", "seed", "renderer", "versions", "sources"}, exclude_unset=True
     )
@@ -288,8 +317,9 @@ def _record(dataset: Dataset, number: int, folder: Path) -> Source:
 
 def _write_manifest(folder: Path, records: list[Source], frames: int, choice: Choice) -> None:
     files = [path for path in sorted(folder.glob("*")) if path.is_file() and path.name != CHECKSUMS]
-    for pattern in (f"{SPACECRAFT}/*", f"{SENSORS}/*.json", f"{LABELS}/*"):
-        files += sorted(folder.glob(pattern))
+    kept = (f"{SPACECRAFT}/*", f"{SENSORS}/*.json", f"{INPUTS}/**/*", f"{SOURCES}/**/*", f"{LABELS}/*")
+    for pattern in kept:
+        files += (path for path in sorted(folder.glob(pattern)) if path.is_file())
     manifest = Manifest(
         format=FORMAT,
         format_version=FORMAT_VERSION,
@@ -299,7 +329,7 @@ def _write_manifest(folder: Path, records: list[Source], frames: int, choice: Ch
         versions={"posse-core": __version__},
         sources=records,
         selection=list(choice.selection),
-        sha256={str(path.relative_to(folder)): sha256(path) for path in files},
+        sha256={path.relative_to(folder).as_posix(): sha256(path) for path in files},
         frame_checksums=CHECKSUMS,
     )
     write_json(folder / MANIFEST, manifest.as_json())

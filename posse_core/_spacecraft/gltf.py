@@ -192,11 +192,11 @@ def beside(path: Path, name: str) -> Path:
     return target
 
 
-def side_files(path: Path) -> list[Path]:
-    """The buffers and pictures that a .gltf file refers to."""
+def gltf_side_files(path: Path) -> list[str]:
+    """The buffers and pictures that a .gltf or .glb file refers to, by their paths from its folder."""
     header = _open(path).header
     uris = [item.get("uri", "data:") for key in ("buffers", "images") for item in header.get(key, [])]
-    return [beside(path, urllib.parse.unquote(uri)) for uri in uris if not uri.startswith("data:")]
+    return [urllib.parse.unquote(uri) for uri in uris if not uri.startswith("data:")]
 
 
 def _geometries(file: _File) -> dict[str, Any]:

@@ -17,10 +17,9 @@ import yaml
 from posse_core._errors import InputError
 from posse_core._files.atomic import write_bytes
 from posse_core._model.spacecraft import Spacecraft
-from posse_core._spacecraft.gltf import side_files as gltf_side_files
+from posse_core._spacecraft.files import mesh_files
 from posse_core._spacecraft.package import DESCRIPTION
 from posse_core._spacecraft.raw import RawMesh
-from posse_core._spacecraft.reader import obj_side_files
 
 SCENARIO = "scenario.yaml"
 
@@ -62,13 +61,6 @@ def _watertight(vertices: Any, faces: Any) -> bool:
     return bool(mesh.is_watertight)
 
 
-def side_files(path: Path) -> list[Path]:
-    """The further files that a mesh file needs: buffers, pictures, material libraries."""
-    if path.suffix.lower() == ".gltf":
-        return gltf_side_files(path)
-    return obj_side_files(path) if path.suffix.lower() == ".obj" else []
-
-
 def write_package(
     folder: Path,
     mesh: Path,
@@ -83,7 +75,7 @@ def write_package(
     The folder is made completely or not at all.
 
     Raises:
-        InputError: the folder already exists.
+        InputError: the folder already exists, or the mesh refers to a file by a path that a copy lacks.
     """
     if folder.exists():
         raise InputError(f"{folder}: already exists; remove it, or give another folder with --out")
@@ -102,8 +94,8 @@ def write_package(
     }
     temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
     try:
-        for source in (mesh, *side_files(mesh)):
-            target = temporary / source.resolve().relative_to(mesh.resolve().parent)
+        for name, source in mesh_files(mesh).items():
+            target = temporary / name
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(source, target)
         write_bytes(temporary / DESCRIPTION, _description(record).encode())

@@ -11,6 +11,7 @@ from posse_core._errors import InputError
 from posse_core._interfaces.scene import SceneSource
 from posse_core._model.spacecraft import Spacecraft
 from posse_core._plugins.options import validated
+from posse_core._spacecraft.files import mesh_files
 from posse_core._spacecraft.keypoint_file import Corner, KeypointModel, Keypoints, Triple, read_mapping
 from posse_core._spacecraft.mesh import spacecraft_from_raw
 from posse_core._spacecraft.options import BodyAxes, MeshOptions, PackageOptions
@@ -46,13 +47,7 @@ class Package(SceneSource[PackageOptions]):
     def build(self) -> Spacecraft:
         folder = self.options.package
         description = folder / DESCRIPTION
-        if not folder.is_dir():
-            raise InputError(f"{folder}: no such package folder; make one with 'posse import MODEL'")
-        model = validated(
-            PackageModel,
-            read_mapping(description),
-            lambda key: f"{description}: {'.'.join(map(str, key))}",
-        )
+        model = _described(folder)
         mesh = _inside(folder, model.mesh)
         options = MeshOptions(
             mesh=mesh,
@@ -63,6 +58,30 @@ class Package(SceneSource[PackageOptions]):
         )
         points = model.records() if model.keypoints else Keypoints()
         return spacecraft_from_raw(read_mesh(mesh), options, model.name, points)
+
+
+def package_files(folder: Path) -> dict[str, Path]:
+    """The files that a package needs: path from its folder → file.
+
+    Raises:
+        InputError: the package cannot be read, or its mesh refers to a file by a path that a copy of the
+            folder lacks.
+    """
+    name = _described(folder).mesh
+    beside = PurePosixPath(name).parent
+    files = mesh_files(_inside(folder, name))
+    return {DESCRIPTION: folder / DESCRIPTION, **{str(beside / own): files[own] for own in files}}
+
+
+def _described(folder: Path) -> PackageModel:
+    description = folder / DESCRIPTION
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such package folder; make one with 'posse import MODEL'")
+    return validated(
+        PackageModel,
+        read_mapping(description),
+        lambda key: f"{description}: {'.'.join(map(str, key))}",
+    )
 
 
 def _inside(folder: Path, name: str) -> Path:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import re
 from dataclasses import replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
@@ -122,24 +122,25 @@ def _check_stl(data: bytes, path: Path) -> None:
 
 def _material_libraries(path: Path, data: bytes) -> dict[str, dict[str, Material]]:
     """The materials of an OBJ file: name of the material library → name of the material → material."""
-    libraries: dict[str, dict[str, Material]] = {}
-    for line in data.decode(errors="replace").splitlines():
-        if line.startswith("mtllib "):
-            name = line.removeprefix("mtllib ").strip()
-            libraries[name] = _materials(beside(path, name))
-    return libraries
+    return {name: _materials(beside(path, name)) for name in _named_by(data, "mtllib")}
 
 
-def obj_side_files(path: Path) -> list[Path]:
-    """The material libraries of an OBJ file, and their pictures."""
-    libraries = [beside(path, name) for name in _material_libraries(path, read_bytes(path))]
+def obj_side_files(path: Path) -> list[str]:
+    """The material libraries of an OBJ file and their pictures, by their paths from its folder."""
+    libraries = _named_by(read_bytes(path), "mtllib")
+    folders = {name: PurePosixPath(name).parent for name in libraries}
     pictures = [
-        beside(library, line.split(maxsplit=1)[1].strip())
+        str(folders[library] / name)
         for library in libraries
-        for line in read_bytes(library).decode(errors="replace").splitlines()
-        if line.startswith("map_Kd ")
+        for name in _named_by(read_bytes(beside(path, library)), "map_Kd")
     ]
     return [*libraries, *pictures]
+
+
+def _named_by(data: bytes, key: str) -> list[str]:
+    """What those lines of an OBJ file or a material library name that begin with a word."""
+    words = (line.strip().partition(" ") for line in data.decode(errors="replace").splitlines())
+    return [name.strip() for word, _, name in words if word == key]
 
 
 def _materials(path: Path) -> dict[str, Material]:

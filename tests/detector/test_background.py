@@ -70,7 +70,7 @@ def test_a_sky_without_an_earth_is_space(tmp_path):
     collect([without, with_earth], [], None, tmp_path / "both", lambda frames, count: frames)
     both = Dataset(tmp_path / "both")
     assert backgrounds(both, list(both)) == ["space"] * 6 + before
-    (both.folder / "scenario-1.yaml").unlink()
+    (both.folder / "sources/1/scenario.yaml").unlink()
     assert backgrounds(both, list(both)) == ["space"] * 6 + [None] * 6
     (with_earth.folder / "scenario.yaml").write_text("sky: 3")
     with pytest.raises(InputError, match="not a resolved scenario"):

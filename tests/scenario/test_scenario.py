@@ -224,8 +224,8 @@ def test_no_text_ends_in_anything_but_an_input_error(text):
 def test_files_of_the_attitude_are_beside_the_scenario(tmp_path):
     laws = "attitude: {target: {law: file, path: a.aem}, camera: {law: file, path: /b.npz}}\n"
     attitude = load(tmp_path, MINIMAL + laws).attitude
-    assert attitude.target.options["path"] == str(tmp_path / "a.aem")
-    assert attitude.camera.options["path"] == "/b.npz"
+    assert attitude.target.options["path"] == tmp_path / "a.aem"
+    assert attitude.camera.options["path"] == Path("/b.npz")
 
 
 def test_a_camera_by_name_gives_camera_and_sensor(tmp_path):

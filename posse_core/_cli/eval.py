@@ -11,14 +11,18 @@ import click
 
 from posse_core._cli.common import echo_json, echo_table, model_options, options_from
 from posse_core._cli.progress import bar, phase
+from posse_core._detection.glossary import METRICS
 from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
 
 if TYPE_CHECKING:
+    from posse_core._dataset.images import LabelledImages
     from posse_core._detection.groups import Group
 
 
-@click.command(name="eval")
+@click.command(
+    name="eval", epilog="Columns: " + "; ".join(f"{name}: {words}" for name, words in METRICS.items())
+)
 @click.argument("dataset", type=click.Path(path_type=Path))
 @click.option("--model", type=click.Path(path_type=Path), help="Model that finds spacecraft.")
 @click.option("--keypoints", type=click.Path(path_type=Path), help="Model that finds keypoints.")
@@ -58,6 +62,8 @@ def command(
     given = options_from(overrides)
     source = open_dataset(dataset)
     indices = frames_of(source, part)
+    if part == "all":
+        _warn_of_training(source)
     with phase("opening the models"):
         detector, finder = open_models(model, keypoints, registry, given)
     judged = evaluate(source, bar(indices, len(indices)), detector, finder)
@@ -80,6 +86,21 @@ def command(
     for names in columns(result):
         if names:
             _echo_groups(result, names)
+    click.echo("what the columns mean: posse eval --help")
+
+
+def _warn_of_training(source: LabelledImages) -> None:
+    """Say that some of all frames are for training, if the dataset is divided into parts."""
+    try:
+        trained = len(source.part("train"))
+    except InputError:
+        return
+    if trained:
+        click.echo(
+            f"posse: warning: --part all includes the {trained} frames of the train part; a model that"
+            " was trained on them looks better than it is (--part test does not include them)",
+            err=True,
+        )
 
 
 def _echo_groups(result: Sequence[Group], names: Sequence[str]) -> None:

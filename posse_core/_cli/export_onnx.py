@@ -49,12 +49,11 @@ def command(model: Path, dataset: Path, out: Path, int8: bool, overrides: tuple[
     """Write MODEL (.safetensors) as ONNX. The file is kept only if its results agree with MODEL's."""
     from posse_core._dataset.coco import open_dataset
     from posse_core._detection.card import ModelCard
-    from posse_core._detection.models import open_model
+    from posse_core._detection.models import check_model_file, open_model
 
     if out.suffix != ".onnx":
         raise InputError(f"--out {out}: the file's name must end in .onnx")
-    if not model.is_file():
-        raise InputError(f"{model}: there is no such file; name a model that 'posse train' wrote")
+    check_model_file(model)
     registry = load_plugins().registry
     card = ModelCard.read(model)
     able = registry.spec("detector", card.net).capabilities

@@ -12,11 +12,10 @@ from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.images import LabelledImages
 from posse_core._detection.background import BACKGROUNDS, backgrounds
 from posse_core._detection.evaluate import Judged
+from posse_core._detection.glossary import POSES
 from posse_core._evaluation.metrics import coco_metrics
 from posse_core._evaluation.poses import speed_score
 
-POSES_FOUND = "poses found"
-"""Name of the first metric of poses."""
 _PHASES_DEG = (0, 30, 60, 90, 120, 180)
 _CORRECT_ADD_DIAMETERS = 0.1
 """A pose is correct if its ADD is below this share of the diameter (Hinterstoisser et al. 2012)."""
@@ -38,7 +37,7 @@ def groups(dataset: LabelledImages, judged: Sequence[Judged], poses: bool) -> li
         dataset: of the frames.
         judged: the evaluated frames.
         poses: whether keypoints were sought. Then the metrics include the share of spacecraft whose pose
-            was found, and the errors of these poses.
+            was estimated, and the errors of these poses.
     """
     classes = sorted(dataset.spacecraft_by_name)
     result = []
@@ -58,14 +57,14 @@ def groups(dataset: LabelledImages, judged: Sequence[Judged], poses: bool) -> li
 def columns(found: Sequence[Group]) -> tuple[list[str], list[str]]:
     """Return the names of the metrics of boxes, and of those of poses, in order."""
     names = list(dict.fromkeys(name for group in found for name in group.metrics))
-    first = names.index(POSES_FOUND) if POSES_FOUND in names else len(names)
+    first = names.index(POSES) if POSES in names else len(names)
     return names[:first], names[first:]
 
 
 def _pose_metrics(shown: Sequence[Judged]) -> dict[str, float]:
     found = [j.pose for j in shown if j.pose is not None]
     metrics = {
-        POSES_FOUND: len(found) / len(shown),
+        POSES: len(found) / len(shown),
         "ADD < 0.1 d": sum(pose.add < _CORRECT_ADD_DIAMETERS for pose in found) / len(shown),
         "ADI < 0.1 d": sum(pose.adi < _CORRECT_ADD_DIAMETERS for pose in found) / len(shown),
     }

@@ -13,6 +13,8 @@ from posse_core._plugins.registry import Registry
 from posse_core._simulator.returned import CheckedDetector, CheckedKeypointFinder
 
 ONNX = ".onnx"
+ENDINGS = ("model.safetensors", ONNX, ".safetensors")
+"""Endings of model files, those that a user is likely to mean first."""
 _TASK_OF = {"boxes": "finds boxes", "keypoints": "finds keypoints"}
 
 
@@ -67,10 +69,19 @@ def open_model(path: Path, task: str, registry: Registry, options: Mapping[str, 
     return _opened(path, task, registry, options)[1]
 
 
-def _opened(path: Path, task: str, registry: Registry, options: Mapping[str, Any]) -> tuple[str, Model]:
-    """Return the name of the component that reads a file, and the component with the file's weights."""
+def check_model_file(path: Path) -> None:
+    """Raise InputError if there is no file at the path; the message names one in a folder."""
+    if path.is_dir():
+        inside = [found for ending in ENDINGS for found in sorted(path.glob(f"*{ending}"))]
+        hint = f"name a file in it, such as {inside[0]}" if inside else "and has no model file in it"
+        raise InputError(f"{path}: is a folder; {hint}")
     if not path.is_file():
         raise InputError(f"{path}: there is no such file; give a model made by 'posse train'")
+
+
+def _opened(path: Path, task: str, registry: Registry, options: Mapping[str, Any]) -> tuple[str, Model]:
+    """Return the name of the component that reads a file, and the component with the file's weights."""
+    check_model_file(path)
     if path.suffix == ONNX:
         name = _onnx_reader(path, task, registry)
     else:

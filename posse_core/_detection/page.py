@@ -12,6 +12,7 @@ from markupsafe import Markup
 from posse_core._dataset.images import LabelledImages
 from posse_core._detection.draw import draw
 from posse_core._detection.evaluate import Judged, PoseErrors
+from posse_core._detection.glossary import meanings
 from posse_core._detection.groups import Group, columns
 from posse_core._detection.square import to_grey
 from posse_core._evaluation.metrics import precision_by_recall
@@ -48,6 +49,7 @@ def make_page(
     body = [heading("Boxes"), _table(groups, of_boxes)]
     if of_poses:
         body += [heading("Poses"), _table(groups, of_poses)]
+    body += [heading("What the columns mean"), table(("", ""), meanings([*of_boxes, *of_poses]))]
     body += [heading("Precision by recall"), *_precision(dataset, judged)]
     if judged[0].labels.has("range_m"):
         body += [heading("By range"), *_by_range(judged)]

@@ -2,6 +2,7 @@
 
 import base64
 import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -10,12 +11,14 @@ import cuboid
 import cv2
 import numpy as np
 import pytest
+from command import run_posse
 
 from posse_core._arrays import AnyArray
 from posse_core._dataset.dataset import Dataset
 from posse_core._detection.card import KEY, ModelCard
 from posse_core._detection.evaluate import evaluate, frames_of
-from posse_core._detection.groups import groups
+from posse_core._detection.glossary import METRICS
+from posse_core._detection.groups import columns, groups
 from posse_core._detection.page import make_page
 from posse_core._errors import InputError
 from posse_core._interfaces.detector import Detection, Detector, KeypointFinder
@@ -87,7 +90,7 @@ def test_the_labels_score_full_marks(dataset):
     assert [g.name for g in found[1:3]] == ["brick", "plate"]
     assert sum(g.frames for g in found if g.name.endswith(" m")) == 12
     assert sum(g.frames for g in found if g.name.startswith("phase")) == 12
-    for name in ("mAP", "mAP50", "mAR", "AP.brick", "AP.plate", "box IoU mean", "poses found"):
+    for name in ("mAP", "mAP50", "mAR", "AP.brick", "AP.plate", "box IoU mean", "poses estimated"):
         assert whole.metrics[name] == pytest.approx(1), name
     for name in ("ADD < 0.1 d", "ADI < 0.1 d"):
         assert whole.metrics[name] == 1, name
@@ -128,7 +131,59 @@ def test_boxes_too_far_off_score_nothing(dataset):
     metrics = measured(dataset, Labels(dataset, shift_px=500))[0].metrics
     assert metrics["mAP"] == 0
     assert metrics["box IoU median"] == 0
-    assert "poses found" not in metrics
+    assert "poses estimated" not in metrics
+
+
+def test_an_estimated_pose_may_be_wrong_and_its_name_says_no_more(dataset):
+    """Boxes beside the spacecraft still give a pose: nothing is found well, but a pose is estimated."""
+    metrics = measured(dataset, Labels(dataset, shift_px=60), Points(dataset))[0].metrics
+    assert metrics["mAP"] == 0
+    assert metrics["poses estimated"] == 1
+    assert "however wrong" in METRICS["poses estimated"]
+
+
+def test_every_column_is_explained_in_help_page_and_documentation(dataset):
+    found = measured(dataset, Labels(dataset), Points(dataset))
+    of_boxes, of_poses = columns(found)
+    shown = [re.sub(r"^AP\..*", "AP.NAME", name) for name in (*of_boxes, *of_poses)]
+    assert set(shown) == set(METRICS)
+    code, said, _ = run_posse("eval", "--help")
+    assert code == 0
+    text = " ".join(said.split())
+    documented = (Path(__file__).parents[2] / "docs/detector.md").read_text()
+    documented = documented.partition("## Metrics")[2].partition("## ONNX")[0]
+    for name in shown:
+        assert f"{name}: " in text
+        for word in name.split(", ")[0].split():  # a row of the documentation may define several
+            assert word in documented, name
+
+
+def test_all_frames_of_a_divided_dataset_include_those_of_training(dataset, tmp_path):
+    folder = Path(shutil.copytree(dataset.folder, tmp_path / "d"))
+    arguments = ("eval", folder, "--model", "no.onnx", "--part", "all")
+    assert "train part" not in run_posse(*arguments)[2]
+    assert run_posse("partition", folder)[0] == 0
+    trained = len(Dataset(folder).part("train"))
+    assert f"--part all includes the {trained} frames of the train part" in run_posse(*arguments)[2]
+
+
+@pytest.mark.parametrize(
+    ("files", "way_out"),
+    [
+        ((), "has no model file in it"),
+        (("last.safetensors", "model.safetensors"), "such as {folder}/model.safetensors"),
+        (("nano.onnx", "curves.html"), "such as {folder}/nano.onnx"),
+    ],
+)
+def test_a_folder_is_no_model_and_the_file_in_it_is_named(files, way_out, dataset, tmp_path):
+    for name in files:
+        (tmp_path / name).touch()
+    code, _, error = run_posse("eval", dataset.folder, "--model", tmp_path, "--part", "all")
+    assert code == 2
+    assert f"{tmp_path}: is a folder; " in error
+    assert way_out.format(folder=tmp_path) in error
+    code, _, again = run_posse("export-onnx", tmp_path, "--dataset", dataset.folder, "--out", "x.onnx")
+    assert (code, again) == (2, error)
 
 
 def test_the_page_shows_what_was_measured(dataset):

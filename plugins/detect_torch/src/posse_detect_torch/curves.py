@@ -5,6 +5,30 @@ from __future__ import annotations
 import html
 from collections.abc import Mapping, Sequence
 
+MEANINGS: Mapping[str, str] = {
+    "heat": "loss of the maps of centres (focal loss), for each spacecraft",
+    "overlap": "loss of the boxes: twice 1 − their generalised overlap with the true ones",
+    "sides": "loss of the logarithms of the distances from a centre to the sides of its box",
+    "proposal class": "loss of whether an anchor holds a spacecraft (cross-entropy)",
+    "proposal box": "loss of the proposals' boxes",
+    "class": "loss of the classes of the regions (cross-entropy); background is one of them",
+    "box": "loss of the regions' boxes",
+    "x": "loss of the keypoints' distributions of x (divergence from the true ones)",
+    "x off": "error of the keypoints' x, in steps of 8 pixels of the input",
+    "y": "loss of the keypoints' distributions of y (divergence from the true ones)",
+    "y off": "error of the keypoints' y, in steps of 8 pixels of the input",
+    "valid mAP": "on the valid part: COCO's average precision over overlaps of 0.5 to 0.95; 1 is best",
+    "valid mAP50": "on the valid part: average precision at an overlap of 0.5; 1 is best",
+    "valid mAR": "on the valid part: COCO's average recall; 1 is best",
+    "valid AR100": "on the valid part: share of the true boxes that one of the best 100 proposals meets",
+    "valid AR1k": "the same of the best 1000 proposals",
+    "valid AR100 without NMS": "the same of the best 100 proposals where none is suppressed",
+    "valid AR1k without NMS": "the same of the best 1000 proposals where none is suppressed",
+    "valid median error, %": "on the valid part: median error of keypoints, % of the input's side",
+}
+"""Quantity of a training → what it means. Losses are means over an epoch's batches; 0 is best, and
+training minimises their sum."""
+
 _WIDTH, _HEIGHT, _MARGIN = 640, 220, 44
 
 
@@ -16,7 +40,8 @@ def page(title: str, history: Sequence[Mapping[str, float]]) -> str:
         f"<!doctype html><meta charset='utf-8'><title>{html.escape(title)}</title>"
         "<style>body{font:15px sans-serif;max-width:700px;margin:2em auto}"
         "svg{width:100%;background:#fafafa}</style>"
-        f"<h1>{html.escape(title)}</h1>{plots}"
+        f"<h1>{html.escape(title)}</h1>"
+        f"<p>Training minimises the sum of the losses; 0 is best.</p>{plots}"
     )
 
 
@@ -33,7 +58,7 @@ def _plot(name: str, history: Sequence[Mapping[str, float]]) -> str:
 
     line = " ".join(plot_point(epoch, value) for epoch, value in points)
     return (
-        f"<h2>{html.escape(name)}: {values[-1]:.4g}</h2>"
+        f"<h2>{html.escape(name)}: {values[-1]:.4g}</h2><p>{html.escape(MEANINGS[name])}</p>"
         f"<svg viewBox='0 0 {_WIDTH} {_HEIGHT}'>"
         f"<text x='2' y='{_MARGIN / 2}' font-size='12'>{high:.3g}</text>"
         f"<text x='2' y='{_HEIGHT - _MARGIN / 2}' font-size='12'>{low:.3g}</text>"

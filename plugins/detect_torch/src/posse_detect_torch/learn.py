@@ -19,7 +19,7 @@ from tqdm import tqdm
 
 from posse_core import ComponentError, InputError, ModelCard, atomic_file, random_generator
 from posse_detect_torch.checkpoint import read_like, read_state, write_model, write_state
-from posse_detect_torch.curves import page
+from posse_detect_torch.curves import MEANINGS, page
 from posse_detect_torch.options import TrainOptions
 
 MODEL, LAST, CURVES = "model.safetensors", "last.safetensors", "curves.html"
@@ -152,13 +152,17 @@ def learn(make_lesson: Callable[[], Lesson], card: ModelCard, folder: Path) -> P
                     sums[name] = sums.get(name, 0.0) + float(value.detach()) / steps
             if not all(map(math.isfinite, sums.values())):
                 raise ComponentError("the loss is no longer finite; lower the option learning_rate")
-            history.append({"epoch": epoch + 1, **sums, **lesson.judge(average)})
+            with tqdm(desc="valid part", bar_format="{desc} ...", leave=False, disable=None):
+                history.append({"epoch": epoch + 1, **sums, **lesson.judge(average)})
             card = replace(card, epochs=epoch + 1)
             _save(last, net, average, optimizer, card, history)
             text = page(f"{card.net}: {epoch + 1} epochs on {card.dataset_sha256[:12]}", history)
             with atomic_file(folder / CURVES) as file:
                 file.write(text.encode())
             tqdm.write(", ".join(f"{k} {v:.4g}" for k, v in history[-1].items()), file=sys.stderr)
+            if epoch == 0:
+                for name in [name for name in history[0] if name != "epoch"]:
+                    tqdm.write(f"  {name}: {MEANINGS[name]}", file=sys.stderr)
     write_model(folder / MODEL, average.state_dict(), replace(card, epochs=len(history)))
     return folder / MODEL
 

@@ -1,0 +1,43 @@
+"""What the columns of ``posse eval`` mean. It imports nothing, so that the command's help is quick."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+POSES: Final = "poses estimated"
+"""Name of the first metric of poses."""
+
+_OF_ONE: Final = "AP.NAME"
+
+METRICS: Final[Mapping[str, str]] = {
+    "mAP": "COCO's average precision, the mean over overlaps of 0.5 to 0.95 and over the classes; 1 is"
+    " best",
+    "mAP50": "mAP at an overlap of 0.5 alone",
+    "mAP75": "mAP at an overlap of 0.75 alone",
+    "mAR": "COCO's average recall with up to 100 detections in an image; 1 is best",
+    _OF_ONE: "mAP of the spacecraft NAME",
+    "box IoU mean": "overlap (area of the intersection over that of the union) of each spacecraft's box"
+    " with the best detection of its class, 0 without one: the mean",
+    "box IoU median": "the same overlap: the median",
+    POSES: "share of the visible spacecraft whose best detection had the right class and gave a pose,"
+    " however wrong",
+    "ADD < 0.1 d": "share of the visible spacecraft with a correct pose, one whose ADD is below a tenth"
+    " of the diameter; ADD is the mean distance of the mesh's vertices from where they are",
+    "ADI < 0.1 d": "the same by ADI, whose distances are to the nearest vertex, so that symmetries do"
+    " not count",
+    "ADD median, d": "median ADD of the estimated poses, in diameters",
+    "ADI median, d": "median ADI of the estimated poses, in diameters",
+    "e_t median": "position error divided by the range, median of the estimated poses",
+    "e_q median, deg": "attitude error to the nearest of the spacecraft's symmetries, median of the"
+    " estimated poses",
+    "SPEED 2019": "mean of e_t + e_q (radians) of the estimated poses; 0 is best",
+    "SPEED 2021": "the same, 0 where both errors are below the floors of SPEED+ (0.002173 and 0.169°)",
+    "SPEED 2023": "the same, each error 0 where it is below its floor",
+}
+"""Column → its meaning, in the order of the tables."""
+
+
+def meanings(columns: Sequence[str]) -> list[tuple[str, str]]:
+    """The meaning of each of some columns, beside its name."""
+    return [(name, METRICS[name if name in METRICS else _OF_ONE]) for name in columns]

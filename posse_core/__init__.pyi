@@ -85,6 +85,8 @@ from ._interfaces.writer import Writer as Writer
 from ._model.camera import Camera as Camera
 from ._model.camera import PixelBox as PixelBox
 from ._model.distortion import BrownConrady as BrownConrady
+from ._model.distortion import Distortion as Distortion
+from ._model.distortion import Fisheye as Fisheye
 from ._model.flight_record import FlightRecord as FlightRecord
 from ._model.label_line import Box as Box
 from ._model.label_line import Keypoint as Keypoint

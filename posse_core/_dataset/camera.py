@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from posse_core._files.atomic import write_json
 from posse_core._files.reading import FileRecord, read_record
 from posse_core._model.camera import MOST_SIDE_PX, Camera
-from posse_core._model.distortion import BrownConrady
+from posse_core._model.distortion import DistortionModel, distortion_of
 
 
 def write_camera(camera: Camera, path: Path) -> None:
@@ -23,7 +23,8 @@ def camera_record(camera: Camera) -> dict[str, Any]:
 
     ``ppx`` and ``ppy`` are the width and height of a pixel and ``fx`` and ``fy`` the focal lengths, in
     metres. ``cameraMatrix`` is in pixels, with the centre of the top-left pixel at (0, 0).
-    ``distCoeffs`` are k₁, k₂, p₁, p₂, k₃. ``lineTime_s`` is POSSE's own key.
+    ``distCoeffs`` are the lens's coefficients in OpenCV's order, five zeros for a pinhole. POSSE's own
+    keys are ``distModel``, which names their model, and ``lineTime_s``.
     """
     pitch_m = camera.pixel_pitch_m
     return {
@@ -35,6 +36,7 @@ def camera_record(camera: Camera) -> dict[str, Any]:
         "fy": camera.fy_px * pitch_m,
         "cameraMatrix": camera.matrix.tolist(),
         "lineTime_s": camera.line_time_s,
+        "distModel": "brown-conrady" if camera.distortion is None else camera.distortion.model,
         "distCoeffs": camera.distortion_coefficients.tolist(),
     }
 
@@ -59,15 +61,16 @@ class CameraFile(FileRecord):
     Nv: Size
     ppx: Positive
     cameraMatrix: tuple[tuple[Positive, float, float], tuple[float, Positive, float], tuple[float, ...]]
-    distCoeffs: tuple[float, ...] = ()
+    distModel: DistortionModel = "brown-conrady"
+    distCoeffs: Annotated[tuple[float, ...], Field(validate_default=True)] = ()
     lineTime_s: Annotated[float, Field(ge=0)] = 0.0
 
     @field_validator("distCoeffs")
     @classmethod
-    def _five(cls, coefficients: tuple[float, ...]) -> tuple[float, ...]:
-        if any(coefficients[5:]):
-            raise ValueError("has more than the five coefficients of Brown and Conrady")
-        return coefficients[:5]
+    def _of_its_model(cls, coefficients: tuple[float, ...], info: ValidationInfo) -> tuple[float, ...]:
+        if "distModel" in info.data:
+            distortion_of(info.data["distModel"], coefficients)
+        return coefficients
 
     @model_validator(mode="after")
     def _is_a_camera(self) -> CameraFile:
@@ -85,5 +88,5 @@ class CameraFile(FileRecord):
             cy_px=cy_px,
             sensor_width_m=self.ppx * self.Nu,
             line_time_s=self.lineTime_s,
-            distortion=BrownConrady(*self.distCoeffs) if any(self.distCoeffs) else None,
+            distortion=distortion_of(self.distModel, self.distCoeffs),
         )

@@ -76,28 +76,30 @@ def _start(
     points_body_m: FloatArray, points_px: FloatArray, sigma_px: FloatArray, camera: Camera
 ) -> tuple[FloatArray, FloatArray, BoolArray] | None:
     """Return an initial attitude and position, and which points (K,) agree with them."""
-    if len(points_px) < MIN_POINTS:
+    straight_px, largest = _through_a_pinhole(points_px, camera)
+    seen = np.flatnonzero(np.isfinite(straight_px).all(axis=1))
+    if len(seen) < MIN_POINTS:
         return None
     cv2.setRNGSeed(0)  # so that RANSAC gives the same pose for the same points
     threshold_px = float(3.0 * np.median(sigma_px) + 1.0)
     try:
         found, _, _, indices = cv2.solvePnPRansac(
-            points_body_m,
-            points_px,
+            points_body_m[seen],
+            straight_px[seen],
             camera.matrix,
-            camera.distortion_coefficients,
+            None,
             flags=cv2.SOLVEPNP_AP3P,
-            reprojectionError=threshold_px,
+            reprojectionError=largest * threshold_px,
             iterationsCount=200,
         )
     except cv2.error:  # raised if no three points determine a pose
         return None
     if not found or len(indices) < MIN_POINTS:
         return None
-    chosen = indices[:, 0]
+    chosen = seen[indices[:, 0]]
     starts = [
         (float(np.median(_distance_px(R, t, points_body_m, points_px, camera)[chosen])), i, R, t)
-        for i, (R, t) in enumerate(_closed_forms(points_body_m[chosen], points_px[chosen], camera))
+        for i, (R, t) in enumerate(_closed_forms(points_body_m[chosen], straight_px[chosen], camera))
     ]
     if not starts:
         return None
@@ -107,6 +109,20 @@ def _start(
         distance_px < threshold_px + 5.0 * sigma_px
     )  # uncertain points contribute with their low weight
     return (R, t, agree) if agree.sum() >= MIN_POINTS else None
+
+
+def _through_a_pinhole(points_px: FloatArray, camera: Camera) -> tuple[FloatArray, float]:
+    """Return the positions (K, 2) at which a pinhole with the camera's matrix images what the camera
+    images at the points, and by how much a pixel is enlarged there at most.
+
+    A position is NaN where the lens images nothing. OpenCV's solvers know no fisheye.
+    """
+    if camera.distortion is None:
+        return points_px, 1.0
+    rays = camera.rays(points_px)
+    xx, xy, yy = camera.distortion.jacobian(rays[:, 0], rays[:, 1])
+    least = np.nanmin((xx + yy) / 2 - np.hypot((xx - yy) / 2, xy), initial=1.0)
+    return (rays @ camera.matrix.T)[:, :2], float(1 / least)
 
 
 def _closed_forms(
@@ -123,7 +139,7 @@ def _closed_forms(
                 points_body_m,
                 points_px,
                 camera.matrix,
-                camera.distortion_coefficients,
+                None,
                 flags=method,
             )
         except cv2.error:  # DLT needs six points

@@ -72,10 +72,12 @@ def _camera_model(camera: Camera) -> tuple[str, list[float]]:
     pinhole = [camera.fx_px, camera.fy_px, *principal_px]
     if camera.distortion is None:
         return "PINHOLE", pinhole
-    k1, k2, p1, p2, k3 = camera.distortion.coefficients.tolist()
-    if k3 == 0:
-        return "OPENCV", [*pinhole, k1, k2, p1, p2]
-    return "FULL_OPENCV", [*pinhole, k1, k2, p1, p2, k3, 0.0, 0.0, 0.0]
+    coefficients = camera.distortion.coefficients.tolist()
+    if camera.distortion.model == "fisheye":
+        return "OPENCV_FISHEYE", [*pinhole, *coefficients]
+    if not any(coefficients[4:]):
+        return "OPENCV", [*pinhole, *coefficients[:4]]
+    return "FULL_OPENCV", [*pinhole, *coefficients, *[0.0] * (8 - len(coefficients))]
 
 
 def _image_lines(dataset: Dataset, positions: Sequence[int], points: SparsePoints) -> Iterator[str]:

@@ -18,6 +18,7 @@ from posse_core._dataset.dataset import Dataset
 from posse_core._errors import InputError
 from posse_core._files.text import text_file
 from posse_core._formats.cameras import MountedCamera, cameras_of
+from posse_core._formats.needs import refuse_rational_lens
 from posse_core._interfaces.writer import Writer
 
 
@@ -28,7 +29,7 @@ class KalibrWriter(Writer):
         """Write ``camchain.yaml``.
 
         Raises:
-            InputError: A lens has a coefficient k₃, which Kalibr's distortion does not have.
+            InputError: A lens has a coefficient k₃, or a denominator, which Kalibr's does not have.
         """
         cameras = cameras_of(dataset)
         chain = {f"cam{n}": _camera(each, dataset.folder) for n, each in enumerate(cameras)}
@@ -43,17 +44,19 @@ class KalibrWriter(Writer):
 
 def _camera(mounted: MountedCamera, folder: Path) -> dict[str, Any]:
     camera = mounted.camera
-    k1, k2, p1, p2, k3 = camera.distortion_coefficients.tolist()
-    if k3 != 0:
+    refuse_rational_lens(camera, f"{folder}: Kalibr")
+    coefficients = camera.distortion_coefficients.tolist()
+    fisheye = camera.distortion is not None and camera.distortion.model == "fisheye"
+    if any(coefficients[4:]):
         raise InputError(
-            f"{folder}: the lens of {mounted.topic} has k3 = {k3:g}, and Kalibr's 'radtan' has k1, k2,"
-            " p1 and p2 only; make the dataset with k3 = 0, or export opencv-calibration"
+            f"{folder}: the lens of {mounted.topic} has k3 = {coefficients[4]:g}, and Kalibr's 'radtan'"
+            " has k1, k2, p1 and p2 only; make the dataset with k3 = 0, or export opencv-calibration"
         )
     return {
         "camera_model": "pinhole",
         "intrinsics": [float(x) for x in (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)],
-        "distortion_model": "radtan",
-        "distortion_coeffs": [k1, k2, p1, p2],
+        "distortion_model": "equidistant" if fisheye else "radtan",
+        "distortion_coeffs": coefficients[:4],
         "resolution": [camera.width_px, camera.height_px],
         "rostopic": f"/{mounted.topic}/image_raw",
     }

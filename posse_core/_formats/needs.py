@@ -1,4 +1,4 @@
-"""Checks that frames have the labels that a format needs."""
+"""Checks that a dataset is one that a format can hold."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from posse_core._dataset.dataset import Dataset
 from posse_core._errors import InputError
+from posse_core._model.camera import Camera
+from posse_core._model.distortion import BrownConrady
 from posse_core._model.label_line import LabelLine, annotator_of
 
 
@@ -31,3 +33,21 @@ def labels_with(
                     f" add {annotator_of(name)!r} to the scenario's annotators"
                 )
         yield labels
+
+
+def refuse_rational_lens(camera: Camera, who: str) -> None:
+    """Check that a lens is a fisheye, or Brown and Conrady's without a denominator.
+
+    Args:
+        camera: the camera.
+        who: dataset and format, the start of the message.
+
+    Raises:
+        InputError: The lens has one of k₄, k₅ and k₆.
+    """
+    lens = camera.distortion
+    if isinstance(lens, BrownConrady) and lens.is_rational:
+        raise InputError(
+            f"{who} cannot describe OpenCV's rational lens, and camera.distortion is"
+            f" {lens.coefficients.tolist()}; export colmap or opencv-calibration"
+        )

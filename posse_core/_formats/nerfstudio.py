@@ -23,6 +23,7 @@ from posse_core._dataset.layout import PARTS
 from posse_core._errors import InputError
 from posse_core._files.atomic import write_bytes
 from posse_core._files.text import text_file, write_items
+from posse_core._formats.needs import refuse_rational_lens
 from posse_core._formats.sparse_points import SparsePoints, sparse_points
 from posse_core._formats.static_world import frames_by_spacecraft, write_images
 from posse_core._interfaces.writer import Writer
@@ -59,8 +60,9 @@ class NerfstudioWriter(Writer):
         """Write the folder ``nerfstudio``.
 
         Raises:
-            InputError: The camera has a rolling shutter, or a frame lacks a label.
+            InputError: The camera has a rolling shutter or a rational lens, or a frame lacks a label.
         """
+        refuse_rational_lens(dataset.camera, f"{dataset.folder}: nerfstudio")
         for name, positions in frames_by_spacecraft(dataset, "nerfstudio").items():
             out = folder / "nerfstudio" / name
             write_images(dataset, positions, out)
@@ -80,20 +82,17 @@ class NerfstudioWriter(Writer):
 
 
 def _intrinsics(camera: Camera) -> dict[str, Any]:
-    k1, k2, p1, p2, k3 = camera.distortion_coefficients.tolist()
+    fisheye = camera.distortion is not None and camera.distortion.model == "fisheye"
+    names = ("k1", "k2", "k3", "k4") if fisheye else ("k1", "k2", "p1", "p2", "k3")
     return {
-        "camera_model": "OPENCV",
+        "camera_model": "OPENCV_FISHEYE" if fisheye else "OPENCV",
         "w": camera.width_px,
         "h": camera.height_px,
         "fl_x": camera.fx_px,
         "fl_y": camera.fy_px,
         "cx": camera.cx_px + PIXEL_CENTRE,
         "cy": camera.cy_px + PIXEL_CENTRE,
-        "k1": k1,
-        "k2": k2,
-        "k3": k3,
-        "p1": p1,
-        "p2": p2,
+        **dict(sorted(zip(names, camera.distortion_coefficients.tolist(), strict=True))),
     }
 
 

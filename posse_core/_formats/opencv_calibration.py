@@ -40,19 +40,25 @@ def _write(path: Path, camera: Camera, pair: Mapping[str, FloatArray]) -> None:
     storage.write("image_width", camera.width_px)
     storage.write("image_height", camera.height_px)
     storage.write("camera_matrix", camera.matrix)
+    storage.write("fisheye_model", int(_is_fisheye(camera)))
     storage.write("distortion_coefficients", camera.distortion_coefficients[:, None])
     for key, matrix in pair.items():
         storage.write(key, matrix)
     write_bytes(path, storage.releaseAndGetString().encode())
 
 
+def _is_fisheye(camera: Camera) -> bool:
+    return camera.distortion is not None and camera.distortion.model == "fisheye"
+
+
 def _pair(left: Camera, right: MountedCamera) -> dict[str, FloatArray]:
     """``R`` and ``T``, and the rectification where there is one: for images of one size from two
-    places."""
+    places, through lenses of one kind."""
     T_right_from_left = right.T_own_from_chaser
     R, T = T_right_from_left[:3, :3].copy(), T_right_from_left[:3, 3:].copy()
     same_size = (left.width_px, left.height_px) == (right.camera.width_px, right.camera.height_px)
-    if not same_size or not T.any():
+    same_kind = _is_fisheye(left) == _is_fisheye(right.camera)
+    if not same_size or not same_kind or not T.any():
         return {"R": R, "T": T}
     return {"R": R, "T": T, **_rectification(left, right.camera, R, T)}
 
@@ -72,5 +78,10 @@ def _rectification(left: Camera, right: Camera, R: FloatArray, T: FloatArray) ->
         return {**names, "Q": Q}
     lenses = left.matrix, left.distortion_coefficients, right.matrix, right.distortion_coefficients
     size = left.width_px, left.height_px
-    found = cv2.stereoRectify(*lenses, size, R, T, flags=cv2.CALIB_ZERO_DISPARITY, alpha=-1)
+    flags = cv2.CALIB_ZERO_DISPARITY
+    found: Sequence[object] = (
+        cv2.fisheye.stereoRectify(*lenses, size, R, T, flags)
+        if _is_fisheye(left)
+        else cv2.stereoRectify(*lenses, size, R, T, flags=flags, alpha=-1)
+    )
     return dict(zip(("R1", "R2", "P1", "P2", "Q"), map(np.asarray, found[:5]), strict=True))

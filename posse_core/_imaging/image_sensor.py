@@ -15,6 +15,7 @@ from posse_core._imaging.noise import detected, normal, read, shot
 from posse_core._imaging.psf import make_psf
 from posse_core._model.bands import BAND_CENTRES_M, SOLAR_BAND_FRACTIONS
 from posse_core._model.camera import Camera, PixelBox
+from posse_core._model.distortion import Fisheye
 from posse_core._model.light import Light
 from posse_core._model.scene import Radiance
 from posse_core._model.sky_view import SkyView
@@ -251,15 +252,18 @@ def _falloff(camera: Camera, cos4: bool) -> Float32Array | None:
     """(H, W, 1) irradiance of each pixel under uniform radiance, relative to one on the axis; None if it
     is 1 everywhere.
 
-    Distortion changes the solid angle that a pixel sees, and with it the pixel's light.
+    Distortion changes the solid angle that a pixel sees, and with it the pixel's light. A fisheye's is
+    proportional to that solid angle: cos³ θ times the area in a pinhole's image. A flat field like that
+    of a pinhole would make its corners many times too bright.
     """
     if camera.distortion is None and not cos4:
         return None
     centres_px = PixelBox(0, 0, camera.width_px, camera.height_px).pixel_centres_px()
     falloff = camera.area_seen(centres_px)
-    if cos4:
+    power = 4 if cos4 else 3 if isinstance(camera.distortion, Fisheye) else 0
+    if power:
         cosine2 = 1 / np.sum(camera.rays(centres_px) ** 2, axis=-1)
-        falloff = falloff * cosine2**2
+        falloff = falloff * cosine2 ** (power / 2)
     return falloff.astype(np.float32)[..., None]
 
 

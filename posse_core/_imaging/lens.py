@@ -129,6 +129,7 @@ def _distorted(
     for top in range(0, box.height, _ROWS):
         rows = slice(top, min(top + _ROWS, box.height))
         positions = _sampled(corners_px[rows.start : rows.stop + 1] - origin_px, n)
+        positions = positions.reshape(-1, box.width, 2)  # what remap makes is limited in size as well
         sampled = cv2.remap(
             source,
             positions[..., 0],

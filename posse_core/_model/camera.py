@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from posse_core._arrays import FloatArray
-from posse_core._model.distortion import BrownConrady
+from posse_core._model.distortion import LARGEST_TANGENT, BrownConrady, Distortion
 
 MOST_SIDE_PX: Final = 16384
 """Largest width and height of an image."""
@@ -29,7 +29,8 @@ class Camera:
         distortion: distortion of the lens; None for a pinhole.
 
     Raises:
-        ValueError: the distortion folds over inside the image.
+        ValueError: the distortion folds over inside the image, or the image reaches beyond 84 degrees
+            from the axis of a distorting lens.
     """
 
     width_px: int
@@ -40,10 +41,15 @@ class Camera:
     cy_px: float
     sensor_width_m: float
     line_time_s: float = 0.0
-    distortion: BrownConrady | None = None
+    distortion: Distortion | None = None
 
     def __post_init__(self) -> None:
         if self.distortion is not None and np.isnan(self.rays(self.border_px())).any():
+            if self.distortion.reach == LARGEST_TANGENT:
+                raise ValueError(
+                    f"the image reaches beyond {np.degrees(np.arctan(LARGEST_TANGENT)):.3g} degrees from"
+                    " the axis, where lenses end here; use a narrower field of view"
+                )
             raise ValueError(
                 "the distortion folds over inside the image: it is one-to-one only up to"
                 f" {np.degrees(np.arctan(self.distortion.reach)):.3g} degrees from the axis;"
@@ -57,7 +63,8 @@ class Camera:
 
     @property
     def distortion_coefficients(self) -> FloatArray:
-        """(5,) k₁, k₂, p₁, p₂, k₃ in OpenCV's order; zeros for a pinhole."""
+        """Those of :attr:`distortion`, in OpenCV's order: (5,) k₁, k₂, p₁, p₂, k₃, or (8,) with k₄, k₅,
+        k₆, or (4,) for a fisheye; five zeros for a pinhole."""
         return (self.distortion or BrownConrady()).coefficients
 
     @property

@@ -335,6 +335,7 @@ def posse_controllers() -> list[ComponentSpec]:
 
 _LABELS_ONLY = frozenset({"labels-only"})
 _GLOBAL_SHUTTER = frozenset({"global-shutter-only"})
+_NO_RATIONAL_LENS = frozenset({"no-rational-lens"})
 
 
 @hookimpl
@@ -362,13 +363,13 @@ def posse_writers() -> list[ComponentSpec]:
             "kalibr",
             "intrinsics and extrinsics of all cameras as a Kalibr camchain",
             "posse_core._formats.kalibr:KalibrWriter",
-            capabilities=_LABELS_ONLY,
+            capabilities=_LABELS_ONLY | _NO_RATIONAL_LENS,
         ),
         ComponentSpec(
             "nerfstudio",
             "transforms.json of each target: poses, sparse points, masks",
             "posse_core._formats.nerfstudio:NerfstudioWriter",
-            capabilities=_GLOBAL_SHUTTER,
+            capabilities=_GLOBAL_SHUTTER | _NO_RATIONAL_LENS,
         ),
         ComponentSpec(
             "opencv-calibration",

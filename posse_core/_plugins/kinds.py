@@ -182,6 +182,7 @@ _KINDS = (
         "exports a dataset to a format that other tools read",
         {
             "pinhole-only": Capability("the format cannot describe lens distortion"),
+            "no-rational-lens": Capability("the format cannot describe OpenCV's rational lens model"),
             "global-shutter-only": Capability("the format cannot describe a rolling shutter"),
             "labels-only": Capability(
                 "reads neither images nor arrays, so a run to a network store can use it"

@@ -10,7 +10,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from posse_core._errors import InputError
 from posse_core._model.camera import MOST_SIDE_PX, Camera
-from posse_core._model.distortion import BrownConrady
+from posse_core._model.distortion import DistortionModel, distortion_of
 from posse_core._plugins.options import Options, nearest
 from posse_core._scenario.presets import PRESETS
 
@@ -40,7 +40,8 @@ class CameraConfig(Options):
         None,
         gt=0,
         lt=180,
-        description="horizontal field of view without distortion, degrees; 90 if focal_px is not given",
+        description="horizontal field of view, degrees, of a pinhole or, with a fisheye, of an"
+        " equidistant lens; 90 if focal_px is not given",
     )
     focal_px: tuple[Positive, Positive] | None = Field(
         None, description="focal lengths along x and y, pixels; instead of hfov_deg"
@@ -69,10 +70,15 @@ class CameraConfig(Options):
         description="time from the exposure of one row to that of the next, top row first, of a rolling"
         " shutter; 0 for a global shutter",
     )
-    distortion: tuple[float, float, float, float, float] | None = Field(
+    distortion_model: DistortionModel = Field(
+        "brown-conrady",
+        description="brown-conrady: k1, k2, p1, p2, then k3, then k4, k5, k6 of OpenCV's rational model;"
+        " fisheye: k1, k2, k3, k4 of OpenCV's fisheye, Kalibr's equidistant",
+    )
+    distortion: tuple[float, ...] | None = Field(
         None,
-        description="k1, k2, p1, p2, k3 of Brown and Conrady's model in OpenCV's order; null for a"
-        " pinhole",
+        description="the lens's coefficients in OpenCV's order, 4, 5 or 8 of them; null for a pinhole",
+        validate_default=True,
     )
 
     @model_validator(mode="before")
@@ -127,7 +133,14 @@ class CameraConfig(Options):
     @field_validator("distortion")
     @classmethod
     def _one_to_one(cls, distortion: Any, info: ValidationInfo) -> Any:
-        """Check that the distortion is one-to-one; ``info`` has the keys above if they are valid."""
+        """Check that the distortion is its model's and one-to-one; ``info`` has the keys above if they
+        are valid."""
+        model = info.data.get("distortion_model")
+        if distortion is None and model == "fisheye":
+            raise ValueError(
+                "a fisheye has 4 coefficients; [0, 0, 0, 0] is the equidistant one, and"
+                " distortion_model: brown-conrady goes with a pinhole"
+            )
         if distortion is not None and len(info.data) == len(cls.model_fields) - 1:
             cls.model_construct(**info.data, distortion=distortion).camera()
         return distortion
@@ -162,9 +175,10 @@ class CameraConfig(Options):
         if self.focal_px is not None:
             fx_px, fy_px = self.focal_px
         else:
-            fx_px = fy_px = self.width_px / (2 * math.tan(math.radians(self.hfov_deg or 90.0) / 2))
+            half = math.radians(self.hfov_deg or 90.0) / 2
+            half_width = half if self.distortion_model == "fisheye" else math.tan(half)
+            fx_px = fy_px = self.width_px / (2 * half_width)
         cx_px, cy_px = self.centre_px or ((self.width_px - 1) / 2, (self.height_px - 1) / 2)
-        coefficients = self.distortion or ()
         return Camera(
             width_px=self.width_px,
             height_px=self.height_px,
@@ -174,7 +188,7 @@ class CameraConfig(Options):
             cy_px=cy_px,
             sensor_width_m=self.sensor_width_mm * 1e-3,
             line_time_s=self.line_time_s,
-            distortion=BrownConrady(*coefficients) if any(coefficients) else None,
+            distortion=distortion_of(self.distortion_model, self.distortion or ()),
         )
 
 

@@ -193,11 +193,13 @@ def write_scenario(
 
 def _keys_of(camera: Camera) -> dict[str, Any]:
     """The scenario keys that describe this camera."""
+    lens = camera.distortion
     return {
         "width_px": camera.width_px,
         "height_px": camera.height_px,
         "sensor_width_mm": camera.sensor_width_m * 1e3,
         "focal_px": [camera.fx_px, camera.fy_px],
         "centre_px": [camera.cx_px, camera.cy_px],
-        "distortion": camera.distortion and camera.distortion.coefficients.tolist(),
+        **({} if lens is None else {"distortion_model": lens.model}),
+        "distortion": lens and lens.coefficients.tolist(),
     }

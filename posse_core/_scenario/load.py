@@ -13,6 +13,7 @@ from pydantic import BaseModel
 
 from posse_core._dataset.layout import INPUTS, LABELS
 from posse_core._errors import InputError
+from posse_core._model.distortion import BrownConrady
 from posse_core._plugins.options import nearest, validated
 from posse_core._plugins.registry import Registry
 from posse_core._scenario.attitude import LawChoice, Subject, check_law
@@ -192,8 +193,15 @@ def _refuse_unable_writers(scenario: Scenario, registry: Registry, where: Any) -
     """Refuse writers whose formats cannot describe the camera before the run, since they work only at
     its end."""
     camera = scenario.camera.camera()
+    lens = camera.distortion
     limits = (
-        ("pinhole-only", "pinhole cameras", "camera.distortion", camera.distortion is not None),
+        ("pinhole-only", "pinhole cameras", "camera.distortion", lens is not None),
+        (
+            "no-rational-lens",
+            "lenses without denominator",
+            "camera.distortion",
+            isinstance(lens, BrownConrady) and lens.is_rational,
+        ),
         ("global-shutter-only", "a global shutter", "camera.line_time_s", camera.line_time_s > 0),
     )
     for i, choice in enumerate(scenario.writers):

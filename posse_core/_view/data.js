@@ -51,14 +51,23 @@ function rotate([w, x, y, z], [a, b, c]) {
 // Camera axes, metres → [u, v] pixels, the top-left pixel's centre at (0, 0); null behind the camera and
 // beyond its lens.
 function project([X, Y, Z], camera = dataset.camera) {
-  const { matrix: K, distortion: [k1, k2, p1, p2, k3], reach } = camera;
+  const { matrix: K, model, distortion, reach } = camera;
   const x = X / Z, y = Y / Z, r2 = x * x + y * y;
   if (Z <= 0 || (reach !== null && r2 > reach * reach)) return null;
-  const radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3));
-  return [
-    K[0][0] * (x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)) + K[0][2],
-    K[1][1] * (y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y) + K[1][2],
-  ];
+  const [u, v] = (model === "fisheye" ? fisheye : brownConrady)(x, y, r2, distortion);
+  return [K[0][0] * u + K[0][2], K[1][1] * v + K[1][2]];
+}
+
+// A pinhole's image point (x, y), with r2 = x² + y² → the lens's, by the formulas of _model/distortion.py.
+function brownConrady(x, y, r2, [k1, k2, p1, p2, k3, k4 = 0, k5 = 0, k6 = 0]) {
+  const radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)));
+  return [x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x), y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y];
+}
+
+function fisheye(x, y, r2, [k1, k2, k3, k4]) {
+  const r = Math.sqrt(r2), theta = Math.atan(r), t2 = theta * theta;
+  const ratio = r === 0 ? 1 : theta / r * (1 + t2 * (k1 + t2 * (k2 + t2 * (k3 + t2 * k4))));
+  return [x * ratio, y * ratio];
 }
 
 // The origin of the body axes and the tips of its three axes, pixels; each null behind the camera.

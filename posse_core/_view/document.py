@@ -177,6 +177,7 @@ def _camera(camera: Camera) -> dict[str, Any]:
         "width_px": camera.width_px,
         "height_px": camera.height_px,
         "matrix": camera.matrix.tolist(),
+        "model": None if camera.distortion is None else camera.distortion.model,
         "distortion": camera.distortion_coefficients.tolist(),
         "reach": None if camera.distortion is None else camera.distortion.reach,
     }

@@ -5,14 +5,14 @@ import dataclasses
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from posse_core._detection.pnp import solve_pose
 from posse_core._model.camera import Camera
-from posse_core._model.distortion import BrownConrady
+from posse_core._model.distortion import BrownConrady, Fisheye
 
 CAMERA = Camera(1280, 960, 2000.0, 2010.0, 640.0, 470.0, 0.01)
 
@@ -46,6 +46,9 @@ def test_exact_points_give_the_exact_pose(seed, flat):
 LENS = dataclasses.replace(CAMERA, distortion=BrownConrady(-0.4, 0.3, 0.002, -0.003, 0.1))
 
 
+FISHEYE = Camera(1280, 960, 640.0, 645.0, 640.0, 470.0, 0.01, distortion=Fisheye(-0.02, 0.01, 0, 0))
+
+
 @given(st.integers(0, 2**32 - 1))
 def test_exact_points_through_a_lens_give_the_exact_pose(seed):
     _, X, R, t, _ = scene(seed)
@@ -57,7 +60,24 @@ def test_exact_points_through_a_lens_give_the_exact_pose(seed):
     np.testing.assert_allclose(pose.t_body_cam_m, t, rtol=1e-4, atol=1e-3)
 
 
-@pytest.mark.parametrize(("camera", "trials"), [(CAMERA, 150), (LENS, 40)], ids=["pinhole", "lens"])
+@given(st.integers(0, 2**32 - 1), st.floats(0, 1.2), st.floats(0, 6.28))
+def test_exact_points_far_off_a_fisheyes_axis_give_the_exact_pose(seed, off, turn):
+    _, X, R, t, _ = scene(seed)
+    away = Rotation.from_rotvec([off * np.cos(turn), off * np.sin(turn), 0]).as_matrix()
+    R, t = away @ R, 0.5 * away @ t
+    points, k = X @ R.T + t, FISHEYE.distortion_coefficients
+    assume((np.hypot(*(points[:, :2] / points[:, 2:]).T) < 0.9 * FISHEYE.distortion.reach).all())
+    assume((points[:, 2] > 0).all())
+    uv = cv2.fisheye.projectPoints(points[:, None], np.zeros(3), np.zeros(3), FISHEYE.matrix, k)[0]
+    pose = solve_pose(X, uv[:, 0], np.ones(len(X)), FISHEYE)
+    assert pose is not None
+    np.testing.assert_allclose(turn_between(R, pose.R_cam_from_body), 0, atol=1e-4)
+    np.testing.assert_allclose(pose.t_body_cam_m, t, rtol=1e-4, atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("camera", "trials"), [(CAMERA, 150), (LENS, 40), (FISHEYE, 40)], ids=["pinhole", "lens", "fisheye"]
+)
 def test_errors_follow_the_covariance(camera, trials):
     squared = []
     for seed in range(trials):

@@ -16,7 +16,7 @@ from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.lines import LabelLines
 from posse_core._errors import InputError
 from posse_core._model.camera import Camera
-from posse_core._model.distortion import BrownConrady
+from posse_core._model.distortion import BrownConrady, Fisheye
 
 
 def test_frames_are_ordered_by_index_over_shards(dataset_folder, tmp_path):
@@ -94,7 +94,16 @@ def test_spacecraft_is_read_as_it_was(dataset_folder):
     assert np.array_equal(info.symmetries[0], craft.symmetries[0])
 
 
-@pytest.mark.parametrize("lens", [None, BrownConrady(-0.2, 0.05, 0.001, -0.002, 0.003)])
+@pytest.mark.parametrize(
+    "lens",
+    [
+        None,
+        BrownConrady(-0.2, 0.05, 0.001, -0.002, 0.003),
+        BrownConrady(-0.2, 0.05, 0.001, -0.002, 0.003, 0.1, 0.02, 0.003),
+        Fisheye(),
+        Fisheye(-0.02, 0.01, -0.003, 0.0005),
+    ],
+)
 def test_camera_file_agrees_with_itself(tmp_path, lens):
     camera = Camera(1280, 960, 640.0, 655.5, 639.5, 470.25, 0.036, distortion=lens)
     write_camera(camera, tmp_path / "camera.json")
@@ -105,19 +114,23 @@ def test_camera_file_agrees_with_itself(tmp_path, lens):
     assert value["ppx"] * 1280 == pytest.approx(0.036)
     # A point by OpenCV, from the file alone.
     K, d = np.array(value["cameraMatrix"]), np.array(value["distCoeffs"])
-    uv, _ = cv2.projectPoints(np.array([[1.0, -2.0, 7.0]]), np.zeros(3), np.zeros(3), K, d)
-    assert uv[0, 0] == pytest.approx(camera.project(np.array([1.0, -2.0, 7.0])))
+    project = cv2.fisheye.projectPoints if value["distModel"] == "fisheye" else cv2.projectPoints
+    uv, _ = project(np.array([[[1.0, -2.0, 7.0]]]), np.zeros(3), np.zeros(3), K, d)
+    assert uv.reshape(2) == pytest.approx(camera.project(np.array([1.0, -2.0, 7.0])))
     assert read_camera(tmp_path / "camera.json") == camera
 
 
 def test_a_camera_file_of_another_lens_model_or_one_that_folds_over_is_refused(tmp_path):
     write_camera(Camera(64, 48, 60.0, 60.0, 31.5, 23.5, 0.01), tmp_path / "camera.json")
     value = json.loads((tmp_path / "camera.json").read_text())
-    for coefficients, words in (
-        ([0.1, 0, 0, 0, 0, 0.2, 0, 0], "more than the five"),
-        ([-0.6, 0, 0, 0, 0], "folds over"),
+    for keys, words in (
+        ({"distCoeffs": [0.1, 0, 0, 0, 0, 0, 0, 0, 0.2, 0, 0, 0]}, "more than the eight"),
+        ({"distCoeffs": [0.1, 0, 0]}, "has 4, 5 or 8 coefficients, not 3"),
+        ({"distCoeffs": [-0.6, 0, 0, 0, 0]}, "folds over"),
+        ({"distModel": "fisheye"}, "distCoeffs: a fisheye has 4 coefficients, not 5"),
+        ({"distModel": "omni"}, "distModel: .*'brown-conrady' or 'fisheye'"),
     ):
-        (tmp_path / "camera.json").write_text(json.dumps({**value, "distCoeffs": coefficients}))
+        (tmp_path / "camera.json").write_text(json.dumps({**value, **keys}))
         with pytest.raises(InputError, match=words):
             read_camera(tmp_path / "camera.json")
 

@@ -22,6 +22,7 @@ from posse_core._errors import InputError
 from posse_core._formats.colmap import ColmapWriter
 from posse_core._formats.nerfstudio import NerfstudioWriter
 from posse_core._formats.sparse_points import surface_points
+from posse_core._model.distortion import BrownConrady
 from posse_core._plugins.options import NoOptions
 from posse_core._selection.partition import write_partition
 
@@ -32,15 +33,16 @@ orbit:
              argp_deg: 20, mean_anomaly_deg: 30}
 relative: {roe_m: [0, 0, 15, 0, 15, 0]}
 times: {duration_orbits: 1, count: 9}
-camera: {width_px: 96, height_px: 72, hfov_deg: 60, distortion: DISTORTION}
+camera: {width_px: 96, height_px: 72, hfov_deg: 60, LENS}
 sky: {earth: false, stars: null}
 renderer: {name: flat}
 writers: [colmap, nerfstudio]
 """
 LENSES = {
-    "PINHOLE": "null",
-    "OPENCV": "[-0.12, 0.03, 0.002, -0.003, 0]",
-    "FULL_OPENCV": "[-0.12, 0.03, 0.002, -0.003, 0.01]",
+    "PINHOLE": "distortion: null",
+    "OPENCV": "distortion: [-0.12, 0.03, 0.002, -0.003]",
+    "FULL_OPENCV": "distortion: [-0.12, 0.03, 0.002, -0.003, 0.01]",
+    "OPENCV_FISHEYE": "distortion_model: fisheye, distortion: [-0.02, 0.01, -0.003, 0.0005]",
 }
 WRITERS = {"COLMAP": ColmapWriter, "nerfstudio": NerfstudioWriter}
 
@@ -54,7 +56,7 @@ def lens(request) -> str:
 def folder(tmp_path_factory, posse_in, lens) -> Path:
     """Nine views around Aqua, exported at the end of the run."""
     above = tmp_path_factory.mktemp(lens)
-    (above / "around.yaml").write_text(SCENARIO.replace("DISTORTION", LENSES[lens]))
+    (above / "around.yaml").write_text(SCENARIO.replace("LENS", LENSES[lens]))
     done = posse_in(above, "run", "around.yaml", "--out", "d")
     assert done.returncode == 0, done.stderr
     return above / "d"
@@ -230,8 +232,12 @@ def projected(value: dict, frame: dict, x_world: np.ndarray) -> tuple[np.ndarray
     x_gl = (x_world - pose[:3, 3]) @ pose[:3, :3]
     x_cam = x_gl * [1, -1, -1]
     K = np.array([[value["fl_x"], 0, value["cx"]], [0, value["fl_y"], value["cy"]], [0, 0, 1]])
-    lens = np.array([value[key] for key in ("k1", "k2", "p1", "p2", "k3")])
-    uv, _ = cv2.projectPoints(x_cam, np.zeros(3), np.zeros(3), K, lens)
+    if value["camera_model"] == "OPENCV_FISHEYE":
+        project, names = cv2.fisheye.projectPoints, ("k1", "k2", "k3", "k4")
+    else:
+        project, names = cv2.projectPoints, ("k1", "k2", "p1", "p2", "k3")
+    lens = np.array([value[key] for key in names])
+    uv, _ = project(x_cam[:, None], np.zeros(3), np.zeros(3), K, lens)
     return uv[:, 0], x_cam[:, 2]
 
 
@@ -280,6 +286,21 @@ def test_nerfstudio_parts_are_those_of_the_partition(bricks, tmp_path):
         names = [transforms(tmp_path, name)[f"{key}_filenames"] for name in ("brick", "plate")]
         assert [int(Path(name).stem) for both in names for name in both] == parts[part]
     assert "train_filenames" not in transforms(bricks, "brick")
+
+
+def test_a_rational_lens_is_full_opencv_to_colmap_and_refused_by_nerfstudio(bricks, tmp_path):
+    shutil.copytree(bricks, tmp_path / "d")
+    lens = BrownConrady(0.3, -0.1, 0.001, -0.002, 0.02, 0.5, 0.1, -0.02)
+    camera = replace(cuboid.CAMERA, distortion=lens)
+    write_camera(camera, tmp_path / "d/camera.json")
+    dataset = Dataset(tmp_path / "d")
+    ColmapWriter(NoOptions()).write(dataset, tmp_path)
+    theirs = model_of(tmp_path, "brick").cameras[1]
+    assert theirs.model.name == "FULL_OPENCV"
+    x_cam_m = np.random.default_rng(0).uniform([-1, -1, 3], [1, 1, 5], (50, 3))
+    np.testing.assert_allclose(theirs.img_from_cam(x_cam_m) - 0.5, camera.project(x_cam_m), atol=1e-9)
+    with pytest.raises(InputError, match=r"nerfstudio cannot describe OpenCV's rational lens.*colmap"):
+        NerfstudioWriter(NoOptions()).write(dataset, tmp_path)
 
 
 # Both

@@ -2,10 +2,10 @@
 
 import dataclasses
 
-import cv2
 import numpy as np
 import pytest
 import trimesh
+from by_opencv import flat_of, projected_px
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -15,11 +15,14 @@ from posse_core._evaluation.raster import extent_px as referees_extent_px
 from posse_core._geometry.outline import edges_of, extent_px
 from posse_core._geometry.raycast import RayCaster
 from posse_core._model.camera import Camera
-from posse_core._model.distortion import BrownConrady
+from posse_core._model.distortion import BrownConrady, Fisheye
 from posse_core._model.labels import NOT_IN_FRAME
 
 BARREL = BrownConrady(-0.3, 0.08, 0.004, -0.003, 0.0)
 PINCUSHION = BrownConrady(0.25, 0.05, -0.002, 0.005, 0.02)
+RATIONAL = BrownConrady(0.3, -0.1, 0.001, -0.002, 0.02, 0.5, 0.1, -0.02)
+FISHEYE = Fisheye(-0.02, 0.01, -0.003, 0.0005)
+LENSES = [BARREL, PINCUSHION, RATIONAL, FISHEYE]
 
 
 @pytest.fixture
@@ -33,14 +36,7 @@ def lensed(make_scene):
     return make
 
 
-def opencv_px(camera: Camera, points_cam_m: np.ndarray) -> np.ndarray:
-    uv, _ = cv2.projectPoints(
-        points_cam_m, np.zeros(3), np.zeros(3), camera.matrix, camera.distortion_coefficients
-    )
-    return uv[:, 0]
-
-
-@pytest.mark.parametrize("distortion", [BARREL, PINCUSHION])
+@pytest.mark.parametrize("distortion", LENSES)
 @pytest.mark.parametrize("x_m", [0.0, 1.4, -2.2])
 def test_a_plate_covers_the_pixels_whose_rays_meet_it(lensed, make_state, make_plate, distortion, x_m):
     scene = lensed(
@@ -50,10 +46,7 @@ def test_a_plate_covers_the_pixels_whose_rays_meet_it(lensed, make_state, make_p
     t = np.array([x_m, 0.4, 4.0])
     view = RayCaster(scene).view(make_state(tuple(t), R))
     uv = np.stack(np.meshgrid(np.arange(160.0), np.arange(120.0)), -1).reshape(-1, 2)
-    criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 500, 1e-14)
-    K, k = scene.camera.matrix, scene.camera.distortion_coefficients
-    flat = cv2.undistortPoints(uv[:, None], K, k, R=None, P=None, criteria=criteria)[:, 0]
-    rays = np.column_stack([flat, np.ones(len(flat))])
+    rays = np.column_stack([flat_of(scene.camera, uv), np.ones(len(uv))])
     z = (R[:, 2] @ t) / (rays @ R[:, 2])
     point = (z[:, None] * rays - t) @ R
     hit = (z > 0) & (np.abs(point[:, 0]) <= 1.7) & (np.abs(point[:, 1]) <= 0.9)
@@ -68,7 +61,7 @@ def test_a_plate_covers_the_pixels_whose_rays_meet_it(lensed, make_state, make_p
 
 @settings(max_examples=20, deadline=None)
 @given(
-    st.sampled_from([BARREL, PINCUSHION]),
+    st.sampled_from(LENSES),
     st.tuples(st.floats(-1.5, 1.5), st.floats(-1, 1), st.floats(4.5, 9)),
     st.integers(0, 10**6),
 )
@@ -82,7 +75,7 @@ def test_extents_are_those_of_densely_projected_edges(distortion, t, seed):
     share = np.linspace(0, 1, 2001)[:, None]
     flat = vertices / vertices[:, 2:]
     curves = np.concatenate([flat[a] + share * (flat[b] - flat[a]) for a, b in edges])
-    uv = opencv_px(camera, curves)
+    uv = projected_px(camera, curves)
     np.testing.assert_allclose(low, uv.min(axis=0), atol=1e-3)
     np.testing.assert_allclose(high, uv.max(axis=0), atol=1e-3)
     for ours, theirs in zip(
@@ -94,8 +87,10 @@ def test_extents_are_those_of_densely_projected_edges(distortion, t, seed):
 def test_the_box_contains_an_edge_that_bulges_beyond_its_corners(lensed, make_state, make_plate):
     scene = lensed(BARREL, {"plate": make_plate(1.5, 1.0)}, width_px=160, height_px=120, focal_px=110)
     view = RayCaster(scene).view(make_state((0, 0, 3.0)))
-    corners = opencv_px(scene.camera, np.array([[x, y, 3.0] for x in (-1.5, 1.5) for y in (-1.0, 1.0)]))
-    middle = opencv_px(scene.camera, np.array([[0.0, 1.0, 3.0]]))
+    corners = projected_px(
+        scene.camera, np.array([[x, y, 3.0] for x in (-1.5, 1.5) for y in (-1.0, 1.0)])
+    )
+    middle = projected_px(scene.camera, np.array([[0.0, 1.0, 3.0]]))
     assert middle[0, 1] > corners[:, 1].max() + 2
     assert view.whole_box_px[1] + view.whole_box_px[3] >= middle[0, 1]
     assert view.box.y0 + view.box.height - 1 == np.floor(
@@ -103,7 +98,7 @@ def test_the_box_contains_an_edge_that_bulges_beyond_its_corners(lensed, make_st
     )
 
 
-@pytest.mark.parametrize("distortion", [BARREL, PINCUSHION])
+@pytest.mark.parametrize("distortion", LENSES)
 def test_an_independent_rasteriser_agrees(lensed, make_state, distortion):
     ball = trimesh.creation.icosphere(3, radius=1.2)
     scene = lensed(distortion, {"ball": ball}, width_px=120, height_px=90, focal_px=75)
@@ -121,7 +116,7 @@ def test_keypoints_agree_with_opencv_and_are_nan_beyond_the_lens(lensed, make_st
     lens = BrownConrady(k1=-0.3)
     scene = lensed(lens, {"plate": make_plate(2, 1)}, points, width_px=160, height_px=120, focal_px=180)
     view = RayCaster(scene).view(make_state((0, 0, 5.0)))
-    expected = opencv_px(scene.camera, np.add([*points.values()], [0, 0, 5.0]))
+    expected = projected_px(scene.camera, np.add([*points.values()], [0, 0, 5.0]))
     np.testing.assert_allclose(view.keypoints_px[:2], expected[:2], atol=1e-9)
     # Here OpenCV's polynomial has folded over and projects the point into the image.
     assert 0 < expected[2, 0] < 160

@@ -10,7 +10,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from posse_core._model.camera import Camera
-from posse_core._model.distortion import BrownConrady
+from posse_core._model.distortion import BrownConrady, Distortion, Fisheye, distortion_of
 
 SPEED_PLUS = BrownConrady(
     -0.22383016606510672, 0.51409797089106379, -0.00066499611998340662, -0.00021404771667484594,
@@ -18,21 +18,40 @@ SPEED_PLUS = BrownConrady(
 )  # fmt: skip
 
 
-def camera(distortion: BrownConrady | None, focal_px: float = 300.0) -> Camera:
+def camera(distortion: Distortion | None, focal_px: float = 300.0) -> Camera:
     return Camera(320, 200, focal_px, 1.01 * focal_px, 161.3, 98.2, 0.01, distortion=distortion)
 
 
-LENSES = st.builds(
-    BrownConrady,
+FIVE = (
     st.floats(-0.35, 0.35),
     st.floats(-0.3, 0.5),
     st.floats(-0.01, 0.01),
     st.floats(-0.01, 0.01),
     st.floats(-0.15, 0.15),
 )
+LENSES = st.one_of(
+    st.builds(BrownConrady, *FIVE),
+    st.builds(BrownConrady, *FIVE, st.floats(-0.3, 0.5), st.floats(-0.2, 0.3), st.floats(-0.1, 0.1)),
+    st.builds(
+        Fisheye,
+        st.floats(-0.1, 0.1),
+        st.floats(-0.05, 0.05),
+        st.floats(-0.02, 0.02),
+        st.floats(-0.005, 0.005),
+    ),
+)
 
 
-def fitting(distortion: BrownConrady, focal_px: float) -> Camera:
+def by_opencv(cam: Camera, points: np.ndarray) -> np.ndarray:
+    """(N, 3) points in camera axes → (N, 2) pixels."""
+    fisheye = isinstance(cam.distortion, Fisheye)
+    project = cv2.fisheye.projectPoints if fisheye else cv2.projectPoints
+    zeros = np.zeros(3)
+    uv, _ = project(points[:, None], zeros, zeros, cam.matrix, cam.distortion_coefficients)
+    return uv[:, 0]
+
+
+def fitting(distortion: Distortion, focal_px: float) -> Camera:
     """A camera with this lens; the example is rejected if the lens folds over inside the image."""
     try:
         return camera(distortion, focal_px)
@@ -51,10 +70,7 @@ def test_projection_agrees_with_opencv(distortion, focal_px):
         0,
     ]
     points = rays * 7.3
-    expected, _ = cv2.projectPoints(
-        points, np.zeros(3), np.zeros(3), cam.matrix, cam.distortion_coefficients
-    )
-    np.testing.assert_allclose(cam.project(points), expected[:, 0], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(cam.project(points), by_opencv(cam, points), rtol=0, atol=1e-9)
 
 
 @settings(max_examples=40, deadline=None)
@@ -63,6 +79,43 @@ def test_rays_invert_the_projection_in_the_whole_image(distortion, focal_px):
     cam = fitting(distortion, focal_px)
     uv = np.stack(np.meshgrid(np.linspace(-0.5, 319.5, 23), np.linspace(-0.5, 199.5, 17)), -1)
     np.testing.assert_allclose(cam.project(cam.rays(uv)), uv, rtol=0, atol=1e-9)
+
+
+# As cv2.calibrateCamera gives them with CALIB_RATIONAL_MODEL: large, and almost equal above and below.
+RATIONAL = BrownConrady(21.3, 5.1, 1e-4, -2e-4, 0.8, 21.6, 12.3, 2.1)
+WIDE = Fisheye(-0.02, 0.01, -0.003, 0.0005)
+
+
+@pytest.mark.parametrize(("lens", "focal_px", "corner_deg"), [(RATIONAL, 150, 40), (WIDE, 155, 70)])
+def test_wide_lenses_agree_with_opencv_to_the_corners_and_back(lens, focal_px, corner_deg):
+    cam = camera(lens, focal_px)
+    uv = np.concatenate([cam.border_px(), np.random.default_rng(0).uniform(0, [319, 199], (5000, 2))])
+    rays = cam.rays(uv)
+    assert np.degrees(np.arctan(np.hypot(*rays[:, :2].T))).max() > corner_deg
+    np.testing.assert_allclose(by_opencv(cam, rays), uv, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(cam.project(rays), uv, rtol=0, atol=1e-9)
+
+
+def test_the_axis_of_a_fisheye_is_the_principal_point():
+    cam = camera(WIDE)
+    assert cam.project(np.array([0.0, 0.0, 3.0])).tolist() == [cam.cx_px, cam.cy_px]
+    assert cam.rays(np.array([cam.cx_px, cam.cy_px])).tolist() == [0, 0, 1]
+    np.testing.assert_allclose(
+        cam.project_jacobian(np.array([0.0, 0.0, 1.0])), [[300, 0, 0], [0, 303, 0]], atol=1e-12
+    )
+
+
+def test_coefficients_of_opencvs_lengths():
+    assert distortion_of("brown-conrady", (0.1, 0.2, 0.3, 0.4)) == BrownConrady(0.1, 0.2, 0.3, 0.4)
+    assert distortion_of("brown-conrady", (0.1,) * 8).coefficients.tolist() == [0.1] * 8
+    assert distortion_of("brown-conrady", (0.1, 0, 0, 0, 0, *[0] * 9)) == BrownConrady(0.1)
+    assert distortion_of("brown-conrady", (0,) * 5) is None
+    assert distortion_of("fisheye", (0,) * 4) == Fisheye()  # an equidistant lens is no pinhole
+    for model, coefficients in (("brown-conrady", (0.1, 0.2)), ("fisheye", (0.1,) * 5)):
+        with pytest.raises(ValueError, match="coefficients, not"):
+            distortion_of(model, coefficients)
+    with pytest.raises(ValueError, match="thin prisms"):
+        distortion_of("brown-conrady", (0.1,) * 12)
 
 
 def test_rays_agree_with_opencvs_iteration():
@@ -99,6 +152,12 @@ def test_reach_ends_where_a_radial_lens_folds_over():
     assert BrownConrady(k1=0.3).reach == 10.0  # 84 degrees
     assert np.isnan(BrownConrady(k1=-0.3).distort(np.array(1.06), np.array(0.0))).all()
     assert np.isnan(BrownConrady(k1=-0.3).undistort(np.array(0.71), np.array(0.0))).all()
+    # r / (1 + 0.3 r²) turns where 1 = 0.3 r², and (1 + 0.1 r²) r / (1 − 0.2 r²) has a pole
+    assert BrownConrady(k4=0.3).reach == pytest.approx(np.sqrt(1 / 0.3))
+    assert BrownConrady(k1=0.1, k4=-0.2).reach == pytest.approx(np.sqrt(5))
+    # d/dθ (θ − 0.5 θ³) = 0
+    assert Fisheye(k1=-0.5).reach == pytest.approx(np.tan(np.sqrt(2 / 3)))
+    assert Fisheye().reach == 10.0
 
 
 @settings(max_examples=40, deadline=None)
@@ -122,6 +181,8 @@ def test_a_lens_that_folds_over_in_the_image_is_refused():
     assert camera(BrownConrady(k1=-0.3), focal_px=300.0)
     with pytest.raises(ValueError, match=r"folds over inside the image: .* up to 46\.5 degrees"):
         camera(BrownConrady(k1=-0.3), focal_px=250.0)
+    with pytest.raises(ValueError, match=r"beyond 84\.3 degrees from the axis"):
+        camera(Fisheye(), focal_px=120.0)
 
 
 def test_zero_distortion_changes_nothing():

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rendezvous import CAMERA, POINTS_M
 
-from posse_core import BrownConrady, KeypointReading, LineOfSight, PoseEstimate, RangeReading
+from posse_core import BrownConrady, Fisheye, KeypointReading, LineOfSight, PoseEstimate, RangeReading
 from posse_core._frames import matrix_from_rotation_vector, unit
 from posse_core._navigation.kinematics import Kinematics, moved_tangent
 from posse_core._navigation.linearisation import SigmaPoints
@@ -18,6 +18,7 @@ from posse_core._navigation.measurements import Distance, Eye, Keypoints, Pose, 
 
 KINDS = ["keypoints", "pose", "sight", "range"]
 LENS = replace(CAMERA, distortion=BrownConrady(-0.1, 0.02, 1e-3, -5e-4, 0.0))
+FISHEYE = replace(CAMERA, distortion=Fisheye(-0.02, 0.01, -0.003, 0.0005))
 
 
 def scene(camera=CAMERA, R_body=(0.3, -0.8, 0.2), R_cam=(1.0, 0.4, -0.3), origin=(0.7, -0.4, 30.0)):
@@ -45,7 +46,7 @@ def reading(kind: str, x: Kinematics, eye: Eye, R_error=None):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("camera", [CAMERA, LENS], ids=["pinhole", "lens"])
+@pytest.mark.parametrize("camera", [CAMERA, LENS, FISHEYE], ids=["pinhole", "lens", "fisheye"])
 def test_the_truth_has_no_residual(kind, camera):
     x, eye = scene(camera)
     np.testing.assert_allclose(reading(kind, x, eye).residual(x), 0.0, atol=1e-12)

@@ -291,6 +291,40 @@ def test_a_camera_at_another_scale_sees_the_same(tmp_path, camera):
     assert back.camera.camera().rays([[3.0, 5.0]]) == pytest.approx(one.rays([[3.0, 5.0]]), abs=1e-12)
 
 
+def test_an_equidistant_camera_has_its_field_of_view(tmp_path):
+    keys = "camera: {hfov_deg: 120, distortion_model: fisheye, distortion: [0, 0, 0, 0]}\n"
+    camera = load(tmp_path, MINIMAL + keys).camera.camera()
+    left, right = camera.rays([[-0.5, camera.cy_px], [camera.width_px - 0.5, camera.cy_px]])
+    assert np.degrees(np.arctan(right[0]) - np.arctan(left[0])) == pytest.approx(120)
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ("distortion_model: fisheye", ["camera.distortion:", "[0, 0, 0, 0] is the equidistant one"]),
+        ("distortion_model: fisheye, distortion: [0, 0, 0]", ["camera.distortion:", "has 4 coeff"]),
+        ("distortion_model: omni, distortion: [0]", ["camera.distortion_model:", "'fisheye'"]),
+        ("distortion: [0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0]", ["camera.distortion:", "thin prisms"]),
+        ("hfov_deg: 150, distortion_model: fisheye, distortion: [0, 0, 0, 0]", ["84.3 degrees"]),
+    ],
+)
+def test_coefficients_that_are_not_the_lens_s(tmp_path, keys, words):
+    with pytest.raises(InputError) as refused:
+        load(tmp_path, MINIMAL + f"camera: {{{keys}}}\n")
+    for word in ("line 6", *words):
+        assert word in str(refused.value)
+
+
+def test_writers_of_rational_lenses(tmp_path):
+    lens = "camera: {distortion: [0, 0, 0, 0, 0, 0.1, 0, 0]}\nwriters: [colmap, NAME]\n"
+    load(tmp_path, MINIMAL + lens.replace("NAME", "opencv-calibration"))
+    for name in ("kalibr", "nerfstudio"):
+        with pytest.raises(
+            InputError, match=rf"writers\.1\.name: '{name}' supports only lenses without"
+        ):
+            load(tmp_path, MINIMAL + lens.replace("NAME", name))
+
+
 def test_the_scale_of_a_camera_beside_is_its_own(tmp_path):
     beside = (
         "sensors: {wide: {type: camera, camera: {preset: speed, scale: 0.5}, sensor: {exposure_s: 1}}}\n"

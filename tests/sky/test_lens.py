@@ -2,13 +2,13 @@
 
 import dataclasses
 
-import cv2
 import erfa
 import numpy as np
 import pytest
+from by_opencv import flat_of, projected_px
 
 from posse_core._model.bands import SOLAR_BAND_FRACTIONS
-from posse_core._model.distortion import BrownConrady
+from posse_core._model.distortion import BrownConrady, Fisheye
 from posse_core._scenario.sky import SkyConfig
 from posse_core._sky.ellipsoid import entry_distance_m
 from posse_core._sky.sky import Sky
@@ -16,7 +16,13 @@ from posse_core._sky.stars import hipparcos
 
 BARREL = BrownConrady(-0.22, 0.03, 0.002, -0.003, 0.0)
 PINCUSHION = BrownConrady(0.15, 0.03, -0.002, 0.003, 0.0)
-LENSES = pytest.mark.parametrize("lens", [BARREL, PINCUSHION], ids=["barrel", "pincushion"])
+RATIONAL = BrownConrady(0.3, -0.1, 0.001, -0.002, 0.02, 0.5, 0.1, -0.02)
+FISHEYE = Fisheye(-0.02, 0.01, -0.003, 0.0005)
+LENSES = pytest.mark.parametrize(
+    "lens",
+    [BARREL, PINCUSHION, RATIONAL, FISHEYE],
+    ids=["barrel", "pincushion", "rational", "fisheye"],
+)
 
 
 @pytest.fixture
@@ -30,9 +36,8 @@ def test_stars_are_where_opencv_projects_them(lensed, make_state, lens):
     frame = make_state(forward=erfa.s2c(1.2, 0.3), r_camera_m=(3e6, 6e6, 2e6))
     found = Sky(SkyConfig(earth=False), camera, seed=0).look(frame).points_px
     away = hipparcos(6.5).directions_at(frame.epoch_jd_tt) @ frame.R_cam_from_eci.T
-    away = away[away[:, 2] > 0.6]
-    k = camera.distortion_coefficients
-    uv = cv2.projectPoints(away, np.zeros(3), np.zeros(3), camera.matrix, k)[0][:, 0]
+    away = away[np.hypot(*away[:, :2].T) < lens.reach * away[:, 2]]  # in front, and not folded over
+    uv = projected_px(camera, away)
     expected = uv[np.all((uv >= -0.5) & (uv <= [639.5, 479.5]), axis=1)]
     assert len(expected) > 200
     inside = found[np.all((found >= -0.5) & (found <= [639.5, 479.5]), axis=1)]
@@ -49,14 +54,7 @@ def test_the_suns_disc_keeps_its_light(lensed, make_state, lens, forward):
     sky = Sky(SkyConfig(earth=False, stars=None), camera, seed=0).look(frame)
     v, u = np.mgrid[:120, :160].astype(float)
     flat = [
-        cv2.undistortPoints(
-            np.stack([u + du, v + dv], -1).reshape(-1, 1, 2),
-            camera.matrix,
-            camera.distortion_coefficients,
-            R=None,
-            P=None,
-            criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-14),
-        ).reshape(120, 160, 2)
+        flat_of(camera, np.stack([u + du, v + dv], -1))
         for du, dv in ((0.5, 0), (-0.5, 0), (0, 0.5), (0, -0.5), (0, 0))
     ]
     right, down = flat[0] - flat[1], flat[2] - flat[3]
@@ -77,15 +75,7 @@ def test_the_earth_covers_all_pixels_of_its_ellipsoid(lensed, make_state, lens):
     frame = make_state(r_camera_m=(r, 0, 0), forward=(np.cos(limb), np.sin(limb), 0.2))
     radiance = Sky(SkyConfig(stars=None), camera, seed=0).look(frame).radiance_rgb
     v, u = np.mgrid[:245, :333].astype(float)
-    flat = cv2.undistortPoints(
-        np.stack([u, v], -1).reshape(-1, 1, 2),
-        camera.matrix,
-        camera.distortion_coefficients,
-        R=None,
-        P=None,
-        criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-14),
-    ).reshape(245, 333, 2)
-    rays = np.dstack([flat, np.ones((245, 333))])
+    rays = np.dstack([flat_of(camera, np.stack([u, v], -1)), np.ones((245, 333))])
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     entry = entry_distance_m(frame.r_camera_eci_m, rays @ frame.R_cam_from_eci)
     on_earth = np.isfinite(entry)

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from posse_core._model.distortion import BrownConrady
+from posse_core._model.distortion import BrownConrady, Fisheye
 from posse_core._sky.clouds import make_clouds
 from posse_core._sky.earth import Earth
 from posse_core._sky.ground import Ground, blue_marble
@@ -86,7 +86,7 @@ def test_ground_and_clouds_are_where_they_are(make_camera, make_state, name: str
     assert drawn.mean(dtype=float) == pytest.approx(exact.mean(dtype=float), rel=1e-3)
 
 
-@pytest.mark.parametrize("lens", [BrownConrady(-0.22, 0.03, 0.002, -0.003, 0.0)])
+@pytest.mark.parametrize("lens", [BrownConrady(-0.22, 0.03, 0.002, -0.003, 0.0), Fisheye()])
 def test_a_lens_and_bands_of_rows_make_no_difference(make_camera, make_state, lens) -> None:
     camera = dataclasses.replace(make_camera(333, 245, hfov_deg=75), distortion=lens)
     bands = [(0, 1), (1, 2), (3, 3), (6, 100), (106, 139)]

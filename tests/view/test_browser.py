@@ -5,9 +5,9 @@ import re
 import shutil
 
 import cuboid
-import cv2
 import numpy as np
 import pytest
+from by_opencv import projected_px
 from pycocotools import mask as coco_mask
 from scipy.spatial.transform import Rotation
 
@@ -172,11 +172,19 @@ def test_a_long_list_holds_only_what_is_seen(browse, view, tmp_path):
     assert told["then"][-1] == "299"
 
 
-def test_body_axes_follow_the_lens(browse, view, two_crafts, lines, tmp_path):
+@pytest.mark.parametrize(
+    ("model", "coefficients"),
+    [
+        ("brown-conrady", [-0.2, 0, 0.01, -0.01, 0]),
+        ("brown-conrady", [0.3, -0.1, 0.001, -0.002, 0.02, 0.5, 0.1, -0.02]),
+        ("fisheye", [-0.02, 0.01, -0.003, 0.0005]),
+    ],
+)
+def test_body_axes_follow_the_lens(browse, view, two_crafts, lines, tmp_path, model, coefficients):
     """By OpenCV; the pose is the labels', whose keypoints are a pinhole's."""
     shutil.copytree(two_crafts, tmp_path / "d")
     value = json.loads((tmp_path / "d/camera.json").read_text())
-    value["distCoeffs"] = [-0.2, 0, 0.01, -0.01, 0]
+    value["distModel"], value["distCoeffs"] = model, coefficients
     (tmp_path / "d/camera.json").write_text(json.dumps(value))
     assert view(tmp_path / "d").exit_code == 0
     told = browse(
@@ -189,9 +197,8 @@ def test_body_axes_follow_the_lens(browse, view, two_crafts, lines, tmp_path):
         size = 2 * cuboid.HALF.max() * (1.4 if labels["spacecraft"] == "plate" else 1)
         tips = np.vstack([np.zeros(3), np.eye(3)]) * size / 2
         x_cam = Rotation.from_quat([x, y, z, w]).apply(tips) + labels["t_body_cam_m"]
-        K, k = cuboid.CAMERA.matrix, np.array(value["distCoeffs"])
-        expected, _ = cv2.projectPoints(x_cam, np.zeros(3), np.zeros(3), K, k)
+        expected = projected_px(camera, x_cam)
         reached = np.hypot(*(x_cam[:, :2] / x_cam[:, 2:]).T) < camera.distortion.reach
         assert [tip is not None for tip in axes] == (reached & (x_cam[:, 2] > 0)).tolist()
         drawn = np.array([tip for tip in axes if tip is not None]).reshape(-1, 2)
-        assert drawn == pytest.approx(expected[reached, 0], abs=1e-6)
+        assert drawn == pytest.approx(expected[reached], abs=1e-6)

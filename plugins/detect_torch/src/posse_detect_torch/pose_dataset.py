@@ -37,7 +37,9 @@ class PoseSample(NamedTuple):
         image: (C, H, W) float32, 0 … 1, C = 1 grey or 3 red-green-blue.
         name: name of the image file.
         K: (3, 3) float32 camera matrix, pixels.
-        distortion: (5,) float32 k₁, k₂, p₁, p₂, k₃ of Brown and Conrady, as OpenCV takes them.
+        distortion: (n,) float32 coefficients as OpenCV takes them: k₁, k₂, p₁, p₂, k₃ of Brown and
+            Conrady, with k₄, k₅, k₆ for a rational lens, or k₁, k₂, k₃, k₄ of a fisheye
+            (:attr:`posse_core.Camera.distortion_coefficients`).
         label: () int64 index into :attr:`PoseDataset.classes`; −1 where the labels name no spacecraft.
         q_cam_from_body: (4,) float32, scalar first: x_cam = R(q) x_body + t.
         t_body_cam_m: (3,) float32 position of the body's origin in OpenCV's camera axes.

@@ -8,7 +8,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from posse_core._arrays import AnyArray, BoolArray, FloatArray, IntArray
+from posse_core._arrays import AnyArray, FloatArray, IntArray
 from posse_core._frames import R_with_z, unit
 from posse_core._geometry.tracer import Tracer
 from posse_core._geometry.triangles import Triangles, dot
@@ -21,10 +21,13 @@ _MOST_RAYS = 8_000_000
 """Rays in all by which the facets' views of the sky are found."""
 _RAYS = (16, 256)
 """Smallest and largest number of them for each side of a facet."""
-_SUNS_KEPT = 1024
+_KEPT_BYTES = 64_000_000
+"""Memory for shadows that are kept."""
 _SUN_STEPS = 60
 """Lattice steps per radian of the Sun's directions whose shadows are kept."""
 _CHUNK = 1 << 18
+_POINTS = np.array([[2, 2, 2], [4, 1, 1], [1, 4, 1], [1, 1, 4]]) / 6
+"""Shares of the corners in the four points of a facet."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,38 +99,50 @@ class Facets:
         """(N,) index of each facet's part."""
         return self.triangles.part_id[self.triangle]
 
-    def lit(self, direction: FloatArray) -> BoolArray:
-        """(2N,) whether the Sun in a direction (3,) shines on the centre of each side. The Sun is a
-        point: shadows have no penumbra."""
+    @cached_property
+    def points_m(self) -> FloatArray:
+        """(3, N, 4) points on each facet: the centroids of the four triangles of half its size that it
+        consists of."""
+        return np.asarray(np.einsum("nci,pc->inp", self.bisection.leaf_corners_m, _POINTS))
+
+    def lit(self, direction: FloatArray) -> FloatArray:
+        """(2N,) share of the four points of each side on which the Sun in a direction (3,) shines. The
+        Sun is a point: shadows have no penumbra."""
         sunny = np.flatnonzero(dot(self.normal, direction) != 0)
         facing = np.where(dot(self.normal[:, sunny], direction) > 0, 1.0, -1.0)
-        shadowed = self.tracer.shadowed(
-            self.centre_m[:, sunny], facing * self.normal[:, sunny], direction[:, None]
-        )
-        lit = np.zeros(2 * self.count, dtype=np.bool_)
-        lit[sunny + np.where(facing > 0, 0, self.count)] = ~shadowed
+        normal = np.repeat(facing * self.normal[:, sunny], len(_POINTS), axis=1)
+        points_m = self.points_m[:, sunny].reshape(3, -1)
+        shadowed = self.tracer.shadowed(points_m, normal, direction[:, None])
+        lit = np.zeros(2 * self.count)
+        shares = 1 - shadowed.reshape(-1, len(_POINTS)).mean(axis=1)
+        lit[sunny + np.where(facing > 0, 0, self.count)] = shares
         return lit
 
-    def lit_about(self, direction: FloatArray) -> BoolArray:
+    def lit_about(self, direction: FloatArray) -> FloatArray:
         """:meth:`lit` for the nearest direction of a lattice, which is 0.8° off at most.
 
         Directions of the lattice are kept, and each is computed from itself alone, so what is kept
         changes no result. The angle of incidence is not part of it.
         """
         node = tuple(np.rint(_SUN_STEPS * direction).astype(int).tolist())
-        return np.unpackbits(self._kept(node), count=2 * self.count).view(np.bool_)
+        return self._kept(node) / len(_POINTS)
 
     @cached_property
     def _kept(self) -> Callable[[tuple[int, ...]], AnyArray]:
-        """Shadows by node of the lattice, eight sides a byte."""
-        return lru_cache(_SUNS_KEPT)(lambda node: np.packbits(self.lit(unit(np.array(node, float)))))
+        """(2N,) uint8 number of sunlit points by node of the lattice."""
+
+        def points_lit(node: tuple[int, ...]) -> AnyArray:
+            return np.rint(len(_POINTS) * self.lit(unit(np.array(node, float)))).astype(np.uint8)
+
+        return lru_cache(max(16, _KEPT_BYTES // (2 * self.count)))(points_lit)
 
     @cached_property
     def openness(self) -> FloatArray:
         """(2N,) share of the radiation of each side that leaves the spacecraft: 1 if no facet is in
         view.
 
-        Rays from the centre are spread by Lambert's law, the same for all sides about their normals.
+        Rays from the four points in turn are spread by Lambert's law, the same for all sides about their
+        normals.
         """
         rays = int(np.clip(_MOST_RAYS // (2 * self.count), *_RAYS))
         index = np.arange(rays)
@@ -143,7 +158,7 @@ class Facets:
                 axes = np.moveaxis(R_with_z(normal.T), 0, -1)
                 # (3, n, rays)
                 rays_body = np.stack([dot(row[:, :, None], own[:, None, :]) for row in axes])
-                starts_m = np.repeat(self.centre_m[:, part], rays, axis=1)
+                starts_m = self.points_m[:, part, index % len(_POINTS)].reshape(3, -1)
                 normals = np.repeat(normal, rays, axis=1)
                 hidden = self.tracer.shadowed(starts_m, normals, rays_body.reshape(3, -1))
                 shares = 1 - hidden.reshape(-1, rays).mean(axis=1)

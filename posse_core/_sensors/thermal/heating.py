@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from posse_core._arrays import BoolArray, FloatArray
+from posse_core._arrays import FloatArray
 from posse_core._constants import Constants
 from posse_core._environment.earthlight import earth_patches
 from posse_core._frames import turned
@@ -101,8 +101,8 @@ class Heat:
     infrared_w_m2: FloatArray
 
 
-def sunlight(facets: Facets, around: Surroundings, lit: BoolArray) -> FloatArray:
-    """(2N,) irradiance by the Sun on each side, where it is ``lit`` (2N,)."""
+def sunlight(facets: Facets, around: Surroundings, lit: FloatArray) -> FloatArray:
+    """(2N,) irradiance by the Sun on each side, of which a share ``lit`` (2N,) is not in shadow."""
     cosine = dot(facets.normal, around.sun_direction)
     return np.asarray(lit * around.sun_w_m2 * np.maximum(np.concatenate([cosine, -cosine]), 0.0))
 

@@ -112,11 +112,27 @@ def test_the_sun_shines_on_the_near_sides_and_shadows_fall():
         "roof", "plain", centre_m=(-1.0, 0.0, 1.0), u_m=(1.0, 0.0, 0.0), v_m=(0.0, 1.0, 0.0)
     )
     facets = facets_of(floor, roof, size_m=0.1)
-    lit = facets.lit(np.array([0.0, 0.0, 1.0]))
-    on_floor = facets.part_id == 0
-    east = facets.centre_m[0] + facets.triangles.centre_body_m[0] > 0
-    np.testing.assert_array_equal(lit[: facets.count], ~on_floor | east)
-    assert not lit[facets.count :].any()
+    lit = facets.lit(np.array([0.0, 0.0, 1.0]))[: facets.count]
+    on_roof = facets.part_id == 1
+    x_m = facets.bisection.leaf_corners_m[:, :, 0] + facets.triangles.centre_body_m[0]
+    np.testing.assert_array_equal(lit[on_roof | (x_m.min(axis=1) > 0)], 1)
+    np.testing.assert_array_equal(lit[~on_roof & (x_m.max(axis=1) < 0)], 0)
+    assert np.sum((lit * facets.area_m2)[~on_roof]) == pytest.approx(4.0, rel=0.01)
+    assert not facets.lit(np.array([0.0, 0.0, 1.0]))[facets.count :].any()
+
+
+def test_a_facet_on_the_edge_of_a_shadow_is_lit_by_its_share():
+    """Shadow's edges at many places: the shares are right on average, and each to a half."""
+    errors = []
+    for edge_m in np.linspace(-0.4, 0.4, 41):
+        roof = scenes.rectangle(
+            "roof", "plain", centre_m=(edge_m - 3.0, 0.0, 1.0), u_m=(3.0, 0.0, 0.0), v_m=(0.0, 3.0, 0.0)
+        )
+        facets = facets_of(plate(), roof)
+        lit = facets.lit(np.array([0.0, 0.0, 1.0]))
+        errors.append(np.sum(lit[:2] * facets.area_m2[:2]) - (0.5 - edge_m))
+    assert abs(np.mean(errors)) < 0.01
+    assert np.max(np.abs(errors)) < 0.2
 
 
 def test_kept_shadows_are_those_of_a_direction_nearby():

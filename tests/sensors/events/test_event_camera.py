@@ -111,6 +111,24 @@ def test_a_plate_that_comes_in_makes_events_when_its_share_of_a_pixel_crosses_th
     assert set(x[reading.arrays["p"] == 0]) <= set(np.arange(np.floor(left_px), left_px + 12))
 
 
+def test_at_half_a_pixel_from_render_to_render_an_edge_makes_the_same_events_nearly_in_time() -> None:
+    """Half a pixel takes 10 ms. Against renders a fiftieth of that apart each event is there, and no
+    later or earlier than 0.75 of it."""
+    floor_e_s = full_e_s(opened(**QUIET)) / 1e4
+    by_step = []
+    for step_px in (0.01, 0.5):
+        sensor = opened(**QUIET, floor_e_s=floor_e_s, step_px=step_px)
+        arrays = sensor.sense(look_at(moving(v_m_s=(5.0, 0.0, 0.0)), of_plate, duration_s=0.2)).arrays
+        order = np.lexsort((arrays["t_us"], arrays["p"], arrays["x"], arrays["y"]))
+        by_step.append({name: array[order].astype(int) for name, array in arrays.items()})
+    fine, coarse = by_step
+    for name in ("x", "y", "p"):
+        np.testing.assert_array_equal(fine[name], coarse[name])
+    off_us = coarse["t_us"] - fine["t_us"]
+    assert np.abs(off_us).max() < 7500
+    assert np.sqrt(np.mean(off_us**2)) < 3000
+
+
 def full_e_s(sensor: EventCamera) -> float:
     """Electrons per second of a pixel that sees radiance 1 in each band, by docs/sensor.md."""
     pixel_m2 = (0.036 / 96) ** 2

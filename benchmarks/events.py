@@ -2,7 +2,7 @@
 
 A recording is a series of renders, so what counts is renders per second. Each part of a render is
 clocked on the way, and given beside the renderer's own share, which every other way to make events from
-renders has too: the ratio depends less on the machine than the times. Medians are over recordings, each
+renders has too: the ratio depends less on the machine than the times. Means are over recordings, each
 made twice, of which the second counts. Processor time counts all threads of this process, and depends
 less on what else the machine does.
 """
@@ -99,10 +99,10 @@ def main(scenario: str, renderer: str, shadow_map_px: int, renders: int, recordi
             labels = simulator.frame(state).readings["dvs"][0].labels
             rows.append([clock.seconds[part] / labels["renders"] for part in (*PARTS, "recording")])
             made.append(labels["events"])
-    per_render = np.median(rows, axis=0)
+    per_render = np.mean(rows, axis=0)
     machine = platform.processor() or platform.machine()
     print(f"{scenario}, 320 x 240 px, renderer {renderer}, {recordings} recordings")
-    print(f"{machine}, {os.cpu_count()} cores; median of {np.median(made):.0f} events a recording")
+    print(f"{machine}, {os.cpu_count()} cores; {np.mean(made):.0f} events a recording")
     print(
         f"\n{'part of a render':<18}{'processor, ms':>15}{'wall-clock, ms':>16}{'over the renderer':>19}"
     )

@@ -299,3 +299,23 @@ def test_metallic_and_roughness_are_read_from_their_own_channels(opened: Open) -
         image.radiance_rgb[:, 1:5].max() < 1e-2 * lit.min()
     )  # the Sun's reflection is outside the image
     np.testing.assert_allclose(image.radiance_rgb[6, 12], lit, rtol=1e-2)
+
+
+def test_the_maps_of_an_environment_are_kept_until_another_one_comes(opened: Open) -> None:
+    """The same bits as from a renderer that made them for this image, in any order."""
+    ball = scenes.sphere("ball", "white", rings=16)
+    scene = scenes.scene(ball, materials=(WHITE,), camera=scenes.camera(48, 36))
+    frame = scenes.frame(
+        t_body_cam_m=(0.0, 0.0, 8.0), sun_direction_body=(0.0, 0.0, 1.0), solar_flux_w_m2=0.0
+    )
+    dim, bright = (sky(lambda d, level=level: level * (1 + d)) for level in (1.0, 3.0))
+    alone = [shot(opened(scene), scene.camera, frame, each).radiance_rgb for each in (dim, bright)]
+    assert (alone[1] > alone[0]).any()
+    renderer = opened(scene)
+    for which in (0, 0, 1, None, 1, 0):
+        environment = None if which is None else (dim, bright)[which]
+        light = shot(renderer, scene.camera, frame, environment).radiance_rgb
+        if which is None:
+            assert not light.any()
+        else:
+            np.testing.assert_array_equal(light, alone[which])

@@ -116,10 +116,13 @@ def _files(images: Sequence[Path]) -> list[Path]:
         if path.is_dir():
             inside = sorted(p for p in path.iterdir() if p.suffix.lower() in _SUFFIXES)
             if not inside:
-                raise InputError(f"{path}: has no images ({', '.join(_SUFFIXES)})")
+                hint = f"; give {path / 'images'}" if (path / "images").is_dir() else ""
+                raise InputError(f"{path}: has no images ({', '.join(_SUFFIXES)}){hint}")
             files += inside
-        else:
+        elif path.exists():
             files.append(path)
+        else:
+            raise InputError(f"{path}: there is no such file or folder")
     return files
 
 

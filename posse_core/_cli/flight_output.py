@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from posse_core._cli.progress import bar
+from posse_core._evaluation.numbers import number
 
 if TYPE_CHECKING:
     from posse_core._flight.watch import Step
@@ -32,7 +33,7 @@ def shown(value: Any) -> str:
     """A figure as text: three digits, yes or no, or a dash where there is none."""
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return f"{value:.3g}" if math.isfinite(value) else "–"
+    return number(value, 3)
 
 
 def plain(values: dict[str, Any]) -> dict[str, Any]:

@@ -95,7 +95,7 @@ def _many(scenario: Any, folder: str, seeds: int, workers: int, *, resume: bool,
     from posse_core._flight.fly import fly_many
 
     registry = load_plugins().registry
-    options = registry.options("executor", "local", {"workers": workers}, where="--workers")
+    options = registry.options("executor", "local", {"workers": workers})
     executor = registry.create("executor", "local", options)
     results = fly_many(scenario, folder, seeds, executor, resume=resume)
     flown: list[FlightMade] = []

@@ -20,6 +20,15 @@ if TYPE_CHECKING:
     from posse_core._spacecraft.raw import RawMesh
 
 
+_FLAGS = {
+    "mesh": "MODEL",
+    "scale_m_per_unit": "--scale",
+    "body_axes": "--axes",
+    "centre_of_mass_m": "--centre-of-mass",
+}
+"""Key of the mesh's options → what the user writes here."""
+
+
 @click.command("import")
 @click.argument("model", type=click.Path(path_type=Path))
 @click.option(
@@ -114,7 +123,7 @@ def command(
             "centre_of_mass_m": centre_of_mass_m,
             "keypoints": keypoints,
         },
-        lambda key: f"--{'-'.join(map(str, key))}",
+        lambda key: _FLAGS.get(str(key[0]), f"--{key[0]}"),
     )
     points = Keypoints() if keypoints is None else read_keypoints(keypoints)
     craft = spacecraft_from_raw(raw, options, title, points)

@@ -14,12 +14,14 @@ def command(as_json: bool) -> None:
     """Print the largest position error of each model of relative motion, metres.
 
     The reference is numerically integrated motion: of Aqua over one and ten orbits, of Cluster
-    (e = 0.52) over one, with separations of 100 m and more.
+    (e = 0.52) over one, with separations of 100 m and more. A column is a case: the target, the gravity
+    (two-body, or with the Earth's flattening, J2) and the number of orbits.
     """
     import numpy as np
 
     from posse_core._constants import Constants
     from posse_core._evaluation.model_errors import cases, errors
+    from posse_core._evaluation.numbers import number
 
     constants = Constants()
     columns: dict[str, dict[str, float]] = {}
@@ -28,7 +30,8 @@ def command(as_json: bool) -> None:
         result = errors(case, constants)
         for orbits in sorted({1, case.orbits}):
             flown = result.orbits <= orbits
-            columns[f"{case.name}, {case.gravity}, {orbits}"] = {
+            plural = "s" if orbits > 1 else ""
+            columns[f"{case.name}, {case.gravity}, {orbits} orbit{plural}"] = {
                 model: float(np.max(history[flown])) for model, history in result.by_model.items()
             }
     if as_json:
@@ -37,5 +40,5 @@ def command(as_json: bool) -> None:
     models = list(next(iter(columns.values())))
     echo_table(
         ("worst error, m", *columns),
-        [(model, *(f"{column[model]:.2g}" for column in columns.values())) for model in models],
+        [(model, *(number(column[model], 2) for column in columns.values())) for model in models],
     )

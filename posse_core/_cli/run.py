@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 @click.option(
     "--out", help="Folder of the dataset, or s3://BUCKET/FOLDER; by default a new one in out/."
 )
-@click.option("--workers", type=int, help="Number of workers; by default 1.")
+@click.option("--workers", type=click.IntRange(min=1), help="Number of workers; by default 1.")
 @click.option(
     "--executor",
     default="local",
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--frame-time-limit",
-    type=float,
+    type=click.FloatRange(min=0, min_open=True),
     metavar="SECONDS",
     help="Stop and retry a frame that takes longer.",
 )
@@ -114,7 +114,7 @@ def _executor(
 ) -> Executor:
     given = {"workers": workers, "frame_time_limit_s": frame_time_limit_s}
     given = {key: value for key, value in given.items() if value is not None}
-    options = plugins.registry.options("executor", name, given, where="--")
+    options = plugins.registry.options("executor", name, given, where=f"--executor {name}")
     made: Executor = plugins.registry.create("executor", name, options)
     return made
 

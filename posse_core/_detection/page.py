@@ -16,12 +16,12 @@ from posse_core._detection.glossary import meanings
 from posse_core._detection.groups import Group, columns
 from posse_core._detection.square import to_grey
 from posse_core._evaluation.metrics import precision_by_recall
+from posse_core._evaluation.numbers import number
 from posse_core._evaluation.pages import (
     Axis,
     Series,
     heading,
     jpeg,
-    number,
     page,
     paragraph,
     plot,

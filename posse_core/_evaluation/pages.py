@@ -18,6 +18,7 @@ from markupsafe import Markup
 
 from posse_core._arrays import AnyArray
 from posse_core._errors import ComponentError
+from posse_core._evaluation.numbers import number
 
 COLOURS = ("#1667b5", "#d1495b", "#2e933c", "#8f5ab8", "#c77d0a", "#5c6b73")
 
@@ -37,11 +38,6 @@ class _Area:
 def page(title: str, summary: str, body: Iterable[Markup]) -> str:
     """The whole page; ``body`` is HTML, the rest plain text."""
     return _templates().get_template("page.html").render(title=title, summary=summary, body=body)
-
-
-def number(value: float | None) -> str:
-    """Four digits, or a dash."""
-    return "–" if value is None else f"{value:.4g}"
 
 
 def heading(text: str) -> Markup:

@@ -472,5 +472,8 @@ def posse_subcommands() -> list[ComponentSpec]:
         ),
         ComponentSpec("train", "train a detector on a dataset", "posse_core._cli.train:command"),
         ComponentSpec("validate", "check the labels of a dataset", "posse_core._cli.validate:command"),
+        ComponentSpec(
+            "version", "print the versions of POSSE and its plugins", "posse_core._cli.version:command"
+        ),
         ComponentSpec("view", "write an HTML page that shows a dataset", "posse_core._cli.view:command"),
     ]

@@ -14,8 +14,8 @@ from typing import Any, Final
 from pydantic import BaseModel
 
 from posse_core._errors import ComponentError, InputError, PosseError
-from posse_core._plugins.kinds import KINDS, import_target, shown
-from posse_core._plugins.options import nearest, validated
+from posse_core._plugins.kinds import KINDS, RESERVED, import_target, reserved_for, shown
+from posse_core._plugins.options import closest, validated
 
 API_VERSION: Final = 2
 """Version of the interfaces of :mod:`posse_core`; records for another version are refused.
@@ -109,12 +109,30 @@ class Registry:
         if entry is not None:
             return entry[0]
         names = self.names(kind)
-        message = f"no {kind} named {name!r}{nearest(name, names) or '.'}"
+        message = f"no {kind} named {name!r}{self._way_out(kind, name) or '.'}"
         message += f" Installed: {', '.join(names)}." if names else " None is installed."
         for plugin, cause in self.broken.items():
-            if re.search(rf"(^|[_.-]){re.escape(name)}($|[_.-])", plugin):
+            official = RESERVED.get(reserved_for(kind, name) or "", {}).get("plugin", ())
+            if plugin in official or re.search(rf"(^|[_.-]){re.escape(name)}($|[_.-])", plugin):
                 message += f" The plugin {plugin!r} was not loaded: {cause}."
         raise InputError(message)
+
+    def _way_out(self, kind: str, name: str) -> str:
+        """The nearest name that is installed or official, and what to install for it."""
+        absent = {
+            known: distribution
+            for distribution, reserved in RESERVED.items()
+            if not self.broken.keys() & set(reserved["plugin"])
+            for known in reserved.get(kind, ())
+            if known not in self._specs[kind]
+        }
+        if name in absent:
+            return f": it comes with {absent[name]}, so pip install {absent[name]}."
+        close = closest(name, [*self.names(kind), *absent])
+        if close is None:
+            return ""
+        install = f" (pip install {absent[close]})" if close in absent else ""
+        return f"; did you mean {close!r}?{install}"
 
     def options_model(self, kind: str, name: str) -> type[BaseModel]:
         """Return the pydantic model of a component's options."""

@@ -10,7 +10,8 @@ from markupsafe import Markup
 from posse_core._evaluation.crosscheck.checks import Verdict
 from posse_core._evaluation.crosscheck.measures import Comparison, FrameMeasures
 from posse_core._evaluation.crosscheck.tables import Table, pair_table, ratio_table, renderer_table
-from posse_core._evaluation.pages import heading, number, page, paragraph, strip, table
+from posse_core._evaluation.numbers import number
+from posse_core._evaluation.pages import heading, page, paragraph, strip, table
 
 
 def make_page(comparisons: Sequence[Comparison], verdicts: Sequence[Verdict]) -> str:

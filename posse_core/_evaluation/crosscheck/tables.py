@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from posse_core._evaluation.crosscheck.measures import Pair, PairSummary, Ratios, RendererSummary
-from posse_core._evaluation.pages import number
+from posse_core._evaluation.numbers import number
 
 SummaryT = TypeVar("SummaryT")
 

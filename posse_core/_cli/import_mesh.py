@@ -149,7 +149,7 @@ def command(
     if as_json:
         echo_json({**about, **made})
     else:
-        _print(made)
+        _print(made, is_centroid=centre_of_mass_m is None)
 
 
 def _group(symmetries: tuple[str, ...]) -> tuple[FloatArray, ...]:
@@ -204,12 +204,18 @@ def _show(path: Path, about: dict[str, Any]) -> None:
     echo_table(["part", "triangles", "watertight", "material", "textures"], rows)
 
 
-def _print(made: dict[str, Any]) -> None:
+def _print(made: dict[str, Any], *, is_centroid: bool) -> None:
+    """is_centroid: the centre of mass was not given."""
     from posse_core._spacecraft.importing import SCENARIO
 
     size = " × ".join(f"{x:.4g}" for x in made["size_m"])
     centre = ", ".join(f"{x:.4g}" for x in made["centre_of_mass_m"])
     click.echo(f"\n{made['package']}: {size} m, centre of mass at [{centre}] m from the file's origin")
+    if is_centroid:
+        click.echo(
+            "That is the centroid of its surface; --centre-of-mass 0 0 0 keeps the file's origin, as poses"
+            " of others (SPEED's) need."
+        )
     rows = [[name, *(f"{x:8.3f}" for x in point)] for name, point in made["keypoints"].items()]
     if rows:
         echo_table(["keypoint", "x, m", "y, m", "z, m"], rows)

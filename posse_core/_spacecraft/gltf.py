@@ -179,6 +179,18 @@ def beside(path: Path, name: str) -> Path:
     Raises:
         InputError: the file is outside the folder or missing.
     """
+    target = within(path, name)
+    if not target.is_file():
+        raise InputError(f"{path}: refers to {name!r}, which is missing; put it into the model's folder")
+    return target
+
+
+def within(path: Path, name: str) -> Path:
+    """The path of a file that a model refers to, whether or not it exists.
+
+    Raises:
+        InputError: it would be outside the model's folder.
+    """
     if "\0" in name:
         raise InputError(f"{path}: refers to {name!r}, which is no name of a file")
     folder = path.parent.resolve()
@@ -187,8 +199,6 @@ def beside(path: Path, name: str) -> Path:
         raise InputError(
             f"{path}: refers to {name!r}, which is outside its folder; move it into the model's folder"
         )
-    if not target.is_file():
-        raise InputError(f"{path}: refers to {name!r}, which is missing; put it into the model's folder")
     return target
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+import warnings
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -14,7 +15,7 @@ import trimesh
 from posse_core._errors import InputError
 from posse_core._files.reading import read_bytes
 from posse_core._model.spacecraft import Material
-from posse_core._spacecraft.gltf import beside, read_gltf
+from posse_core._spacecraft.gltf import beside, read_gltf, within
 from posse_core._spacecraft.raw import (
     RawMesh,
     RawPart,
@@ -121,13 +122,30 @@ def _check_stl(data: bytes, path: Path) -> None:
 
 
 def _material_libraries(path: Path, data: bytes) -> dict[str, dict[str, Material]]:
-    """The materials of an OBJ file: name of the material library → name of the material → material."""
-    return {name: _materials(beside(path, name)) for name in _named_by(data, "mtllib")}
+    """The materials of an OBJ file: name of the material library → name of the material → material.
+
+    Without a library the model's parts are grey, since many models are passed on without it.
+    """
+    there = _libraries(path, data)
+    for name in _named_by(data, "mtllib"):
+        if name not in there:
+            warnings.warn(
+                f"{path}: its material library {name!r} is missing, so parts are plain grey; put it into"
+                " the model's folder to have its colours",
+                stacklevel=2,
+            )
+    return {name: _materials(beside(path, name)) for name in there}
+
+
+def _libraries(path: Path, data: bytes) -> list[str]:
+    """The material libraries of an OBJ file that exist."""
+    return [name for name in _named_by(data, "mtllib") if within(path, name).is_file()]
 
 
 def obj_side_files(path: Path) -> list[str]:
-    """The material libraries of an OBJ file and their pictures, by their paths from its folder."""
-    libraries = _named_by(read_bytes(path), "mtllib")
+    """The material libraries of an OBJ file that exist and their pictures, by their paths from its
+    folder."""
+    libraries = _libraries(path, read_bytes(path))
     folders = {name: PurePosixPath(name).parent for name in libraries}
     pictures = [
         str(folders[library] / name)

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
+from posse_core._spacecraft.reader import obj_side_files, read_mesh
 
 AXES = [
     f"{'-' if s[0] < 0 else ''}{p[0]} {'-' if s[1] < 0 else ''}{p[1]} {'-' if s[2] < 0 else ''}{p[2]}"
@@ -278,7 +279,6 @@ def test_the_message_about_a_missing_scale_names_the_size_and_the_key(files):
         ("flat.obj", b"v 0 0 0\nv 1 1 1\nv 2 2 2\nf 1 2 3\n", ["no triangles"]),
         ("nan.obj", b"v 0 0 0\nv 1 nan 0\nv 0 1 0\nf 1 2 3\n", ["NaN", "1 of 3"]),
         ("model.step", b"ISO-10303-21;", [".step", ".glb"]),
-        ("lost.obj", b"mtllib lost.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", ["lost.mtl", "missing"]),
         ("away.obj", b"mtllib ../../etc/x.mtl\nv 0 0 0\nf 1 1 1\n", ["outside its folder"]),
     ],
 )
@@ -424,3 +424,16 @@ def test_faults_of_a_package_are_reported(files, tmp_path):
     (tmp_path / "bare").mkdir()
     assert "spacecraft.yaml" in refusal(tmp_path / "bare", source="package")
     assert "did you mean 'mesh'" in refusal(package(tmp_path / "p", files, mehs="x"), source="package")
+
+
+def test_an_obj_file_without_its_material_library_is_grey(tmp_path):
+    """With a warning that names the file."""
+    (tmp_path / "lost.obj").write_text(
+        "mtllib lost.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl foil\nf 1 2 3\n"
+    )
+    with pytest.warns(UserWarning, match=r"lost\.obj: its material library 'lost\.mtl' is missing"):
+        raw = read_mesh(tmp_path / "lost.obj")
+    (part,) = raw.parts
+    red, green, blue = raw.materials[part.material].base_color
+    assert red == green == blue
+    assert obj_side_files(tmp_path / "lost.obj") == []

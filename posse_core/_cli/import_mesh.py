@@ -213,8 +213,8 @@ def _print(made: dict[str, Any], *, is_centroid: bool) -> None:
     click.echo(f"\n{made['package']}: {size} m, centre of mass at [{centre}] m from the file's origin")
     if is_centroid:
         click.echo(
-            "That is the centroid of its surface; --centre-of-mass 0 0 0 keeps the file's origin, as poses"
-            " of others (SPEED's) need."
+            "That is the centroid of its surface; --centre-of-mass 0 0 0 keeps the file's origin, as"
+            " poses of others (SPEED's) need."
         )
     rows = [[name, *(f"{x:8.3f}" for x in point)] for name, point in made["keypoints"].items()]
     if rows:

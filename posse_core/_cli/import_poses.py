@@ -34,7 +34,8 @@ from posse_core._plugins.loading import load_plugins
     "--camera",
     "camera_file",
     type=click.Path(path_type=Path),
-    help="A camera.json as in SPEED+; by default the one beside LABELS or in the folder above.",
+    help="A camera.json as in SPEED+, or another calibration as for a scenario's camera.calibration; by"
+    " default the camera.json beside LABELS or in the folder above.",
 )
 @click.option(
     "--every",
@@ -69,8 +70,9 @@ def command(
     """
     import numpy as np
 
-    from posse_core._dataset.camera import read_camera
     from posse_core._formats.poses import camera_beside, read_poses
+    from posse_core._plugins.options import validated
+    from posse_core._scenario.camera import CameraConfig
     from posse_core._scenario.from_poses import write_scenario
 
     registry = load_plugins().registry
@@ -80,7 +82,10 @@ def command(
     if not np.isfinite([*centre_m, every_s or 0.0]).all():
         raise InputError("--every and --centre-of-mass: a number is not finite; give metres and seconds")
     poses = read_poses(labels).with_origin(np.array(centre_m))
-    camera = read_camera(camera_file) if camera_file else camera_beside(labels)
+    camera = camera_beside(labels) if camera_file is None else None
+    if camera_file is not None:
+        keys = {"calibration": str(camera_file)}
+        camera = validated(CameraConfig, keys, lambda key: f"--camera {camera_file}").camera()
     path = write_scenario(labels, poses, np.array(sun_cam), target, camera, out, every_s=every_s)
     if camera is None:
         click.echo(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, get_args
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
@@ -12,6 +12,7 @@ from posse_core._errors import InputError
 from posse_core._model.camera import MOST_SIDE_PX, Camera
 from posse_core._model.distortion import DistortionModel, distortion_of
 from posse_core._plugins.options import Options, nearest
+from posse_core._scenario.calibration import read_calibration
 from posse_core._scenario.presets import PRESETS
 
 Positive = Annotated[float, Field(gt=0)]
@@ -28,6 +29,12 @@ class CameraConfig(Options):
         None,
         description=f"a published camera by name ({', '.join(PRESETS)}): it sets every key of camera and"
         " sensor that the scenario does not; 'posse describe camera NAME' shows them",
+    )
+    calibration: str | None = Field(
+        None,
+        description="a calibration's file, which gives the keys that the scenario does not: OpenCV's"
+        " YAML, XML or JSON, ROS's camera_info, Kalibr's camchain, COLMAP's cameras.txt, or camera.json;"
+        " FILE#NAME is one of several cameras",
     )
     width_px: int = Field(
         1280,
@@ -83,7 +90,9 @@ class CameraConfig(Options):
 
     @model_validator(mode="before")
     @classmethod
-    def _default_field(cls, raw: Any) -> Any:
+    def _completed(cls, raw: Any) -> Any:
+        if isinstance(raw, Mapping) and isinstance(raw.get("calibration"), str):
+            raw = _with_calibration(raw)
         if isinstance(raw, Mapping) and raw.get("hfov_deg") is None and raw.get("focal_px") is None:
             return {**raw, "hfov_deg": 90.0}
         return raw
@@ -190,6 +199,28 @@ class CameraConfig(Options):
             line_time_s=self.line_time_s,
             distortion=distortion_of(self.distortion_model, self.distortion or ()),
         )
+
+
+def _with_calibration(raw: Mapping[str, Any]) -> dict[str, Any]:
+    """A camera's raw keys, completed by those of the file ``calibration``, which is no longer named.
+
+    Raises:
+        InputError: the file is not a calibration.
+        ValueError: the keys do not go together.
+    """
+    for key in ("preset", "hfov_deg"):
+        if raw.get(key) is not None:
+            raise ValueError(f"give calibration or {key}, not both")
+    file = read_calibration(raw["calibration"])
+    model = raw.get("distortion_model")
+    keys = file.keys(model if model in get_args(DistortionModel) else None, "distortion" not in raw)
+    completed = {**keys, **{key: value for key, value in raw.items() if key != "calibration"}}
+    if not {"width_px", "height_px"} <= completed.keys():
+        raise ValueError(
+            f"{file.name} does not tell the size of the image; give width_px and height_px beside"
+            " calibration, or add image_width and image_height to the file"
+        )
+    return completed
 
 
 def _scaled_size(width_px: int, height_px: int, scale: float) -> tuple[int, int]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -82,15 +82,17 @@ def load_scenario(
                 return f"option {'.'.join(str(step) for step in path)}"
         return text.where(path)
 
-    _refuse_extremes(raw, (), where)
-    scenario = _with_complete_options(validated(Scenario, raw, where), registry, where)
-    _refuse_unable_writers(scenario, registry, where)
-
     def file(key: KeyPath, path: Path) -> Path:
         by_option = any(key[:length] in given for length in range(1, len(key) + 1))
         confined = base is not None and _is_dataset(base) and not by_option
         return anchored(path, base or Path(), where(key), confined=confined)
 
+    _refuse_extremes(raw, (), where)
+    for key, camera in _cameras(raw):
+        if isinstance(camera.get("calibration"), str):  # read by the checks, which know no folder
+            camera["calibration"] = str(file((*key, "calibration"), Path(camera["calibration"])))
+    scenario = _with_complete_options(validated(Scenario, raw, where), registry, where)
+    _refuse_unable_writers(scenario, registry, where)
     return with_files(scenario, file)
 
 
@@ -152,15 +154,24 @@ def put(raw: dict[str, Any], path: tuple[str, ...], value: Any) -> None:
 
 
 def _drop_former_cameras(raw: dict[str, Any], given: Mapping[tuple[str, ...], Any]) -> None:
-    """Empty the keys of each camera for which a published one is named: the former camera's numbers
-    would hide the latter's."""
-    for path in given:
-        if path[0] in ("camera", "sensors") and path[-2:] == ("camera", "preset"):
-            inner: Any = raw
-            for step in path[:-1]:
-                inner = inner.get(step) if isinstance(inner, dict) else None
-            if isinstance(inner, dict):
-                inner.clear()
+    """Empty the keys of each camera for which a published one or a calibration is named: the former
+    camera's numbers would hide the latter's."""
+    for key, camera in _cameras(raw):
+        if any(given.get((*key, name)) is not None for name in ("preset", "calibration")):
+            camera.clear()
+
+
+def _cameras(raw: Mapping[str, Any]) -> Iterator[tuple[tuple[str, ...], dict[str, Any]]]:
+    """The mappings of a scenario's raw keys that describe cameras, each with its key."""
+    sensors = raw.get("sensors")
+    beside = sensors if isinstance(sensors, dict) else {}
+    keys = [("camera",), *(("sensors", name, "camera") for name in beside)]
+    for key in keys:
+        camera: Any = raw
+        for step in key:
+            camera = camera.get(step) if isinstance(camera, dict) else None
+        if isinstance(camera, dict):
+            yield key, camera
 
 
 _SMALLEST, _LARGEST = 1e-40, 1e40

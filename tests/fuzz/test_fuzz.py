@@ -224,6 +224,33 @@ def poses(folder: Path, draw: random.Random) -> list[str]:
     return ["import-poses", labels, "--out", "p", "--target", "aqua", *sun]
 
 
+CALIBRATIONS = ("c.yaml", "c.xml", "c.json", "camchain.yaml", "cameras.txt", "camera.json")
+
+
+def write_calibrations(folder: Path) -> None:
+    write_poses(folder)
+    K = np.array([[100.0, 0, 32], [0, 100, 24], [0, 0, 1]])
+    for suffix in ("yaml", "xml", "json"):
+        storage = cv2.FileStorage(str(folder / f"c.{suffix}"), cv2.FILE_STORAGE_WRITE)
+        storage.write("image_width", 64)
+        storage.write("image_height", 48)
+        storage.write("camera_matrix", K)
+        storage.write("distortion_coefficients", np.full((8, 1), 0.01))
+        storage.release()
+    camera = {"camera_model": "pinhole", "intrinsics": [100, 100, 32, 24], "resolution": [64, 48]}
+    lens = {"distortion_model": "equidistant", "distortion_coeffs": [0.01, 0.0, 0.0, 0.0]}
+    chain = {f"cam{n}": {**camera, **lens} for n in range(2)}
+    (folder / "camchain.yaml").write_text(yaml.safe_dump(chain))
+    (folder / "cameras.txt").write_text("# cameras\n1 OPENCV 64 48 100 100 32 24 0.1 0 0 0\n")
+
+
+def calibration(folder: Path, draw: random.Random) -> list[str]:
+    name = draw.choice(CALIBRATIONS)
+    damage(folder / name, draw)
+    chosen = draw.choice(("", "", "#cam0", "#1")) if name != "camchain.yaml" else "#cam1"
+    return ["import-poses", "speed.json", "--out", "p", "--target", "aqua", "--camera", name + chosen]
+
+
 # Meshes and packages
 
 
@@ -385,6 +412,7 @@ KINDS: dict[str, tuple[Callable[[Path], None], Case]] = {
     "poses": (write_poses, poses),
     "mesh": (write_meshes, mesh),
     "package": (write_package, package),
+    "calibration": (write_calibrations, calibration),
     "model": (write_models, model),
 }
 

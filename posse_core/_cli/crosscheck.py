@@ -35,7 +35,22 @@ def _threshold_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
-@click.command(name="crosscheck")
+_COLUMNS = (
+    "IoU: overlap of the pixels that are covered by half or more with those that exact rays say are,"
+    " over all frames together and of the worst frame; edge: mean distance between the two"
+    " silhouettes' edges; shift, growth: displacement and growth of the silhouette; landmark: distance"
+    " of a part's centroid from where it is in closed form; depth: difference of planar depth, median"
+    " and 99 %; mean radiance: of the spacecraft; to closed form: radiance over its closed form, where"
+    " it is farthest from it; RMS to closed form: of the difference, over the form's mean; noise:"
+    " standard deviation of a pixel between seeds over the spacecraft's mean; opening, first frame,"
+    " frame: seconds of the renderer alone. Of a pair, radiance ratio: all light of the first renderer"
+    " over that of the second, in all frames together, and its least and most over frames; SSIM:"
+    " structural similarity, 1 for equal images; ratio by material: the radiance ratio on each"
+    " material"
+)
+
+
+@click.command(name="crosscheck", epilog=f"Columns: {_COLUMNS}.")
 @click.argument("scenarios", metavar="[SCENARIO]...", nargs=-1)
 @click.option(
     "--renderers", metavar="A,B,C", help="Renderers to compare; by default all that are installed."

@@ -25,6 +25,14 @@ def _told(step: Step) -> str:
     return f"range {range_m:.1f} m, {error}"
 
 
+MEANINGS = (
+    "Error of the estimate: distance of the true position from what the navigator says; of single-frame"
+    " poses: from what each image alone says. NEES: squared error of position and velocity in units of"
+    " the estimate's covariance; in its 95 % band, error and covariance agree. Time lost: for which the"
+    " true position was outside the estimate's ellipsoid of 3 standard deviations."
+)
+"""What figures of flights and of tracking mean, for the help of both commands."""
+
 flight_bar = partial(bar, first="opening the renderer and the models", tell=_told)
 """Shows the progress of a flight or of tracking."""
 

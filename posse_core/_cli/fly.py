@@ -18,7 +18,7 @@ from posse_core._cli.common import (
     read_scenario,
     scenario_options,
 )
-from posse_core._cli.flight_output import flight_bar, plain, shown
+from posse_core._cli.flight_output import MEANINGS, flight_bar, plain, shown
 from posse_core._cli.progress import bar
 from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
@@ -28,7 +28,11 @@ if TYPE_CHECKING:
     from posse_core._flight.fly import FlightMade
 
 
-@click.command()
+@click.command(
+    epilog="Off the goal: distance of the true state from the last waypoint. While it is held, 95 %: of"
+    " the time within it. Δv over the least: the sum of the impulses over that of the best plan that"
+    f" knows everything and has exact thrusters. {MEANINGS}"
+)
 @click.argument("scenario", required=False)
 @click.option("--renderer", metavar="NAME", help="Renderer to use; 'posse plugins' lists the names.")
 @click.option("--out", help="Folder of the flight's dataset; by default a new one in out/.")

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterable, Iterator
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from tqdm import tqdm
 
@@ -19,6 +19,19 @@ def phase(words: str) -> Iterator[None]:
     """Say what is being done within the block, such as "opening the models"."""
     with tqdm(desc=words, bar_format="{desc} ...", leave=False, disable=None):
         yield
+
+
+@contextlib.contextmanager
+def phase_before_bar(words: str) -> Iterator[Callable[..., Iterator[Any]]]:
+    """A :func:`phase` until a bar begins within the block, by the :func:`bar` that this gives."""
+    with contextlib.ExitStack() as said:
+        said.enter_context(phase(words))
+
+        def shown(*arguments: Any, **options: Any) -> Iterator[Any]:
+            said.close()
+            return bar(*arguments, **options)
+
+        yield shown
 
 
 def bar(

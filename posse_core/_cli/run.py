@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from posse_core._cli.common import DEFAULT_SCENARIO, free_folder, naming, read_scenario, scenario_options
-from posse_core._cli.progress import bar, phase
+from posse_core._cli.progress import phase, phase_before_bar
 from posse_core._errors import InputError
 from posse_core._plugins.loading import Plugins, load_plugins
 
 if TYPE_CHECKING:
     from posse_core._interfaces.executor import Executor, FrameMade, FrameResult
-    from posse_core._run.run import RunResult
+    from posse_core._run.run import Progress, RunResult
 
 
 @click.command()
@@ -81,8 +81,9 @@ def command(
         folder = out or free_folder(Path(source).stem)
         folders = {name: f"{folder}/{name}" if len(plans) > 1 else folder for name in plans}
         for name, plan in plans.items():
-            shown = partial(_events, folders[name]) if as_json else _bar
-            result = run(plan, folders[name], plugins, pool, resume=resume, progress=shown)
+            shown = contextlib.nullcontext(partial(_events, folders[name])) if as_json else _bar()
+            with shown as progress:
+                result = run(plan, folders[name], plugins, pool, resume=resume, progress=progress)
             if as_json:
                 _emit("finished", **_as_json(result))
             results.append(result)
@@ -119,10 +120,11 @@ def _executor(
     return made
 
 
-def _bar(
-    results: Iterable[FrameResult[FrameMade]], frames: int, done: int
-) -> Iterable[FrameResult[FrameMade]]:
-    return bar(results, frames, done=done, first="opening the renderer")
+@contextlib.contextmanager
+def _bar() -> Iterator[Progress]:
+    """Shows on a terminal what is done until the last frame."""
+    with phase_before_bar("looking for frames that are there") as bar:
+        yield lambda results, frames, done: bar(results, frames, done=done, first="opening the renderer")
 
 
 def _events(

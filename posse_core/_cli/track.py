@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 import click
 
 from posse_core._cli.common import echo_json, echo_table, options_from
-from posse_core._cli.flight_output import flight_bar, plain, shown
+from posse_core._cli.flight_output import MEANINGS, flight_bar, plain, shown
 from posse_core._plugins.loading import load_plugins
 
 if TYPE_CHECKING:
     from posse_core._evaluation.track import Spread, TrackSummary
 
 
-@click.command()
+@click.command(epilog=MEANINGS)
 @click.argument("dataset", type=click.Path(path_type=Path))
 @click.option("--navigator", metavar="NAME", help="Navigator; 'posse plugins' lists the names.")
 @click.option("--sequence", type=int, metavar="N", help="Number of the sequence, if there are several.")

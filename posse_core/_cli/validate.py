@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from posse_core._cli.common import echo_json, echo_table
-from posse_core._cli.progress import bar
+from posse_core._cli.progress import phase_before_bar
 from posse_core._errors import CheckFailed
 
 if TYPE_CHECKING:
@@ -31,7 +31,8 @@ def command(dataset: Path, as_json: bool) -> None:
     from posse_core._evaluation.foreign import validate_foreign
     from posse_core._evaluation.validate import validate
 
-    report = validate_foreign(dataset) or validate(Dataset(dataset), bar)
+    with phase_before_bar("comparing checksums") as bar:
+        report = validate_foreign(dataset) or validate(Dataset(dataset), bar)
     if as_json:
         echo_json(report.as_json())
     else:

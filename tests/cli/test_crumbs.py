@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from posse_core import __version__
+from posse_core._evaluation.crosscheck.tables import PAIR_COLUMNS, RENDERER_COLUMNS
 from posse_core._evaluation.numbers import LEAST, number
 
 
@@ -52,6 +53,22 @@ def test_the_version_is_told_as_a_command_too():
     for row in said.splitlines()[1:]:
         distribution, version = row.split(", ")[0].split()
         assert any(distribution in line and version in line for line in plugins.splitlines())
+
+
+def test_the_columns_of_a_crosscheck_are_explained():
+    _, said, _ = run_posse("crosscheck", "--help")
+    text = " ".join(said.partition("Columns: ")[2].split())
+    columns = [*RENDERER_COLUMNS, *PAIR_COLUMNS]
+    named = {column.heading.split(", ")[0] for column in columns} - {"frames"}
+    assert named
+    assert [name for name in named if name not in text] == []
+
+
+@pytest.mark.parametrize("command", ["fly", "track"])
+def test_the_figures_of_flights_are_explained(command):
+    _, said, _ = run_posse(command, "--help")
+    for word in ("Error of the estimate:", "single-frame poses:", "NEES:", "Time lost:"):
+        assert word in " ".join(said.split())
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False, min_value=-1e15, max_value=1e15))

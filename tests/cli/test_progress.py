@@ -87,6 +87,12 @@ def test_a_run_says_that_the_renderer_is_being_opened(flat_renderer_path, tmp_pa
     assert "preparing the trajectory and the spacecraft ..." in shown
     assert shown.index("opening the renderer:   0%") < shown.index("50%")
     assert "2/2" in shown
+    _, again = on_terminal("run", "--resume", "--out", tmp_path / "d", path=flat_renderer_path)
+    assert "looking for frames that are there ..." in again
+    out, checked = on_terminal("validate", tmp_path / "d")
+    assert "comparing checksums ..." in checked
+    assert checked.index("comparing checksums") < checked.index("2/2")
+    assert "checksums" in out
 
 
 def test_one_module_alone_writes_bars():

@@ -71,6 +71,7 @@ from ._interfaces.navigator import Navigator as Navigator
 from ._interfaces.navigator import RangeReading as RangeReading
 from ._interfaces.navigator import Readings as Readings
 from ._interfaces.navigator import ThrusterErrors as ThrusterErrors
+from ._interfaces.propagator import FirstState as FirstState
 from ._interfaces.propagator import Flight as Flight
 from ._interfaces.propagator import FlightPropagator as FlightPropagator
 from ._interfaces.propagator import ForcedMotion as ForcedMotion

@@ -70,7 +70,7 @@ def test_a_table_of_another_epoch(tmp_path: Path) -> None:
 def test_a_table_without_the_chaser(tmp_path: Path) -> None:
     path = tmp_path / "t.csv"
     write_table(path, EPOCH, TARGET)
-    with pytest.raises(InputError, match="no 'r_chaser_rtn_m'"):
+    with pytest.raises(InputError, match="no r_chaser_rtn_m_x, r_chaser_rtn_m_y"):
         read(path)
 
 
@@ -126,7 +126,7 @@ def test_an_oem_in_teme_is_rotated_as_skyfield_does(tmp_path: Path) -> None:
         (oem(R_M, V_M_S).replace("EARTH", "MARS"), "CENTER_NAME is 'MARS'"),
         (oem(R_M, V_M_S)[:-60].replace("7000.0", "7000.0 x"), "finite numbers"),
         (oem(R_M[:, :2], V_M_S), "6 numbers"),
-        (oem(R_M, V_M_S, start="2022-01-31T05:00:00"), "not those of"),
+        (oem(R_M, V_M_S, start="2022-01-31T05:00:00"), "covers none of the instants"),
         ("CCSDS_OPM_VERS = 2.0\n", "CCSDS_OEM_VERS"),
     ],
 )
@@ -159,5 +159,7 @@ def test_a_recorded_motion_needs_no_orbit_that_could_be_flown(tmp_path: Path, i_
     angles = {"raan_deg": 0, "argp_deg": 0, "mean_anomaly_deg": 0}
     registry = load_plugins().registry
     asked = {"orbit": {"elements": {**elements, **angles}}, "relative": {"roe_m": [0, 0, 20, 0, 20, 0]}}
-    scenario = load_scenario("aqua", registry, {**asked, "propagator": {"name": "file", "path": path}})
+    scenario = load_scenario(
+        "aqua", registry, {**asked, "propagator": {"name": "file", "path": path}, "times": None}
+    )
     np.testing.assert_array_equal(make_trajectory(scenario, registry).r_chaser_rtn_m, R_RTN_M)

@@ -254,7 +254,7 @@ def test_npz_holds_plain_arrays(trajectory: Trajectory, tmp_path: Path) -> None:
         ("t.npz", "", "cannot be read as NPZ"),
         ("t.csv", "", "none of t_s, sequence"),
         ("t.csv", "t_s\n0\n", "no 'epoch_utc'"),
-        ("t.csv", "epoch_utc,t_s\n2022-01-01,0\n", "no 'sequence'"),
+        ("t.csv", "epoch_utc,t_s\n2022-01-01,0\n", "no sequence"),
         ("t.csv", "epoch_utc,t_s\n", "t_s is empty"),
         ("t.csv", "t_s,sequence\n0,0\n1\n", "has no value in column 'sequence'"),
         ("t.csv", "\xff\xfe", "cannot be read as CSV|none of"),

@@ -15,8 +15,9 @@ import csv
 import io
 import math
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -43,19 +44,37 @@ class Table:
     Attributes:
         path: the file.
         epoch_utc: ISO 8601, or None where the file has no epoch.
+        known: names in the file: of arrays, or of a CSV file's columns.
         arrays: arrays by name; all are finite and have the same number of rows F ≥ 1.
         extras: extras by name, (F, ...) and finite; empty where they were not requested.
     """
 
     path: Path
     epoch_utc: str | None
+    known: tuple[str, ...]
     arrays: Mapping[str, FloatArray]
     extras: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> FloatArray:
-        if name not in self.arrays:
-            raise InputError(f"{self.path} has no {name!r}; files made by 'posse propagate' have it")
+        self.require(name)
         return self.arrays[name]
+
+    def require(self, *names: str) -> None:
+        """Check that the file has arrays.
+
+        Raises:
+            InputError: it lacks some; the message lists them, and what in the file may be meant.
+        """
+        missing = [name for name in names if name not in self.arrays]
+        if missing:
+            columns = [
+                column
+                for name in missing
+                for column in (_columns(name) if self.path.suffix == ".csv" else [name])
+                if column not in self.known
+            ]
+            rest = _lack(self.path, missing, self.known, list(self.arrays))
+            raise InputError(f"{self.path} has no {', '.join(columns)}{rest}")
 
 
 def read_table(path: Path, names: Collection[str], *, extras: bool = False) -> Table:
@@ -73,25 +92,50 @@ def read_table(path: Path, names: Collection[str], *, extras: bool = False) -> T
     try:
         match path.suffix:
             case ".npz":
-                epoch_utc, raw, found = _read_npz(path, names, extras)
+                known, epoch_utc, raw, found = _read_npz(path, names, extras)
             case ".csv":
-                epoch_utc, raw, found = _read_csv(path, names, extras)
+                known, epoch_utc, raw, found = _read_csv(path, names, extras)
             case _:
                 raise _unknown_suffix(path)
     except (csv.Error, TypeError, ValueError) as error:
         raise InputError(f"{path} cannot be read as {path.suffix[1:].upper()}: {error}") from None
     if not raw:
-        raise InputError(f"{path} has none of {', '.join(names)}")
+        raise InputError(f"{path} has none of {', '.join(names)}{_lack(path, list(names), known, [])}")
     frames = len(next(iter(raw.values())))
     return Table(
         path,
         epoch_utc,
+        known,
         {name: _checked(array, _shape(name, frames), name, path) for name, array in raw.items()},
         {
             name: _checked(array, (frames, *array.shape[1:]), f"{_EXTRA}{name}", path)
             for name, array in found.items()
         },
     )
+
+
+def _lack(path: Path, missing: Sequence[str], known: Sequence[str], read: Sequence[str]) -> str:
+    """The message about arrays that a file lacks, but for its beginning.
+
+    Args:
+        path: the file.
+        missing: the arrays.
+        known: names in the file.
+        read: arrays that it has, whose names mean nothing else.
+    """
+    is_csv = path.suffix == ".csv"
+    wanted = [column for name in missing for column in (_columns(name) if is_csv else [name])]
+    shown = [" ".join(name.split())[:40] for name in known[:100]]
+    taken = {*wanted, *read, *(column for name in read for column in _columns(name))}
+    free = [name for name in shown if name not in taken]
+    absent = [name for name in wanted if name not in known]
+    guesses = {name: get_close_matches(name, free, n=1, cutoff=0.4) for name in absent}
+    meant = [f"{close[0]!r} for {name!r}" for name, close in guesses.items() if close]
+    hint = f"; did you mean {', '.join(meant)}?" if meant else ""
+    there = (
+        f"it has the {'columns' if is_csv else 'arrays'} {', '.join(shown)}" if shown else "it is empty"
+    )
+    return f"{hint} ({there}; docs/dynamics.md has an example)"
 
 
 def _shape(name: str, frames: int) -> tuple[int, ...]:
@@ -178,19 +222,30 @@ def _suffixes(shape: tuple[int, ...]) -> list[str]:
     return ["".join(f"[{k}]" for k in index) for index in np.ndindex(shape)]
 
 
-_Read = tuple[str | None, dict[str, AnyArray], dict[str, AnyArray]]
-"""The epoch, the arrays by name, and the extras by name."""
+_Read = tuple[tuple[str, ...], str | None, dict[str, AnyArray], dict[str, AnyArray]]
+"""The names in the file, the epoch, the arrays by name, and the extras by name."""
 
 
 def _read_npz(path: Path, names: Collection[str], extras: bool) -> _Read:
     def wanted(name: str) -> bool:
         return name == "epoch_utc" or name in names or (extras and name.startswith(_EXTRA))
 
-    found = read_npz(path, wanted, _MISSING)
+    there: list[str] = []
+
+    def noted(name: str) -> bool:
+        there.append(name)
+        return wanted(name)
+
+    found = read_npz(path, noted, _MISSING)
     epoch_utc = str(found["epoch_utc"]) if "epoch_utc" in found else None
     arrays = {name: np.atleast_1d(found[name]) for name in names if name in found}
     more = [name for name in found if name not in arrays and name.startswith(_EXTRA)]
-    return epoch_utc, arrays, {name[len(_EXTRA) :]: np.atleast_1d(found[name]) for name in more}
+    return (
+        tuple(there),
+        epoch_utc,
+        arrays,
+        {name[len(_EXTRA) :]: np.atleast_1d(found[name]) for name in more},
+    )
 
 
 def _read_csv(path: Path, names: Collection[str], extras: bool) -> _Read:
@@ -223,7 +278,7 @@ def _read_csv(path: Path, names: Collection[str], extras: bool) -> _Read:
         more[name] = np.stack(parts, axis=-1).reshape(len(rows), *shape)
     epochs = [row[at : at + 1] for row in rows[:1] if (at := index_of.get("epoch_utc")) is not None]
     epoch_utc = epochs[0][0] if epochs and epochs[0] else None
-    return epoch_utc, arrays, more
+    return tuple(header), epoch_utc, arrays, more
 
 
 def _extra_shapes(header: list[str]) -> dict[str, tuple[int, ...]]:

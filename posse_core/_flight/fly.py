@@ -185,7 +185,8 @@ def fly_many(
     if path.exists():
         if not resume:
             raise InputError(f"--out {out}: contains flights; choose another folder, or use --resume")
-        write_inputs(folder, as_begun(folder, scenario, inputs, out), {})
+        registry = load_plugins().registry
+        write_inputs(folder, as_begun(folder, scenario, inputs, registry, out), {})
     elif folder.exists() and os.listdir(folder):
         raise InputError(f"--out {out}: is not empty and contains no flights; choose another folder")
     else:

@@ -45,6 +45,9 @@ class PropagationProblem:
         burns: impulses, in order of time, for each of the relative orbits.
         forced: the relative motion at ``t_s``, where it is given instead of flown.
         tle: the two lines of the element set that the target's state comes from, if it does.
+        requested: whether the frames must be at ``t_s``. If not, a propagator with the capability
+            ``own-frames`` gives its own.
+        recorded_rate_hz: if given, frames per second over all of a recorded motion, instead of ``t_s``.
 
     Raises:
         ValueError: a start is beside another target, or the impulses are not in order.
@@ -57,6 +60,8 @@ class PropagationProblem:
     burns: tuple[Burn, ...] = ()
     forced: ForcedMotion | None = None
     tle: tuple[str, str] | None = None
+    requested: bool = False
+    recorded_rate_hz: float | None = None
 
     def __post_init__(self) -> None:
         if any(start.target is not self.target for start in self.starts):
@@ -71,12 +76,34 @@ class PropagationProblem:
         return self.target.constants
 
 
+@dataclass(frozen=True)
+class FirstState:
+    """The target at the beginning of a recorded motion.
+
+    Attributes:
+        epoch: of the state.
+        r_eci_m, v_eci_m_s: (3,) position and velocity in GCRF axes.
+    """
+
+    epoch: Epoch
+    r_eci_m: FloatArray
+    v_eci_m_s: FloatArray
+
+
 class Propagator(Component[OptionsT]):
     """Computes the motion of target and chaser."""
 
     needs_starts: ClassVar[bool] = True
     """False for a motion that was made elsewhere: the problem then has no starts, and the orbit and
     the relative motion of the scenario need not be such as can be flown."""
+
+    def first_state(self) -> FirstState | None:
+        """The beginning of a motion that was made elsewhere, for scenarios without ``orbit``.
+
+        Raises:
+            posse_core.InputError: the motion cannot be read, or its epoch is not known.
+        """
+        return None
 
     @abstractmethod
     def propagate(self, problem: PropagationProblem) -> Motion:

@@ -12,9 +12,10 @@ from typing import Final
 from posse_core._dataset.layout import INPUTS, SCENARIO, inside
 from posse_core._errors import InputError
 from posse_core._files.atomic import atomic_file, remove_partial, sha256
-from posse_core._files.reading import MISSING, MOST_BYTES, check_file, read_text
+from posse_core._files.reading import MISSING, MOST_BYTES, check_file
+from posse_core._plugins.registry import Registry
 from posse_core._scenario.files import is_within, with_files
-from posse_core._scenario.load import dump_scenario
+from posse_core._scenario.load import load_scenario
 from posse_core._scenario.model import Scenario
 from posse_core._scenario.yaml_lines import KeyPath
 from posse_core._spacecraft.files import mesh_files
@@ -97,22 +98,28 @@ def _folder_files(folder: Path) -> dict[str, Path]:
     return found
 
 
-def as_begun(folder: Path, scenario: Scenario, inputs: Inputs, out: str) -> Inputs:
+def as_begun(folder: Path, scenario: Scenario, inputs: Inputs, registry: Registry, out: str) -> Inputs:
     """Check that a folder was begun with a scenario, and return the scenario as it was begun.
 
     Args:
-        folder: with the file of the scenario.
+        folder: with the file of the scenario, which may lack keys that earlier versions did not have.
         scenario: with absolute paths.
         inputs: of it.
+        registry: the components that are installed.
         out: the folder's location, for messages.
 
     Raises:
         InputError: the folder has another scenario.
     """
-    text = read_text(folder / SCENARIO)
+    home = folder.absolute()
+
+    def named(key: KeyPath, path: Path) -> Path:
+        return path.relative_to(home) if path.is_relative_to(home / INPUTS) else path
+
+    begun = with_files(load_scenario(str(home / SCENARIO), registry), named)
     # Earlier versions did not copy files: the scenarios of their datasets have absolute paths.
     for known in (inputs, Inputs(scenario)):
-        if text == dump_scenario(known.scenario):
+        if begun == known.scenario:
             return known
     raise InputError(
         f"--out {out}: what is there has another scenario than this one; resume it without"

@@ -254,7 +254,7 @@ def recording(
         with destination.claimed():
             fresh = _check_claim(destination, out, resume=resume)
             if not fresh:
-                inputs = as_begun(destination.folder, scenario, inputs, out)
+                inputs = as_begun(destination.folder, scenario, inputs, plugins.registry, out)
             try:
                 yield Recording(destination, inputs, spacecraft, sensors, frames, plugins, trajectory)
             except (OSError, PosseError):

@@ -68,7 +68,7 @@ def _changed(value: Any, key: KeyPath, change: Callable[[KeyPath, Path], Path]) 
         return value.model_copy(update=update)
     if isinstance(value, Mapping):
         return {**value, **update}
-    return tuple(update.get(i, inner) for i, inner in enumerate(value))
+    return type(value)(update.get(i, inner) for i, inner in enumerate(value))
 
 
 def anchored(path: Path, base: Path, where: str, *, confined: bool) -> Path:

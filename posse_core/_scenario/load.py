@@ -91,6 +91,8 @@ def load_scenario(
     for key, camera in _cameras(raw):
         if isinstance(camera.get("calibration"), str):  # read by the checks, which know no folder
             camera["calibration"] = str(file((*key, "calibration"), Path(camera["calibration"])))
+    if raw.get("orbit") is None and "name" in _mapping(raw.get("propagator")):
+        raw |= _recorded_orbit(raw["propagator"], registry, where, file)
     scenario = _with_complete_options(validated(Scenario, raw, where), registry, where)
     _refuse_unable_writers(scenario, registry, where)
     return with_files(scenario, file)
@@ -193,6 +195,32 @@ def _refuse_extremes(value: Any, path: KeyPath, where: Callable[[KeyPath], str])
             f"{where(path)}: {str(value)[:40]} is beyond {_SMALLEST:g} to {_LARGEST:g}, which no"
             " quantity in SI units is"
         )
+
+
+def _mapping(value: Any) -> dict[str, Any]:
+    return value if isinstance(value, dict) else {}
+
+
+def _recorded_orbit(
+    propagator: dict[str, Any],
+    registry: Registry,
+    where: Callable[[KeyPath], str],
+    file: Callable[[KeyPath, Path], Path],
+) -> dict[str, Any]:
+    """The key ``orbit`` of a scenario without one, from the motion that its propagator reads.
+
+    Returns:
+        Nothing for a propagator that computes the motion.
+    """
+    choice = validated(ComponentChoice, propagator, lambda path: where(("propagator", *path)))
+    model = registry.options_model("propagator", choice.name)
+    given = validated(model, choice.options, lambda path: where(("propagator", *path)))
+    options = with_files(given, lambda key, path: file(("propagator", *key), path))
+    first = registry.create("propagator", choice.name, options).first_state()
+    if first is None:
+        return {}
+    r_m, v_m_s = first.r_eci_m.tolist(), first.v_eci_m_s.tolist()
+    return {"orbit": {"state_eci": {"epoch_utc": first.epoch.iso(), "r_m": r_m, "v_m_s": v_m_s}}}
 
 
 def _is_dataset(folder: Path) -> bool:

@@ -11,6 +11,7 @@ from pydantic import Field, field_validator, model_validator
 
 from posse_core._arrays import FloatArray
 from posse_core._constants import THESIS_SOLAR_CONSTANT_W_M2, Constants
+from posse_core._errors import InputError
 from posse_core._plugins.options import Options
 from posse_core._scenario.attitude import AttitudeConfig
 from posse_core._scenario.camera import CameraConfig
@@ -30,7 +31,10 @@ _SENSOR_NAME: Final = re.compile(r"[a-z][a-z0-9-]{0,63}")
 
 
 class TimesConfig(Options):
-    """When frames are taken: at listed times, or evenly spaced over a duration, ends included."""
+    """When frames are taken: at listed times, or evenly spaced over a duration that starts at the epoch.
+
+    With ``rate_hz`` and no duration, it is that of a recorded motion, or else one orbit.
+    """
 
     t_s: tuple[float, ...] | None = Field(
         None, min_length=1, description="time of each frame, seconds after the epoch"
@@ -40,24 +44,41 @@ class TimesConfig(Options):
     )
     duration_s: float | None = Field(None, gt=0, description="duration, seconds")
     count: int | None = Field(
-        None, ge=1, le=MOST_FRAMES, description="number of frames over the duration; null is 101"
+        None,
+        ge=1,
+        le=MOST_FRAMES,
+        description="number of frames over the duration, ends included; null is 101",
+    )
+    rate_hz: float | None = Field(
+        None,
+        gt=0,
+        description="frames per second, instead of count, from the epoch to the end of the duration;"
+        " without a duration, from the first to the last instant of a recorded motion",
     )
 
     @model_validator(mode="before")
     @classmethod
     def _default_duration(cls, raw: Any) -> Any:
-        if isinstance(raw, dict) and not {"t_s", "duration_orbits", "duration_s"} & set(raw):
+        others = {"t_s", "duration_orbits", "duration_s", "rate_hz"}
+        if isinstance(raw, dict) and not others & set(raw):
             return {**raw, "duration_orbits": 1.0}
         return raw
 
     @model_validator(mode="after")
     def _exactly_one(self) -> TimesConfig:
         given = [k for k in ("t_s", "duration_orbits", "duration_s") if getattr(self, k) is not None]
-        if len(given) != 1:
+        if len(given) > 1 or (not given and self.rate_hz is None):
             raise ValueError(f"give exactly one of t_s, duration_orbits, duration_s, not {given}")
-        if self.t_s is not None and self.count is not None:
-            raise ValueError("count goes with a duration, not with t_s")
+        if self.t_s is not None and not (self.count is None and self.rate_hz is None):
+            raise ValueError("count and rate_hz go with a duration, not with t_s")
+        if self.count is not None and self.rate_hz is not None:
+            raise ValueError("give count or rate_hz, not both")
         return self
+
+    @property
+    def recorded_rate_hz(self) -> float | None:
+        """The rate, if frames are taken over all of a recorded motion."""
+        return None if self.duration_s or self.duration_orbits else self.rate_hz
 
     def seconds(self, period_s: Callable[[], float]) -> FloatArray:
         """(F,) times of the frames, seconds after the epoch.
@@ -70,12 +91,30 @@ class TimesConfig(Options):
             return np.asarray(self.t_s, dtype=np.float64)
         duration_s = self.duration_s
         if duration_s is None:
-            duration_s = (self.duration_orbits or 0.0) * period_s()
+            duration_s = (self.duration_orbits or 1.0) * period_s()
+        if self.rate_hz is not None:
+            return at_rate(0.0, duration_s, self.rate_hz)
         return np.linspace(0.0, duration_s, self.count or 101)
 
 
+def at_rate(start_s: float, end_s: float, rate_hz: float) -> FloatArray:
+    """(F,) times from a start, a step apart, up to an end.
+
+    Raises:
+        InputError: there would be more than :data:`MOST_FRAMES`.
+    """
+    steps = (end_s - start_s) * rate_hz * (1 + 1e-12) + 1e-9
+    if not steps < MOST_FRAMES:
+        raise InputError(
+            f"times.rate_hz: {rate_hz:g} frames per second for {end_s - start_s:g} s are more than"
+            f" {MOST_FRAMES} frames; lower it, or give a duration"
+        )
+    return start_s + np.arange(int(steps) + 1) / rate_hz
+
+
 class Scenario(Options):
-    """Everything that defines a run. Only ``target`` and ``orbit`` have no default."""
+    """Everything that defines a run. Only ``target`` and ``orbit`` have no default, and a propagator of
+    recorded motion gives the orbit too."""
 
     target: TargetChoice = Field(
         description="the spacecraft: {name: aqua}, {mesh: model.glb, scale_m_per_unit: 0.0385,"
@@ -86,8 +125,10 @@ class Scenario(Options):
         RelativeConfig(roe_m=(0.0, 0.0, 20.0, 0.0, 20.0, 0.0)),
         description="the chaser's motion relative to the target",
     )
-    times: TimesConfig = Field(
-        TimesConfig(duration_orbits=1.0, count=101), description="when frames are taken"
+    times: TimesConfig | None = Field(
+        None,
+        description="when frames are taken; null: 101 frames over one orbit, or the own frames of a"
+        " propagator that has some",
     )
     frames: int | None = Field(
         None, ge=1, description="make only this many of the frames, evenly spread; null for all"
@@ -135,6 +176,18 @@ class Scenario(Options):
             if isinstance(raw.get(key), dict) and "name" not in raw[key]:
                 named[key] = {"name": cls.model_fields[key].default.name, **raw[key]}
         return named
+
+    @model_validator(mode="before")
+    @classmethod
+    def _times_of_earlier_versions(cls, raw: Any) -> Any:
+        """Drop times that earlier versions wrote into datasets of recorded motion, which ignored
+        them."""
+        written = {"t_s", "duration_orbits", "duration_s", "count"}
+        if not isinstance(raw, dict) or not isinstance(times := raw.get("times"), dict):
+            return raw
+        propagator = raw.get("propagator")
+        is_file = isinstance(propagator, dict) and propagator.get("name") == "file"
+        return {**raw, "times": None} if is_file and set(times) == written else raw
 
     @model_validator(mode="before")
     @classmethod

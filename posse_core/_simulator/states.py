@@ -19,7 +19,12 @@ from posse_core._plugins.registry import Registry
 from posse_core._scenario.component import create
 from posse_core._scenario.model import Scenario
 from posse_core._trajectory.attitude import GivenAttitude, Laws
-from posse_core._trajectory.build import make_trajectory, scenario_problem, times_s, trajectory_of
+from posse_core._trajectory.build import (
+    frames_problem,
+    make_trajectory,
+    scenario_problem,
+    trajectory_of,
+)
 from posse_core._trajectory.problem import orbit_epoch
 from posse_core._trajectory.returned import propagated
 from posse_core._trajectory.state import frame_state
@@ -141,7 +146,7 @@ class States:
         name = self._scenario.propagator.name
         if "own-frames" in self._registry.spec("propagator", name).capabilities:
             return len(self._own_motion.t_s)
-        problem = scenario_problem(self._scenario, self._propagator, times_s(self._scenario))
+        problem = frames_problem(self._scenario, self._propagator)
         return len(problem.t_s) * max(1, len(problem.starts))
 
     def _motion_near(self, t_s: float, sequence: int) -> Motion | None:
@@ -209,7 +214,7 @@ class States:
     @cached_property
     def _own_motion(self) -> Motion:
         """All frames of a propagator that has frames of its own."""
-        problem = scenario_problem(self._scenario, self._propagator, times_s(self._scenario))
+        problem = frames_problem(self._scenario, self._propagator)
         name = self._scenario.propagator.name
         return propagated(self._propagator, problem, name, own_frames=True)
 

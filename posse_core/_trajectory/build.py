@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -22,7 +23,7 @@ from posse_core._model.trajectory import Motion, Trajectory
 from posse_core._plugins.registry import Registry
 from posse_core._scenario.attitude import Subject
 from posse_core._scenario.component import create
-from posse_core._scenario.model import Scenario
+from posse_core._scenario.model import Scenario, TimesConfig
 from posse_core._trajectory.attitude import GivenAttitude, Laws, as_given, by_law
 from posse_core._trajectory.problem import orbit_period_s, resolve
 from posse_core._trajectory.returned import propagated
@@ -41,7 +42,7 @@ def make_trajectory(scenario: Scenario, registry: Registry) -> Trajectory:
     propagator: Propagator = create(registry, "propagator", scenario.propagator)
     trajectory = build_trajectory(
         propagator=propagator,
-        problem=scenario_problem(scenario, propagator, times_s(scenario)),
+        problem=frames_problem(scenario, propagator),
         laws=Laws.of(scenario.attitude, registry),
         seed=scenario.seed,
         name=name,
@@ -70,9 +71,21 @@ def scenario_problem(scenario: Scenario, propagator: Propagator, t_s: FloatArray
     )
 
 
-def times_s(scenario: Scenario) -> FloatArray:
-    """Return the times (T,) of the scenario's frames in seconds after the epoch."""
-    return scenario.times.seconds(partial(orbit_period_s, scenario.orbit, scenario.constants))
+def frames_problem(scenario: Scenario, propagator: Propagator) -> PropagationProblem:
+    """Return what a propagator is handed for the scenario's frames.
+
+    Raises:
+        InputError: see :func:`posse_core._trajectory.problem.resolve`.
+    """
+    times = scenario.times or TimesConfig(duration_orbits=1.0, count=101)
+    is_recorded = not propagator.needs_starts
+    if is_recorded and (scenario.times is None or times.recorded_rate_hz is not None):
+        t_s = np.zeros(1)  # the orbit of a recorded motion need not have a period
+    else:
+        t_s = times.seconds(partial(orbit_period_s, scenario.orbit, scenario.constants))
+    problem = scenario_problem(scenario, propagator, t_s)
+    rate_hz = times.recorded_rate_hz if is_recorded else None
+    return replace(problem, requested=scenario.times is not None, recorded_rate_hz=rate_hz)
 
 
 def build_trajectory(

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from posse_core._arrays import FloatArray, IntArray, array_fault
-from posse_core._errors import ComponentError
+from posse_core._errors import ComponentError, InputError
 from posse_core._interfaces.attitude_law import AttitudeLaw, Surroundings
 from posse_core._interfaces.propagator import PropagationProblem, Propagator
 from posse_core._model.trajectory import Motion
@@ -23,7 +23,21 @@ def propagated(
     """Run a propagator and check its motion; see :func:`checked_motion`."""
     with failures_named("propagator", name):
         made = propagator.propagate(problem)
-    return checked_motion(made, problem.t_s, name, own_frames=own_frames)
+    motion = checked_motion(made, problem.t_s, name, own_frames=own_frames)
+    if problem.requested and not _is_at_the_times(motion, problem):
+        raise InputError(
+            f"times: propagator {name!r} has frames of its own and takes no others; leave times out, or"
+            " give 'times: null'"
+        )
+    return motion
+
+
+def _is_at_the_times(motion: Motion, problem: PropagationProblem) -> bool:
+    """Whether every frame of a motion is at a time that the scenario asks for."""
+    if problem.recorded_rate_hz is None:
+        return bool(np.isin(motion.t_s, problem.t_s).all())
+    steps_s = np.diff(motion.t_s)[np.diff(motion.sequence) == 0]
+    return bool(np.allclose(steps_s, 1 / problem.recorded_rate_hz, rtol=1e-6, atol=1e-6))
 
 
 def checked_motion(made: object, t_s: FloatArray, name: str, *, own_frames: bool) -> Motion:

@@ -154,7 +154,7 @@ def test_a_missing_file_and_a_table_without_attitude(tmp_path: Path) -> None:
         Recording.read(tmp_path / "none.aem", "q_eci_from_body", EPOCH).at(np.zeros(1))
     path = tmp_path / "a.csv"
     path.write_text("t_s\n0\n")
-    with pytest.raises(InputError, match="no 'q_eci_from_body'"):
+    with pytest.raises(InputError, match="no q_eci_from_body_w"):
         Recording.read(path, "q_eci_from_body", EPOCH).at(np.zeros(1))
 
 

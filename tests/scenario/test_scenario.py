@@ -150,7 +150,7 @@ def test_options_without_a_name_are_the_defaults(tmp_path):
         (MINIMAL + "relative: {roe_m: [1, 2]}\n", ["relative.roe_m"]),
         (MINIMAL + "relative: {}\n", ["relative", "exactly one of"]),
         (MINIMAL + "times: {count: 0}\n", ["times.count"]),
-        (MINIMAL + "times: {t_s: [1], count: 3}\n", ["times", "count goes with a duration"]),
+        (MINIMAL + "times: {t_s: [1], count: 3}\n", ["times", "count and rate_hz go with a duration"]),
         (MINIMAL + "annotators: [box, box]\n", ["annotators", "'box' is given twice"]),
         (MINIMAL + "annotators: [boxx]\n", ["annotators.0.name", "'boxx'", "did you mean 'box'"]),
         (MINIMAL.replace("aqua", "acqua"), ["line 1", "target.name", "did you mean 'aqua'"]),

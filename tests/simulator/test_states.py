@@ -144,7 +144,9 @@ def test_between_the_frames_of_a_file_the_motion_is_interpolated(tmp_path) -> No
     path = tmp_path / "t.npz"
     write_table(path, exact.epoch_utc, exact.arrays())
     filed = States(
-        load_scenario("aqua", REGISTRY, {"propagator": {"name": "file", "path": str(path)}}),
+        load_scenario(
+            "aqua", REGISTRY, {"times": None, "propagator": {"name": "file", "path": str(path)}}
+        ),
         REGISTRY,
         None,
     )

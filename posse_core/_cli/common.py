@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from posse_core._scenario.model import Scenario
 
 DEFAULT_SCENARIO = "aqua"
+STOPPED = 130
+"""Exit code after Ctrl-C, as shells have it: 128 and the number of the signal."""
 
 
 def scenario_options(command: Callable[..., Any]) -> Callable[..., Any]:

@@ -13,6 +13,7 @@ from typing import Final, TextIO
 import click
 
 from posse_core import __version__
+from posse_core._cli.common import STOPPED
 from posse_core._errors import PosseError
 from posse_core._plugins.loading import load_plugins
 from posse_core._plugins.options import nearest
@@ -94,7 +95,7 @@ def _run(arguments: Sequence[str] | None) -> int:
         return error.exit_code
     except (KeyboardInterrupt, click.Abort):
         _say("stopped")
-        return 130
+        return STOPPED
     except BrokenPipeError:  # the reader of our output has gone, as in 'posse plugins | head'
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0

@@ -12,7 +12,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from posse_core._cli.common import DEFAULT_SCENARIO, free_folder, naming, read_scenario, scenario_options
+from posse_core._cli.common import (
+    DEFAULT_SCENARIO,
+    STOPPED,
+    free_folder,
+    naming,
+    read_scenario,
+    scenario_options,
+)
 from posse_core._cli.progress import phase, phase_before_bar
 from posse_core._errors import InputError
 from posse_core._plugins.loading import Plugins, load_plugins
@@ -82,8 +89,12 @@ def command(
         folders = {name: f"{folder}/{name}" if len(plans) > 1 else folder for name in plans}
         for name, plan in plans.items():
             shown = contextlib.nullcontext(partial(_events, folders[name])) if as_json else _bar()
-            with shown as progress:
-                result = run(plan, folders[name], plugins, pool, resume=resume, progress=progress)
+            try:
+                with shown as progress:
+                    result = run(plan, folders[name], plugins, pool, resume=resume, progress=progress)
+            except KeyboardInterrupt:
+                click.echo(f"posse: stopped; to continue: {_resuming(folders[name])}", err=True)
+                return STOPPED
             if as_json:
                 _emit("finished", **_as_json(result))
             results.append(result)
@@ -182,7 +193,12 @@ def _next(result: RunResult) -> str:
     """What the user may do with the dataset."""
     from posse_core._files.store import is_remote
 
-    folder = shlex.quote(result.out)
     if result.failed:
-        return f"posse run --resume --out {folder}"
-    return "copy it to a folder for 'posse view'" if is_remote(result.out) else f"posse view {folder}"
+        return _resuming(result.out)
+    if is_remote(result.out):
+        return "copy it to a folder for 'posse view'"
+    return f"posse view {shlex.quote(result.out)}"
+
+
+def _resuming(folder: str) -> str:
+    return f"posse run --resume --out {shlex.quote(folder)}"

@@ -73,8 +73,8 @@ def check_model_file(path: Path) -> None:
     """Raise InputError if there is no file at the path; the message names one in a folder."""
     if path.is_dir():
         inside = [found for ending in ENDINGS for found in sorted(path.glob(f"*{ending}"))]
-        hint = f"name a file in it, such as {inside[0]}" if inside else "and has no model file in it"
-        raise InputError(f"{path}: is a folder; {hint}")
+        hint = f"; name a file in it, such as {inside[0]}" if inside else " without a model file in it"
+        raise InputError(f"{path}: is a folder{hint}")
     if not path.is_file():
         raise InputError(f"{path}: there is no such file; give a model made by 'posse train'")
 

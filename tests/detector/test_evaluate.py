@@ -170,7 +170,7 @@ def test_all_frames_of_a_divided_dataset_include_those_of_training(dataset, tmp_
 @pytest.mark.parametrize(
     ("files", "way_out"),
     [
-        ((), "has no model file in it"),
+        ((), "without a model file in it"),
         (("last.safetensors", "model.safetensors"), "such as {folder}/model.safetensors"),
         (("nano.onnx", "curves.html"), "such as {folder}/nano.onnx"),
     ],
@@ -180,7 +180,7 @@ def test_a_folder_is_no_model_and_the_file_in_it_is_named(files, way_out, datase
         (tmp_path / name).touch()
     code, _, error = run_posse("eval", dataset.folder, "--model", tmp_path, "--part", "all")
     assert code == 2
-    assert f"{tmp_path}: is a folder; " in error
+    assert f"{tmp_path}: is a folder" in error
     assert way_out.format(folder=tmp_path) in error
     code, _, again = run_posse("export-onnx", tmp_path, "--dataset", dataset.folder, "--out", "x.onnx")
     assert (code, again) == (2, error)

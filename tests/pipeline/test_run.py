@@ -105,6 +105,24 @@ def test_a_killed_run_is_resumed(workers, undisturbed, posse, start_posse, small
     assert files_of(out) == files_of(undisturbed)
 
 
+def test_a_run_that_is_stopped_says_how_to_continue(posse, start_posse, small_scenario, tmp_path):
+    slow = ("-o", "renderer.seconds=1")
+    with start_posse("run", small_scenario, *slow) as process:
+        deadline = time.monotonic() + 120
+        while not list(tmp_path.glob("out/*/images/*.png")):
+            assert process.poll() is None
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+        process.send_signal(signal.SIGINT)
+        _, error = process.communicate(timeout=60)
+    assert process.returncode == 130
+    (folder,) = tmp_path.glob("out/*")
+    expected = f"posse: stopped; to continue: posse run --resume --out out/{folder.name}"
+    assert error.strip().splitlines()[-1] == expected
+    words = expected.partition("posse run ")[2].split()
+    assert posse("run", *words).returncode == 0
+
+
 @pytest.mark.parametrize("fault", ["FLAT_KILL_ONCE", "FLAT_LOSE_ONCE"])
 def test_a_killed_worker_costs_nothing(fault, executor, undisturbed, posse, small_scenario, tmp_path):
     marker = tmp_path / "died"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from datetime import date
 from importlib import import_module
@@ -76,7 +76,7 @@ def _ply(points: Points) -> bytes:
 def _las(points: Points) -> bytes:
     """LAS 1.4, whose positions are integers: multiples of 1 µm, or of a power of ten more where the
     points are too far for that."""
-    laspy = _library("laspy")
+    laspy = _library(_NEEDED["las"])
     rows = points.table()
     farthest_m = float(np.abs(points.point_sensor_m).max(initial=0.0))
     step_m = _LEAST_LAS_STEP_M
@@ -103,7 +103,7 @@ def _las(points: Points) -> bytes:
 
 def _pcd(points: Points) -> bytes:
     """Binary PCD with float64 positions."""
-    pypcd4 = _library("pypcd4")
+    pypcd4 = _library(_NEEDED["pcd"])
     rows = points.table()
     cloud = pypcd4.PointCloud.from_points(
         [rows[name] for name, _ in _COLUMNS],
@@ -117,6 +117,17 @@ def _pcd(points: Points) -> bytes:
 
 FORMATS: Final[dict[Format, Callable[[Points], bytes]]] = {"ply": _ply, "las": _las, "pcd": _pcd}
 """The content of a file by its format."""
+
+
+_NEEDED: Final[Mapping[Format, str]] = {"las": "laspy", "pcd": "pypcd4"}
+"""Format → the module that writes it, if the core needs one; the extra ``lidar`` installs all."""
+
+
+def check(formats: Iterable[Format]) -> None:
+    """Raise a ComponentError if the library that writes one of the formats is missing."""
+    for chosen in formats:
+        if chosen in _NEEDED:
+            _library(_NEEDED[chosen])
 
 
 def _library(name: str) -> Any:

@@ -13,7 +13,7 @@ from posse_core._interfaces.look import SensorLook
 from posse_core._interfaces.sensor import Sensor, SensorSetting, StoredReading
 from posse_core._model.reading import Reading
 from posse_core._sensors.lidar.beams import flash_camera, flashed, scanned
-from posse_core._sensors.lidar.clouds import FORMATS, Points
+from posse_core._sensors.lidar.clouds import FORMATS, Points, check
 from posse_core._sensors.lidar.options import FlashOptions, LidarOptions
 from posse_core._sensors.lidar.receiver import Receiver
 from posse_core._sensors.lidar.returning import Returning, returning
@@ -55,7 +55,9 @@ class LidarSensor(Sensor[LidarOptions]):
 
         Raises:
             InputError: the table of a given pattern cannot be used.
+            ComponentError: a library that writes the points is not installed.
         """
+        check(self.options.formats)
         pattern = self.options.pattern
         if isinstance(pattern, FlashOptions):
             self.camera = flash_camera(pattern)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import re
 import warnings
 from dataclasses import replace
@@ -138,8 +139,9 @@ def _material_libraries(path: Path, data: bytes) -> dict[str, dict[str, Material
 
 
 def _libraries(path: Path, data: bytes) -> list[str]:
-    """The material libraries of an OBJ file that exist."""
-    return [name for name in _named_by(data, "mtllib") if within(path, name).is_file()]
+    """The material libraries of an OBJ file that are there; a link that leads nowhere is."""
+    names = _named_by(data, "mtllib")
+    return [name for name in names if within(path, name) and os.path.lexists(path.parent / name)]
 
 
 def obj_side_files(path: Path) -> list[str]:

@@ -39,6 +39,9 @@ class Scale {
   }
 }
 
+// Where the colours of temperatures begin: space, at 3 K, would leave few of them to the spacecraft.
+const COLDEST_K = 150;
+
 // An image or a map in the sensor's pixels, with the reading's labels over it.
 class Flat {
   constructor(tile) {
@@ -55,6 +58,11 @@ class Flat {
 
   show({ name, data }) {
     const { tile } = this, isMap = "png" in data;
+    if (isMap && name !== this.name) {
+      const isCold = titleOf(name).unit === "K" && data.low < COLDEST_K && data.high > COLDEST_K;
+      this.from.value = isCold ? (COLDEST_K - data.low) / (data.high - data.low) : 0;
+      this.to.value = 1;
+    }
     Object.assign(this, { name, image: null, steps: null, map: isMap ? data : null });
     for (const part of this.ofMaps) part.hidden = !isMap;
     this.arrivals.begin();

@@ -131,7 +131,7 @@ def test_warmer_is_lighter(told, truth):
     assert len(kinds) == 4
     assert all(len(kind) == 1 for kind in kinds)
     assert np.diff([kind[0] for kind in kinds]).min() > 0
-    assert told["scale"] == "brightness temperature, 4 to 330 K"
+    assert told["scale"] == "brightness temperature, 150 to 330 K"
 
 
 def test_a_part_of_the_temperatures_has_all_colours(told, truth):

@@ -26,18 +26,18 @@ def test_model_errors_are_the_known_ones() -> None:
     columns = json.loads(result.stdout)
     # Measured by another implementation, which has one digit of Cluster's errors under J2.
     known = {
-        "Aqua, two-body, 1": {"hcw": 0.104, "thesis, T(nt)": 41, "yamanaka-ankersen": 0.077},
-        "Aqua, two-body, 10": {"hcw": 1.03, "linear ROE map, any e": 0.0023},
-        "Aqua, j2, 1": {"hcw": 2.49, "roe (exact)": 2.39, "j2-roe, mean elements only": 0.108},
-        "Aqua, j2, 10": {"hcw": 32.8, "thesis, T(nt)": 72, "j2-roe": 0.063},
-        "Cluster from perigee, two-body, 1": {
+        "Aqua, two-body, 1 orbit": {"hcw": 0.104, "thesis, T(nt)": 41, "yamanaka-ankersen": 0.077},
+        "Aqua, two-body, 10 orbits": {"hcw": 1.03, "linear ROE map, any e": 0.0023},
+        "Aqua, j2, 1 orbit": {"hcw": 2.49, "roe (exact)": 2.39, "j2-roe, mean elements only": 0.108},
+        "Aqua, j2, 10 orbits": {"hcw": 32.8, "thesis, T(nt)": 72, "j2-roe": 0.063},
+        "Cluster from perigee, two-body, 1 orbit": {
             "hcw": 4004,
             "thesis, T(nt)": 479,
             "roe-near-circular, T(u)": 159,
             "yamanaka-ankersen": 0.218,
             "linear ROE map, any e": 0.0006,
         },
-        "Cluster from apogee, two-body, 1": {
+        "Cluster from apogee, two-body, 1 orbit": {
             "hcw": 816,
             "thesis, T(nt)": 182,
             "roe-near-circular, T(u)": 159,
@@ -49,7 +49,7 @@ def test_model_errors_are_the_known_ones() -> None:
         for model, error_m in errors.items():
             assert columns[case][model] == pytest.approx(error_m, rel=0.05)
     for case, mean_only_mm, osculating_mm in (("perigee", 10, 10), ("apogee", 7, 4)):
-        column = columns[f"Cluster from {case}, j2, 1"]
+        column = columns[f"Cluster from {case}, j2, 1 orbit"]
         assert column["j2-roe, mean elements only"] * 1e3 == pytest.approx(mean_only_mm, abs=1)
         assert column["j2-roe"] * 1e3 == pytest.approx(osculating_mm, abs=0.5)
 

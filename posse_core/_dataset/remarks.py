@@ -44,7 +44,7 @@ def remark_on(labels: LabelLine, image: AnyArray) -> Remark | None:
     craft = image[labels.mask_rle.mask()]
     if is_dark(craft):
         return Remark.DARK
-    return Remark.SATURATED if _is_saturated(craft) else None
+    return Remark.SATURATED if saturated_share(craft) >= SATURATED_PIXEL_SHARE else None
 
 
 def in_eclipse(labels: LabelLine) -> bool:
@@ -58,6 +58,13 @@ def is_dark(craft: AnyArray) -> bool:
     return bool(np.quantile(craft, DARK_PIXEL_SHARE) < dark_dn)
 
 
-def _is_saturated(craft: AnyArray) -> bool:
+def dark_share(craft: AnyArray) -> float:
+    """Share of a spacecraft's pixels, (N,) or (N, 3), N > 0, that are dark in all channels."""
+    dark = craft < DARK_LEVEL_SHARE * np.iinfo(craft.dtype).max
+    return float(dark.reshape(len(craft), -1).all(axis=1).mean())
+
+
+def saturated_share(craft: AnyArray) -> float:
+    """Share of a spacecraft's pixels, (N,) or (N, 3), N > 0, that are saturated in some channel."""
     full = craft >= SATURATED_LEVEL_SHARE * np.iinfo(craft.dtype).max
-    return bool(full.reshape(len(craft), -1).any(axis=1).mean() >= SATURATED_PIXEL_SHARE)
+    return float(full.reshape(len(craft), -1).any(axis=1).mean())

@@ -29,9 +29,9 @@ _ZIP_DATE = (1 << 5) | 1
 """1 January 1980, so that the bytes depend on the arrays alone."""
 
 
-def png(image: AnyArray) -> bytes:
+def png(image: AnyArray, software: str = "") -> bytes:
     """Return a PNG file (ISO/IEC 15948) of an image: (H, W) or (H, W, 3) red-green-blue, uint8 or
-    uint16."""
+    uint16. Where a software is named, the file tells it in its first text chunk."""
     height, width = image.shape[:2]
     channels = image.size // (height * width)
     big_endian = np.ascontiguousarray(image, dtype=image.dtype.newbyteorder(">"))
@@ -43,10 +43,16 @@ def png(image: AnyArray) -> bytes:
     colour = _PNG_COLOUR_TYPE[channels]
     header = struct.pack(">2I5B", width, height, 8 * image.dtype.itemsize, colour, 0, 0, 0)
     data = isal_zlib.compress(filtered, _LEVEL)
+    text = [(b"tEXt", software_text(software))] if software else []
     return _PNG_SIGNATURE + b"".join(
         struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
-        for kind, content in ((b"IHDR", header), (b"IDAT", data), (b"IEND", b""))
+        for kind, content in ((b"IHDR", header), *text, (b"IDAT", data), (b"IEND", b""))
     )
+
+
+def software_text(software: str) -> bytes:
+    """How a PNG file names the software that made it, within its first hundred bytes."""
+    return b"Software\0" + software.encode("latin-1")
 
 
 def npz(arrays: Mapping[str, AnyArray]) -> bytes:

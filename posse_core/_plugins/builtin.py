@@ -464,6 +464,9 @@ def posse_subcommands() -> list[ComponentSpec]:
             "plugins", "list installed plugins and their state", "posse_core._cli.plugins:command"
         ),
         ComponentSpec(
+            "preview", "show one frame of a scenario before a run", "posse_core._cli.preview:command"
+        ),
+        ComponentSpec(
             "propagate", "compute the trajectory of a scenario", "posse_core._cli.propagate:command"
         ),
         ComponentSpec("run", "make a labelled dataset from a scenario", "posse_core._cli.run:command"),

@@ -55,7 +55,9 @@ class CheckedRenderer(Renderer):
         self._renderer.open(scene)
 
     def render(self, request: RenderRequest) -> Radiance:
-        return checked_radiance(self._renderer.render(request), request, self._name)
+        with failures_named("renderer", self._name):
+            made = self._renderer.render(request)
+        return checked_radiance(made, request, self._name)
 
     def close(self) -> None:
         self._renderer.close()

@@ -15,10 +15,14 @@ WIDTH_PX = 384
 JPEG_QUALITY = 75
 
 
+def eight_bits(image: AnyArray) -> AnyArray:
+    """An image of uint8 or uint16 as uint8."""
+    return (image // 257).astype(np.uint8) if image.dtype == np.uint16 else image
+
+
 def coded_image(image: AnyArray) -> str:
     """(H, W) or (H, W, 3) red-green-blue, uint8 or uint16 → JPEG, base64."""
-    if image.dtype == np.uint16:
-        image = (image // 257).astype(np.uint8)
+    image = eight_bits(image)
     image = cv2.resize(image, _size(image, image), interpolation=cv2.INTER_AREA)
     if image.ndim == 3:
         image = cv2.cvtColor(image, cv2.COLOR_RGB2BGR)

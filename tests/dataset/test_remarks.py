@@ -4,7 +4,7 @@ import numpy as np
 import pycocotools.mask
 import pytest
 
-from posse_core._dataset.remarks import Remark, remark_on
+from posse_core._dataset.remarks import Remark, dark_share, remark_on, saturated_share
 from posse_core._model.label_line import LabelLine, RunLengths
 
 CRAFT = np.zeros((20, 30), dtype=np.uint8)
@@ -83,3 +83,10 @@ def test_a_bright_background_does_not_saturate_a_craft():
 
 def test_without_a_mask_only_an_eclipse_is_known():
     assert remark_on(labels(mask=None), np.zeros((20, 30), dtype=np.uint8)) is None
+
+
+def test_shares_count_pixels_and_not_their_channels():
+    craft = np.array([[0, 0, 0], [0, 0, 200], [255, 0, 0], [0, 0, 9]], dtype=np.uint8)
+    assert dark_share(craft) == 0.5
+    assert saturated_share(craft) == 0.25
+    assert dark_share(craft[:, 2]) == 0.75

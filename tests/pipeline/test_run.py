@@ -266,7 +266,8 @@ def test_events_tell_what_happens_as_it_happens(posse, small_scenario, tmp_path)
     assert made.returncode == 3
     events = [json.loads(line) for line in made.stdout.splitlines()]
     assert events[0] == {"event": "started", "dataset": str(out), "frames": FRAMES, "done": 0}
-    failure = {"event": "failed", "frame": 3, "error": "RuntimeError: the lamp is broken"}
+    error = "ComponentError: renderer 'flat' failed: RuntimeError: the lamp is broken"
+    failure = {"event": "failed", "frame": 3, "error": error}
     assert failure in events
     told = [event["frame"] for event in events if event["event"] == "frame"]
     assert sorted(told) == [0, 1, 2, 4, 5, 6, 7]

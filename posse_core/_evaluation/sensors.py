@@ -46,12 +46,13 @@ class SensorChecks:
         self._dataset = dataset
         self._results: dict[str, Result] = {}
         self._components: dict[str, Sensor[Any]] = {}
-        registry = load_plugins().registry if dataset.sensors else None
+        if not dataset.sensors:
+            return
+        registry = load_plugins().registry
         for name, info in dataset.sensors.items():
             result = Result(f"sensor {name}", "readings fit pose, mount and mesh")
             self._results[name] = result
             try:
-                assert registry is not None
                 options = registry.options("sensor", info.type, info.options)
                 options = with_files(options, partial(self._file, name))
                 self._components[name] = registry.create("sensor", info.type, options)

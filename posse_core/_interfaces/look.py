@@ -117,8 +117,8 @@ class Look:
         return self._geometry(self.scene.camera).rays(
             self.state.craft,
             np.asarray(directions, dtype=np.float64),
-            np.asarray(origin_m, dtype=np.float64),
-            np.asarray(after_s, dtype=np.float64),
+            origin_m,
+            after_s,
         )
 
     def speed_px_s(self, camera: Camera | None = None) -> float:

@@ -145,7 +145,7 @@ class Sensing:
         return readings, labels
 
     def _stands(self, sensor: OpenSensor, state: FrameState) -> list[Standpoint]:
-        duration_s = 0.0 if state.onward is None else state.onward.duration_s
+        duration_s = _until_next_frame_s(state)
         instants_s = readings_s(sensor.name, sensor.choice, duration_s)
         ends_s = [*instants_s[1:], duration_s]
         return [
@@ -200,6 +200,11 @@ def _tuple(vector: FloatArray) -> Any:
 
 def annotated_look(state: FrameState, scene: Scene, optics: Optics, seed: int) -> Look:
     """The look of the chaser's camera at a frame, for annotators."""
-    duration_s = 0.0 if state.onward is None else state.onward.duration_s
+    duration_s = _until_next_frame_s(state)
     stand = Standpoint(state, Mount(), seed, "annotator", duration_s=duration_s)
     return Look(stand, scene, optics.geometry)
+
+
+def _until_next_frame_s(state: FrameState) -> float:
+    """Time until the sequence's next frame; 0 where there is none or it is not known."""
+    return 0.0 if state.onward is None else state.onward.duration_s

@@ -113,7 +113,6 @@ class States:
             own_frame: the state is that of the frame.
         """
         after_s, following = 0.0, None
-        drawn = self._index_among_all(index) if own_frame else index
         if own_frame and index + 1 < len(self.trajectory):
             ends = self.trajectory.rows(np.array([index, index + 1]))
             if ends.sequence[0] == ends.sequence[1]:
@@ -124,6 +123,7 @@ class States:
             motion = self._motion_near(state.t_s + later_s, state.sequence)
             if motion is None:
                 return state.after(later_s)
+            drawn = self._index_among_all(index) if own_frame else index
             return self.of_row(self._by_laws(motion, drawn), index)
 
         def next_frame() -> FrameState | None:

@@ -141,7 +141,9 @@ def _material_libraries(path: Path, data: bytes) -> dict[str, dict[str, Material
 def _libraries(path: Path, data: bytes) -> list[str]:
     """The material libraries of an OBJ file that are there; a link that leads nowhere is."""
     names = _named_by(data, "mtllib")
-    return [name for name in names if within(path, name) and os.path.lexists(path.parent / name)]
+    for name in names:
+        within(path, name)  # refuses what is outside, whether or not it exists
+    return [name for name in names if os.path.lexists(path.parent / name)]
 
 
 def obj_side_files(path: Path) -> list[str]:

@@ -82,6 +82,7 @@ def opencv(folder, name: str) -> dict[str, np.ndarray]:
     path = folder / "opencv-calibration" / f"{name}.yaml"
     storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
     assert storage.isOpened()
+    # OpenCV's node is no mapping: it cannot be iterated but by its keys.
     nodes = {key: storage.getNode(key) for key in storage.root().keys()}  # noqa: SIM118
     return {key: node.mat() if node.isMap() else node.real() for key, node in nodes.items()}
 

@@ -13,6 +13,10 @@ from posse_core._plugins.options import Options
 MOST_RAYS: Final = 4_000_000
 """The most rays of one reading, for beams of several rays each."""
 Share = Annotated[float, Field(ge=0, le=1)]
+ScanTime = Annotated[
+    float,
+    Field(ge=0, le=1e4, description="from the first beam to the one that would follow the last, s"),
+]
 Format = Literal["ply", "las", "pcd"]
 Echo = Literal["first", "strongest", "centroid"]
 
@@ -55,9 +59,7 @@ class RasterOptions(_Scan):
     height_deg: float = Field(20.0, gt=0, lt=180, description="angle between the first and the last row")
     columns: int = Field(100, ge=1, le=16384, description="beams in a row, equally spaced in azimuth")
     rows: int = Field(100, ge=1, le=16384, description="rows, equally spaced in elevation")
-    duration_s: float = Field(
-        0.1, ge=0, le=1e4, description="from the first beam to the one that would follow the last, s"
-    )
+    duration_s: ScanTime = 0.1
 
     @property
     def beams(self) -> int:
@@ -72,9 +74,7 @@ class SpiralOptions(_Scan):
     radius_deg: float = Field(10.0, gt=0, lt=90, description="angle between the axis and the last beam")
     turns: float = Field(50.0, gt=0, le=1e5, description="number of turns")
     beams: int = Field(10_000, ge=1, le=MOST_RAYS, description="number of beams")
-    duration_s: float = Field(
-        0.1, ge=0, le=1e4, description="from the first beam to the one that would follow the last, s"
-    )
+    duration_s: ScanTime = 0.1
 
 
 class GivenOptions(_Scan):

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
+from operator import mul
 
 import numpy as np
 import pytest
@@ -33,6 +35,20 @@ def array(
 ) -> Array:
     """Pixels that are all alike."""
     return Array(receptor, np.full(pixels, on), np.full(pixels, off), leak_per_s, refractory_s)
+
+
+def mismatched(seed: int, pixels: int, *, threshold_on: float = 0.2, leak_hz: float = 0.0) -> Array:
+    """Pixels whose thresholds differ by 0.03."""
+    return Array.drawn(
+        np.random.default_rng(seed),
+        pixels,
+        receptor=ALL_LOG,
+        threshold_on=threshold_on,
+        threshold_off=0.2,
+        threshold_sigma=0.03,
+        leak_hz=leak_hz,
+        refractory_s=0.0,
+    )
 
 
 def run(
@@ -154,16 +170,7 @@ def test_refractory_time_limits_the_rate(slope_per_s: float, lost: float) -> Non
 def test_leak_makes_on_events_at_its_rate_in_unchanging_light() -> None:
     """The remembered level falls by ``leak_hz`` nominal thresholds a second, so a pixel's rate is that
     times nominal over own threshold."""
-    pixels = Array.drawn(
-        np.random.default_rng(3),
-        400,
-        receptor=ALL_LOG,
-        threshold_on=0.2,
-        threshold_off=0.2,
-        threshold_sigma=0.03,
-        leak_hz=2.0,
-        refractory_s=0.0,
-    )
+    pixels = mismatched(3, 400, leak_hz=2.0)
     change, made = run(pixels, np.linspace(0, 10, 7), lambda t_s: 0.0)
     assert made.on.all()
     for pixel in range(400):
@@ -274,16 +281,7 @@ def test_the_start_is_even_within_the_band_of_each_pixel() -> None:
 
 def test_mismatch_has_its_spread_and_is_the_same_for_the_same_seed() -> None:
     def drawn(seed: int) -> Array:
-        return Array.drawn(
-            np.random.default_rng(seed),
-            40000,
-            receptor=ALL_LOG,
-            threshold_on=0.3,
-            threshold_off=0.2,
-            threshold_sigma=0.03,
-            leak_hz=0.0,
-            refractory_s=0.0,
-        )
+        return mismatched(seed, 40000, threshold_on=0.3)
 
     first, again, other = drawn(1), drawn(1), drawn(2)
     np.testing.assert_array_equal(first.on, again.on)
@@ -296,17 +294,8 @@ def test_mismatch_has_its_spread_and_is_the_same_for_the_same_seed() -> None:
 
 
 def test_thresholds_show_in_the_gaps_between_events() -> None:
-    pixels = Array.drawn(
-        np.random.default_rng(7),
-        300,
-        receptor=ALL_LOG,
-        threshold_on=0.2,
-        threshold_off=0.2,
-        threshold_sigma=0.03,
-        leak_hz=0.0,
-        refractory_s=0.0,
-    )
+    pixels = mismatched(7, 300)
     for slope, thresholds in ((8.0, pixels.on), (-8.0, pixels.off)):
-        _, made = run(pixels, [0.0, 0.5, 1.0], lambda t_s, slope=slope: slope * t_s)  # type: ignore[misc]
+        _, made = run(pixels, [0.0, 0.5, 1.0], partial(mul, slope))
         for pixel in range(300):
             np.testing.assert_allclose(np.diff(of(made, pixel)), thresholds[pixel] / 8.0, atol=1e-12)

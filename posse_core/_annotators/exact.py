@@ -3,12 +3,15 @@ key."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from posse_core._annotators import rle
 from posse_core._frames import quaternion_from_matrix
 from posse_core._interfaces.annotator import Annotator
 from posse_core._interfaces.look import Look
+from posse_core._model.craft_state import CraftState
 from posse_core._model.labels import Labels
 
 
@@ -41,21 +44,23 @@ class MaskAnnotator(Annotator):
                 "mask_rle": {"size": [height_px, width_px], "counts": counts},
                 "mask_area_px": area_px,
                 "fraction_visible": area_px / view.silhouette_px if view.silhouette_px else None,
-                "fraction_lit": int(view.lit.sum()) / area_px if area_px else None,
+                "fraction_lit": int((view.lit & view.mask).sum()) / area_px if area_px else None,
             }
         )
 
 
 class PartsAnnotator(Annotator):
-    """``part_area_px`` and the array ``part_id``."""
+    """``part_area_px``, the array ``part_id``, and, where there are several bodies, ``body_id``."""
 
     def annotate(self, look: Look) -> Labels:
         view = look.view()
         names = [part.name for part in look.scene.spacecraft.parts]
         area_px = np.bincount(view.part_id[view.mask], minlength=len(names)).tolist()
-        return Labels(
-            {"part_area_px": dict(zip(names, area_px, strict=True))}, {"part_id": view.part_id}
-        )
+        arrays = {"part_id": view.part_id}
+        if look.scene.others:
+            bodies = np.append(look.scene.body_of_part, -1).astype(np.int16)
+            arrays["body_id"] = bodies[view.part_id]
+        return Labels({"part_area_px": dict(zip(names, area_px, strict=True))}, arrays)
 
 
 class DepthAnnotator(Annotator):
@@ -90,12 +95,13 @@ class KeypointsAnnotator(Annotator):
 
 class PoseAnnotator(Annotator):
     """``q_cam_from_body``, ``t_body_cam_m``, ``range_m``, ``phase_angle_rad``,
-    ``sun_direction_body``, and the rates ``v_body_cam_m_s``, ``omega_body_rad_s``,
-    ``omega_camera_rad_s``."""
+    ``sun_direction_body``, the rates ``v_body_cam_m_s``, ``omega_body_rad_s``,
+    ``omega_camera_rad_s``, and, where joints move, ``joints``."""
 
     def annotate(self, look: Look) -> Labels:
         frame = look.state
         sun, camera = frame.craft.sun_direction_cam, -frame.craft.t_body_cam_m
+        joints = {"joints": _joints(frame.craft)} if frame.craft.articulation.joints else {}
         # Near 0 and π the arc tangent keeps its precision, while the arc cosine loses half of its
         # digits.
         phase_rad = np.arctan2(np.linalg.norm(np.cross(sun, camera)), np.sum(sun * camera))
@@ -109,5 +115,20 @@ class PoseAnnotator(Annotator):
                 "v_body_cam_m_s": frame.craft.rates.v_body_cam_m_s.tolist(),
                 "omega_body_rad_s": frame.craft.rates.omega_body_rad_s.tolist(),
                 "omega_camera_rad_s": frame.craft.rates.omega_camera_rad_s.tolist(),
+                **joints,
             }
         )
+
+
+def _joints(craft: CraftState) -> dict[str, dict[str, Any]]:
+    """The target's joints by name, as in :class:`posse_core.JointLabels`."""
+    moving, poses = craft.articulation, craft.link_poses()
+    return {
+        joint.name: {
+            "value": float(moving.values[k]),
+            "rate": float(moving.rates[k]),
+            "q_cam_from_link": quaternion_from_matrix(poses.R_cam_from_link[k + 1]).tolist(),
+            "t_link_cam_m": poses.t_link_cam_m[k + 1].tolist(),
+        }
+        for k, joint in enumerate(moving.joints)
+    }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from posse_core._arrays import BoolArray, FloatArray
-from posse_core._geometry.rows import seen_by_rows, surface_points
+from posse_core._geometry.rows import points_seen_by_rows, surface_points
 from posse_core._interfaces.annotator import Annotator
 from posse_core._interfaces.look import Look
 from posse_core._model.labels import Labels
@@ -21,15 +21,15 @@ class OpticalFlowAnnotator(Annotator):
 
     def annotate(self, look: Look) -> Labels:
         view, following = look.view(), look.next_frame
-        flow_px = np.full((*view.mask.shape, 2), np.nan, dtype=np.float32)
-        visible = np.zeros(view.mask.shape, dtype=np.bool_)
+        flow_px = np.full((*view.part_id.shape, 2), np.nan, dtype=np.float32)
+        visible = np.zeros(view.part_id.shape, dtype=np.bool_)
         if following is not None:
-            camera = look.scene.camera
-            uv_px, _, x_body_m = surface_points(look.state.craft, camera, view)
-            x_next_m, after_s = seen_by_rows(following.state.craft, camera, x_body_m)
-            next_px = camera.project(x_next_m)
-            flow_px[view.mask] = next_px - uv_px
-            visible[view.mask] = _visible(following, x_next_m, next_px, after_s)
+            scene, part_id = look.scene, view.part_id[view.hit]
+            uv_px, _, x_link_m = surface_points(look.state.craft, scene, view)
+            x_next_m, after_s = points_seen_by_rows(following.state.craft, scene, x_link_m, part_id)
+            next_px = scene.camera.project(x_next_m)
+            flow_px[view.hit] = next_px - uv_px
+            visible[view.hit] = _visible(following, x_next_m, next_px, after_s)
         arrays = {"optical_flow_px": flow_px, "flow_visible": visible}
         return Labels({"flow_duration_s": _duration_s(look, following)}, arrays)
 
@@ -39,11 +39,12 @@ class SceneFlowAnnotator(Annotator):
 
     def annotate(self, look: Look) -> Labels:
         view, following = look.view(), look.next_frame
-        flow_m = np.full((*view.mask.shape, 3), np.nan, dtype=np.float32)
+        flow_m = np.full((*view.part_id.shape, 3), np.nan, dtype=np.float32)
         if following is not None:
-            camera = look.scene.camera
-            _, x_cam_m, x_body_m = surface_points(look.state.craft, camera, view)
-            flow_m[view.mask] = seen_by_rows(following.state.craft, camera, x_body_m)[0] - x_cam_m
+            scene, part_id = look.scene, view.part_id[view.hit]
+            _, x_cam_m, x_link_m = surface_points(look.state.craft, scene, view)
+            x_next_m, _ = points_seen_by_rows(following.state.craft, scene, x_link_m, part_id)
+            flow_m[view.hit] = x_next_m - x_cam_m
         return Labels({"flow_duration_s": _duration_s(look, following)}, {"scene_flow_m": flow_m})
 
 

@@ -1,30 +1,32 @@
-"""The spacecraft as the camera sees it, by one ray through each pixel's centre and one to each keypoint.
+"""The bodies of a scene as the camera sees them, by one ray through each pixel's centre and one to each
+keypoint.
 
 A ray is x = camera + z d, where d has length 1 along the optical axis, so that z is the planar depth.
-Rays are traced in body axes with the origin at the centre of the spacecraft's bounding box, so that
+Rays are traced in the axes of each link with the origin at the centre of its bounding box, so that
 single precision suffices at ranges of 100 km.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Mapping
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from posse_core._arrays import AnyArray, BoolArray, FloatArray, IntArray
-from posse_core._geometry.outline import edges_of, extent_px
+from posse_core._arrays import FloatArray, IntArray
+from posse_core._geometry.instant import InstantCaster, SolidInView
 from posse_core._geometry.rays import cast_rays
 from posse_core._geometry.rows import seen_by_rows
-from posse_core._geometry.tracer import Tracer
-from posse_core._geometry.triangles import Triangles, dot, rotated
+from posse_core._geometry.solids import Solid, placed_at, solids_of
 from posse_core._model.camera import Camera, PixelBox
+from posse_core._model.craft_state import BodyState, CraftState
 from posse_core._model.labels import NOT_IN_FRAME, OCCLUDED, VISIBLE, View
 from posse_core._model.ray_hits import RayHits
-from posse_core._model.scene import CraftState, Scene
+from posse_core._model.scene import Scene
 from posse_core._model.shutter import LABEL_STEP_PX, Moment, fastest_px_s, moments
+from posse_core._model.spacecraft import Spacecraft
 
 KEYPOINT_DEPTH_SHARE = 0.055 / 16.7
 """How far behind the surface a keypoint still counts as visible, as a share of the spacecraft's longest
@@ -32,10 +34,6 @@ side: the thesis' 0.055 m (Section 3.4.3) on Aqua's 16.7 m."""
 SILHOUETTE_FIELD = 10.0
 """Extent of the unbounded image for ``silhouette_px``: focal lengths from the principal point (84°).
 With a distorting lens it may end earlier, at the lens's reach."""
-SILHOUETTE_RAYS = 1 << 18
-"""Maximum number of rays outside the image; a larger silhouette is sampled on a coarser grid."""
-_CHUNK = 1 << 13
-"""Rays that are cast at once; their arrays fit into the processor's cache."""
 _NO_BOX = PixelBox(0, 0, 0, 0)
 _LEAST_DEPTH_SHARE = 0.01
 """Least depth at which image motion is computed, as a share of the spacecraft's size; it applies where a
@@ -43,63 +41,79 @@ part reaches behind the camera."""
 
 
 class RayCaster:
-    """Casts rays onto the spacecraft of one scene. The view of a frame depends on no other frame."""
+    """Casts rays onto the bodies of one scene. The view of a frame depends on no other frame."""
 
     def __init__(self, scene: Scene) -> None:
-        spacecraft = scene.spacecraft
+        self._scene = scene
         self._camera = scene.camera
-        self._tracer = Tracer(Triangles.of(spacecraft))
-        vertices_body_m = np.concatenate([part.vertices_body_m for part in spacecraft.parts])
-        self._vertices_body_m = np.ascontiguousarray(vertices_body_m.T)
-        counts = np.cumsum([0] + [len(part.vertices_body_m) for part in spacecraft.parts])
-        self._edges = edges_of(
-            np.concatenate([n + part.faces for n, part in zip(counts, spacecraft.parts, strict=False)])
-        )
-        self._keypoints_body_m = (
-            np.array([*spacecraft.keypoints_body_m.values()], float).reshape(-1, 3).T
-        )
+        self._solids = solids_of(scene)
+        self._keypoints = tuple(Keypoints.of(spacecraft) for spacecraft in scene.bodies)
+        self._numbers = [_numbers_about(scene, number) for number in range(len(scene.bodies))]
 
     def through(self, camera: Camera) -> RayCaster:
-        """The ray caster of another camera on the same spacecraft."""
+        """The ray caster of another camera on the same bodies."""
         other = copy(self)
         other._camera = camera
         return other
 
     def view(self, craft: CraftState) -> View:
-        """The spacecraft as the camera's rays hit it in one frame, each row at its own time."""
-        camera = self._camera
-        low_px, high_px = self._bounds(self._seen(craft, self._vertices_body_m))
+        """The scene as the camera's rays hit it in one frame, each row at its own time."""
+        return self.views(craft)[0]
+
+    def views(self, craft: CraftState) -> tuple[View, ...]:
+        """The same for each body in the target's place, as :meth:`posse_core.Scene.about` numbers
+        parts."""
+        camera, bodies = self._camera, self._scene.bodies
+        poses = craft.link_poses()
+        whole = self._extents(
+            {solid: solid.seen(craft, camera, poses) for solid in self._solids}, len(bodies)
+        )
         bands = [self._band(craft, moment) for moment in self.moments(craft, LABEL_STEP_PX)]
         box = PixelBox.around(band.box for band in bands)
-        keypoints_px = camera.project(self._seen(craft, self._keypoints_body_m).T)
-        visibility = np.full(len(keypoints_px), NOT_IN_FRAME, dtype=np.int8)
+        keypoints_px = [
+            camera.project(keypoints.seen(body, camera))
+            for keypoints, body in zip(self._keypoints, craft.bodies, strict=True)
+        ]
+        visibility = [np.full(len(px), NOT_IN_FRAME, dtype=np.int8) for px in keypoints_px]
         size_px = np.array([camera.width_px, camera.height_px])
-        inside = ((keypoints_px >= -0.5) & (keypoints_px < size_px - 0.5)).all(axis=1)
         pixels = []
-        beyond_px = 0
+        covered_px = np.zeros(len(bodies), dtype=np.int64)
         for band in bands:
             first, rows = band.moment.first_row, band.moment.rows
-            caster = _InstantCaster.at(self._tracer, camera, band.craft, band.nearest_m)
-            pixels.append(caster.pixels(box.within_rows(first, rows)))
-            beyond_px += caster.count_beyond(band.box, band.field)
-            row = np.floor(keypoints_px[:, 1] + 0.5)
-            in_band = np.flatnonzero(inside & (row >= first) & (row < first + rows))
-            visibility[in_band] = self._visibility(caster, band.craft, in_band)
+            caster = InstantCaster(camera, band.craft, band.solids)
+            found = caster.pixels(box.within_rows(first, rows), len(bodies))
+            pixels.append(found)
+            covered_px += found.covered_px
+            for number, (own_box, own_field) in enumerate(band.of_bodies):
+                covered_px[number] += caster.count_beyond(number, own_box, own_field)
+            for number, px in enumerate(keypoints_px):
+                inside = ((px >= -0.5) & (px < size_px - 0.5)).all(axis=1)
+                row = np.floor(px[:, 1] + 0.5)
+                in_band = np.flatnonzero(inside & (row >= first) & (row < first + rows))
+                visibility[number][in_band] = self._visibility(caster, number, in_band)
         part_id, triangle, depth_m, normal_cam, lit = (
-            np.concatenate(parts) for parts in zip(*pixels, strict=True)
+            np.concatenate([getattr(each, name) for each in pixels])
+            for name in ("part_id", "triangle", "depth_m", "normal_cam", "lit")
         )
-        return View(
-            box=box,
-            part_id=part_id,
-            triangle=triangle,
-            depth_m=depth_m,
-            normal_cam=normal_cam,
-            lit=lit,
-            silhouette_px=int((part_id >= 0).sum()) + beyond_px,
-            keypoints_px=keypoints_px,
-            keypoints_visibility=visibility,
-            whole_box_px=np.concatenate([low_px, high_px - low_px]),
-        )
+        views = []
+        for number, (low_px, high_px) in enumerate(whole):
+            parts, faces = self._numbers[number]
+            views.append(
+                View(
+                    box=box,
+                    part_id=parts[part_id] if number else part_id,
+                    triangle=faces[triangle] if number else triangle,
+                    depth_m=depth_m,
+                    normal_cam=normal_cam,
+                    lit=lit,
+                    silhouette_px=int(covered_px[number]),
+                    keypoints_px=keypoints_px[number],
+                    keypoints_visibility=visibility[number],
+                    whole_box_px=np.concatenate([low_px, high_px - low_px]),
+                    target_parts=len(bodies[number].parts),
+                )
+            )
+        return tuple(views)
 
     def rays(
         self,
@@ -108,7 +122,7 @@ class RayCaster:
         origin_m: ArrayLike = (0.0, 0.0, 0.0),
         after_s: ArrayLike = 0.0,
     ) -> RayHits:
-        """What single rays hit, each at its own instant, while the spacecraft and the camera move by
+        """What single rays hit, each at its own instant, while the bodies and the camera move by
         their rates.
 
         The distances are exact in double precision, like those of :meth:`view`; the scene's image plays
@@ -124,77 +138,133 @@ class RayCaster:
         Raises:
             ValueError: A direction is zero or not finite.
         """
-        return cast_rays(self._tracer, craft, directions, origin_m, after_s)
+        return cast_rays(self._solids, craft, directions, origin_m, after_s)
+
+    def renumbered(self, hits: RayHits, number: int) -> RayHits:
+        """The hits with parts and triangles as :meth:`posse_core.Scene.about` numbers them."""
+        if number == 0:
+            return hits
+        parts, faces = self._numbers[number]
+        return replace(hits, part_id=parts[hits.part_id], triangle=faces[hits.triangle])
 
     def moments(
         self, craft: CraftState, step_px: float, exposure_s: float = 0.0, instants: int = 1
     ) -> list[Moment]:
-        """Divide a frame into moments in which the spacecraft moves by at most ``step_px`` in the image;
+        """Divide a frame into moments in which no body moves by more than ``step_px`` in the image;
         see :func:`posse_core._model.shutter.moments`."""
         moves = self._camera.line_time_s > 0 or (exposure_s > 0 and instants > 1)
         speed_px_s = self.speed_px_s(craft) if moves else 0.0
         return moments(self._camera, speed_px_s, step_px, exposure_s, instants)
 
     def speed_px_s(self, craft: CraftState) -> float:
-        """Largest speed in the image that a point of the spacecraft may have; of the whole image, if the
-        spacecraft is out of view."""
-        box = self.box(craft)
-        if box.is_empty:
-            box = PixelBox(0, 0, self._camera.width_px, self._camera.height_px)
-        vertices_z_m = _in_camera(craft, self._vertices_body_m)[2]
-        far_m = max(float(vertices_z_m.max()), _LEAST_DEPTH_SHARE * self._tracer.triangles.size_m)
-        near_m = max(float(vertices_z_m.min()), _LEAST_DEPTH_SHARE * self._tracer.triangles.size_m)
-        omega, v = craft.rates.relative(craft.R_cam_from_body, craft.t_body_cam_m)
-        return fastest_px_s(self._camera, box, v, omega, near_m, far_m)
+        """Largest speed in the image that a point of a body may have; of the whole image, if the
+        bodies are out of view."""
+        camera, poses = self._camera, craft.link_poses()
+        in_camera = {solid: solid.in_camera(poses) for solid in self._solids}
+        boxes = {solid: self._boxes_of(solid, x_m)[0] for solid, x_m in in_camera.items()}
+        in_view = [solid for solid in self._solids if not boxes[solid].is_empty]
+        speeds = []
+        for solid in in_view or self._solids:
+            box = boxes[solid]
+            if box.is_empty:
+                box = PixelBox(0, 0, camera.width_px, camera.height_px)
+            z_m, size_m = in_camera[solid][2], solid.tracer.triangles.size_m
+            far_m = max(float(z_m.max()), _LEAST_DEPTH_SHARE * size_m)
+            near_m = max(float(z_m.min()), _LEAST_DEPTH_SHARE * size_m)
+            omega, v = craft.bodies[solid.body].motion(solid.link)
+            speeds.append(fastest_px_s(camera, box, v, omega, near_m, far_m))
+        return max(speeds)
 
     def box(self, craft: CraftState) -> PixelBox:
-        """Pixels of the image that the spacecraft may touch if all rows are exposed at the same time."""
-        return self._boxes(_in_camera(craft, self._vertices_body_m))[0]
+        """Pixels of the image that a body may touch if all rows are exposed at the same time."""
+        poses = craft.link_poses()
+        return PixelBox.around(
+            self._boxes_of(solid, solid.in_camera(poses))[0] for solid in self._solids
+        )
 
-    def _seen(self, craft: CraftState, points_body_m: FloatArray) -> FloatArray:
-        """(3, N) body axes → (3, N) camera axes, each at the time of the row that sees it."""
-        if self._camera.line_time_s == 0:
-            return _in_camera(craft, points_body_m)
-        return seen_by_rows(craft, self._camera, points_body_m.T)[0].T
+    def _extents(
+        self, vertices_cam_m: Mapping[Solid, FloatArray], bodies: int
+    ) -> list[tuple[FloatArray, FloatArray]]:
+        """Lowest and highest image position of each body, (2,) each; NaN if a vertex is behind the
+        camera or beyond the reach of its lens."""
+        extents: list[list[tuple[FloatArray, FloatArray]]] = [[] for _ in range(bodies)]
+        for solid, x_m in vertices_cam_m.items():
+            extents[solid.body].append(solid.extent_px(self._camera, x_m))
+        return [
+            (np.minimum.reduce([low for low, _ in own]), np.maximum.reduce([high for _, high in own]))
+            for own in extents
+        ]
 
-    def _bounds(self, points_cam_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(3, V) vertices in camera axes → lowest and highest image position of the spacecraft, (2,)
-        each; NaN if a vertex is behind the camera or beyond the reach of its lens."""
-        return extent_px(self._camera, points_cam_m.T, self._edges)
-
-    def _boxes(self, vertices_cam_m: FloatArray) -> tuple[PixelBox, PixelBox]:
+    def _boxes_of(self, solid: Solid, vertices_cam_m: FloatArray) -> tuple[PixelBox, PixelBox]:
         """Boxes in the image and in the silhouette's field if all rows are exposed at the same time."""
         if not (vertices_cam_m[2] > 0).any():
             return _NO_BOX, _NO_BOX
-        return _boxes(self._camera, *self._bounds(vertices_cam_m))
+        return _boxes(self._camera, *solid.extent_px(self._camera, vertices_cam_m))
 
     def _band(self, craft: CraftState, moment: Moment) -> _Band:
         then = craft.after(moment.after_s)
-        vertices_cam_m = _in_camera(then, self._vertices_body_m)
-        box, field = self._boxes(vertices_cam_m)
+        poses = then.link_poses()
         # Rows outside the image have the time of its first or last row.
         last_row = moment.first_row + moment.rows
-        top = moment.first_row if moment.first_row > 0 else field.y0
-        bottom = last_row if last_row < self._camera.height_px else field.y0 + field.height
-        return _Band(
-            moment=moment,
-            box=box.within_rows(moment.first_row, moment.rows),
-            field=field.within_rows(top, max(0, bottom - top)),
-            craft=then,
-            nearest_m=float(vertices_cam_m[2].min()),
+        is_last = last_row >= self._camera.height_px
+        solids, boxes = [], [([_NO_BOX], [_NO_BOX]) for _ in self._scene.bodies]
+        for placed in placed_at(self._solids, poses):
+            vertices_cam_m = placed.solid.in_camera(poses)
+            box, field = self._boxes_of(placed.solid, vertices_cam_m)
+            top = moment.first_row if moment.first_row > 0 else field.y0
+            bottom = field.y0 + field.height if is_last else last_row
+            box = box.within_rows(moment.first_row, moment.rows)
+            solids.append(SolidInView.at(placed, then, box, float(vertices_cam_m[2].min())))
+            boxes[placed.solid.body][0].append(box)
+            boxes[placed.solid.body][1].append(field.within_rows(top, max(0, bottom - top)))
+        of_bodies = [(PixelBox.around(own), PixelBox.around(fields)) for own, fields in boxes]
+        return _Band(moment, PixelBox.around(box for box, _ in of_bodies), of_bodies, then, solids)
+
+    def _visibility(self, caster: InstantCaster, body: int, keypoints: IntArray) -> IntArray:
+        """(k,) int8 visibility, as in :class:`View`, of a body's keypoints with the indices
+        ``keypoints``, all of which are in the image."""
+        known = self._keypoints[body]
+        links = known.link[keypoints]
+        visibility = np.full(len(keypoints), VISIBLE, dtype=np.int8)
+        for link in np.unique(links):
+            of_link = np.flatnonzero(links == link)
+            behind_m = caster.behind_m(body, int(link), known.x_link_m[keypoints[of_link]].T)
+            visibility[of_link[behind_m > KEYPOINT_DEPTH_SHARE * known.size_m]] = OCCLUDED
+        return visibility
+
+
+@dataclass(frozen=True)
+class Keypoints:
+    """The keypoints of one body.
+
+    Attributes:
+        x_link_m: (K, 3) in the axes of each one's link.
+        link: (K,) number of its link within the body.
+        size_m: longest side of the box around the body, with every joint at zero.
+    """
+
+    x_link_m: FloatArray
+    link: IntArray
+    size_m: float
+
+    @classmethod
+    def of(cls, spacecraft: Spacecraft) -> Keypoints:
+        """The keypoints of a spacecraft."""
+        low, high = spacecraft.bounds_body_m
+        joints = [spacecraft.keypoint_joints.get(name) for name in spacecraft.keypoints_body_m]
+        return cls(
+            np.array([*spacecraft.keypoints_body_m.values()], float).reshape(-1, 3),
+            np.array([spacecraft.link_of(joint) for joint in joints], dtype=np.int64),
+            float((high - low).max()),
         )
 
-    def _visibility(self, caster: _InstantCaster, craft: CraftState, keypoints: IntArray) -> IntArray:
-        """(k,) int8 visibility, as in :class:`View`, of the keypoints with the indices ``keypoints``,
-        all of which are in the image."""
-        body_m = self._keypoints_body_m[:, keypoints]
-        depth_m = _in_camera(craft, body_m)[2]
-        centre_body_m = self._tracer.triangles.centre_body_m
-        directions = (body_m - (centre_body_m + caster.camera_m)[:, None]) / depth_m
-        _, z_m = caster.first(directions)
-        behind_m = (depth_m - z_m) * np.sqrt(dot(directions, directions))
-        hidden = behind_m > KEYPOINT_DEPTH_SHARE * self._tracer.triangles.size_m
-        return np.where(hidden, OCCLUDED, VISIBLE)
+    def seen(self, body: BodyState, camera: Camera) -> FloatArray:
+        """(K, 3) where they are in camera axes when the camera's rows see them."""
+        x_cam_m = np.empty_like(self.x_link_m)
+        for link in np.unique(self.link):
+            own = self.link == link
+            x_cam_m[own] = seen_by_rows(body, camera, self.x_link_m[own], int(link))[0]
+        return x_cam_m
 
 
 @dataclass(frozen=True)
@@ -203,136 +273,29 @@ class _Band:
 
     Attributes:
         moment: the rows and their time.
-        box, field: the pixels that the spacecraft may touch in these rows: in the image, and in the
-            field of the silhouette.
-        craft: the spacecraft and its sunlight at that time.
-        nearest_m: least planar depth of the spacecraft at that time.
+        box: the pixels that any body may touch in these rows of the image.
+        of_bodies: the same for each body, in the image and in the field of the silhouette.
+        craft: the bodies and their sunlight at that time.
+        solids: the solids at that time.
     """
 
     moment: Moment
     box: PixelBox
-    field: PixelBox
+    of_bodies: list[tuple[PixelBox, PixelBox]]
     craft: CraftState
-    nearest_m: float
+    solids: list[SolidInView]
 
 
-@dataclass(frozen=True)
-class _InstantCaster:
-    """Casts rays from the camera at one instant. Vectors are in body axes; positions are relative to the
-    centre of the spacecraft's bounding box.
-
-    Attributes:
-        camera_m: (3,) position of the camera.
-        R_cam_from_body: (3, 3).
-        start_m: planar depth in front of the whole spacecraft.
-        normal: (3, T) unit normal of each triangle, on the camera's side.
-        sunny: (T,) whether the Sun is on the camera's side of the triangle.
-        sun_direction: (3,) unit vector to the Sun.
-    """
-
-    tracer: Tracer
-    camera: Camera
-    camera_m: FloatArray
-    R_cam_from_body: FloatArray
-    start_m: float
-    normal: FloatArray
-    sunny: BoolArray
-    sun_direction: FloatArray
-
-    @classmethod
-    def at(cls, tracer: Tracer, camera: Camera, craft: CraftState, nearest_m: float) -> _InstantCaster:
-        """The caster for a state; ``nearest_m`` is the least planar depth of the spacecraft."""
-        triangles = tracer.triangles
-        R = craft.R_cam_from_body
-        camera_m = -dot(R, craft.t_body_cam_m) - triangles.centre_body_m
-        behind = dot(triangles.normal, camera_m) < triangles.plane_m
-        normal = np.where(behind, -triangles.normal, triangles.normal)
-        sun_direction = craft.sun_direction_body
-        return cls(
-            tracer=tracer,
-            camera=camera,
-            camera_m=camera_m,
-            R_cam_from_body=R,
-            start_m=max(0.0, nearest_m - 0.01 * triangles.size_m),
-            normal=normal,
-            sunny=dot(normal, sun_direction) > 0,
-            sun_direction=sun_direction,
-        )
-
-    def directions(self, u_px: FloatArray, v_px: FloatArray) -> FloatArray:
-        """Ray directions through a grid of pixels: columns (w,) and rows (h,) → (3, h, w) body axes."""
-        R = self.R_cam_from_body
-        x = (u_px - self.camera.cx_px) / self.camera.fx_px
-        y = (v_px[:, None] - self.camera.cy_px) / self.camera.fy_px
-        if self.camera.distortion is not None:
-            x, y = self.camera.distortion.undistort(x, y)
-        return np.stack([x * R[0, k] + (y * R[1, k] + R[2, k]) for k in range(3)])
-
-    def first(self, directions: FloatArray) -> tuple[IntArray, FloatArray]:
-        """(3, N) ray directions → index of the first triangle (N,), −1 for none, and the planar depth
-        (N,) of the hit, infinite for none."""
-        return self.tracer.first(self.camera_m[:, None], directions, self.start_m)
-
-    def pixels(self, box: PixelBox) -> tuple[AnyArray, AnyArray, AnyArray, AnyArray, BoolArray]:
-        """``part_id``, ``triangle``, ``depth_m``, ``normal_cam`` and ``lit`` of :class:`View` for a
-        box."""
-        shape = (box.height, box.width)
-        part_id = np.empty(shape, dtype=np.int16)
-        face = np.empty(shape, dtype=np.int32)
-        depth_m = np.empty(shape, dtype=np.float32)
-        normal_cam = np.empty((*shape, 3), dtype=np.float32)
-        lit = np.zeros(shape, dtype=np.bool_)
-        # These tables have one row per triangle, and a last one (index −1) for rays that hit none.
-        parts = np.append(self.tracer.triangles.part_id, np.int16(-1))
-        faces = np.append(self.tracer.triangles.face, -1).astype(np.int32)
-        turned = rotated(self.R_cam_from_body, self.normal).astype(np.float32)
-        normals_cam = np.append(turned.T, np.full((1, 3), np.nan, dtype=np.float32), axis=0)
-        sunny = np.append(self.sunny, False)
-        u_px = np.arange(box.x0, box.x0 + box.width, dtype=np.float64)
-        for rows in _row_blocks(box.height, box.width):
-            v_px = box.y0 + np.arange(rows.start, rows.stop, dtype=np.float64)
-            directions = self.directions(u_px, v_px).reshape(3, -1)
-            triangle, z_m = self.first(directions)
-            block = (rows.stop - rows.start, box.width)
-            part_id[rows] = np.take(parts, triangle).reshape(block)
-            face[rows] = np.take(faces, triangle).reshape(block)
-            depth_m[rows] = np.where(triangle >= 0, z_m, np.nan).reshape(block)
-            normal_cam[rows] = np.take(normals_cam, triangle, axis=0).reshape(*block, 3)
-            rays = np.flatnonzero(np.take(sunny, triangle))
-            point_m = self.camera_m[:, None] + z_m[rays] * np.take(directions, rays, axis=1)
-            normal = np.take(self.normal, triangle[rays], axis=1)
-            shadowed = self.tracer.shadowed(point_m, normal, self.sun_direction[:, None])
-            lit[rows].reshape(-1)[rays] = ~shadowed
-        return part_id, face, depth_m, normal_cam, lit
-
-    def count_beyond(self, box: PixelBox, field: PixelBox) -> int:
-        """Number of pixels of ``field`` outside ``box`` that the spacecraft covers."""
-        count = field.width * field.height - box.width * box.height
-        stride = 1
-        while count > SILHOUETTE_RAYS * stride**2:
-            stride += 1
-        u_px = np.arange(field.x0, field.x0 + field.width, stride, dtype=np.float64)
-        v_px = np.arange(field.y0, field.y0 + field.height, stride, dtype=np.float64)
-        column_in = (u_px >= box.x0) & (u_px < box.x0 + box.width)
-        row_in = (v_px >= box.y0) & (v_px < box.y0 + box.height)
-        hits = 0
-        for rows in _row_blocks(len(v_px), len(u_px)) if count else ():
-            beyond = ~(row_in[rows, None] & column_in)
-            rays = self.directions(u_px, v_px[rows])[:, beyond]
-            rays = rays[:, np.isfinite(rays[0])]  # pixels that the lens does not map are not counted
-            hits += int((self.first(rays)[0] >= 0).sum())
-        return hits * stride**2
-
-
-def _in_camera(craft: CraftState, body_m: FloatArray) -> FloatArray:
-    """(3, N) body axes → (3, N) camera axes."""
-    return rotated(craft.R_cam_from_body, body_m) + craft.t_body_cam_m[:, None]
-
-
-def _row_blocks(height: int, width: int) -> Iterator[slice]:
-    step = max(1, _CHUNK // max(1, width))
-    for start in range(0, height, step):
-        yield slice(start, min(start + step, height))
+def _numbers_about(scene: Scene, number: int) -> tuple[IntArray, IntArray]:
+    """(P + 1,) and (T + 1,): index of each part and of each triangle in the scene about a body; −1
+    last, for none."""
+    body_of_part = scene.body_of_part
+    order = np.argsort(body_of_part != number, kind="stable")
+    parts = np.append(np.argsort(order), -1).astype(np.int16)
+    faces = np.array([len(piece.part.faces) for piece in scene.pieces])
+    own = np.repeat(body_of_part == number, faces)
+    triangles = np.argsort(np.argsort(~own, kind="stable"))
+    return parts, np.append(triangles, -1).astype(np.int32)
 
 
 def _boxes(camera: Camera, low_px: FloatArray, high_px: FloatArray) -> tuple[PixelBox, PixelBox]:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
-from posse_core._arrays import FloatArray
+from posse_core._arrays import FloatArray, IntArray
 from posse_core._model.camera import Camera
+from posse_core._model.craft_state import BodyState, CraftState
 from posse_core._model.labels import View
-from posse_core._model.scene import CraftState
+from posse_core._model.scene import Scene
 
 _ITERATIONS = 8
 """Most iterations to find the row that sees a point. The remaining error of each is the distance, in
@@ -17,53 +20,91 @@ _ROW_ERROR = 1e-9
 
 
 def seen_by_rows(
-    craft: CraftState, camera: Camera, x_body_m: FloatArray
+    body: BodyState, camera: Camera, x_link_m: FloatArray, link: int = 0
 ) -> tuple[FloatArray, FloatArray]:
-    """Find where points of the spacecraft are when the rows of a camera see them.
+    """Find where points of a body are when the rows of a camera see them.
 
     Args:
-        craft: the state at the frame's instant.
+        body: its state at the frame's instant.
         camera: the camera.
-        x_body_m: (N, 3) body axes.
+        x_link_m: (N, 3) points of one link, in its axes.
+        link: number of the link within the body.
 
     Returns:
         (N, 3) camera axes, and (N,) seconds after the frame's instant. Above and below the image, the
         first and the last row's time applies; where no row can see a point, because it is behind the
         camera or beyond the reach of its lens, the frame's instant.
     """
-    after_s = np.zeros(len(x_body_m))
-    x_cam_m = craft.body_in_camera(x_body_m, after_s)
+    after_s = np.zeros(len(x_link_m))
+    x_cam_m = body.in_camera(x_link_m, after_s, link)
     for _ in range(_ITERATIONS if camera.line_time_s > 0 else 0):
         before_s = after_s
         after_s = np.nan_to_num(camera.row_after_s(camera.project(x_cam_m)[:, 1]))
-        x_cam_m = craft.body_in_camera(x_body_m, after_s)
+        x_cam_m = body.in_camera(x_link_m, after_s, link)
         if np.abs(after_s - before_s).max(initial=0.0) <= _ROW_ERROR * camera.line_time_s:
             break
     return x_cam_m, after_s
 
 
 def surface_points(
-    craft: CraftState, camera: Camera, view: View
+    craft: CraftState, scene: Scene, view: View
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Find the points of the spacecraft that the pixels of a view show.
+    """Find the points of the bodies that the pixels of a view show.
 
     Args:
         craft: the state at the frame's instant.
-        camera: the view's.
-        view: of the spacecraft at this state, N of whose pixels show it.
+        scene: the bodies, and the view's camera.
+        view: of the scene at this state, N of whose pixels show a body.
 
     Returns:
-        (N, 2) positions of the pixels, px, in the order of ``view.mask``; (N, 3) the points in camera
-        axes at the time of the pixel's row; (N, 3) the same in body axes.
+        (N, 2) positions of the pixels, px, in the order of ``view.hit``; (N, 3) the points in camera
+        axes at the time of the pixel's row; (N, 3) the same in the axes of each point's link.
     """
-    uv_px = view.box.pixel_centres_px()[view.mask]
-    x_cam_m = camera.rays(uv_px) * view.depth_m[view.mask, None].astype(np.float64)
+    camera = scene.camera
+    uv_px = view.box.pixel_centres_px()[view.hit]
+    x_cam_m = camera.rays(uv_px) * view.depth_m[view.hit, None].astype(np.float64)
     first_row = view.box.y0
     rows_px = np.arange(first_row, first_row + view.box.height, dtype=np.float64)
-    R, t = craft.poses_after(camera.row_after_s(rows_px))
-    row = np.nonzero(view.mask)[0]
-    from_origin_m = x_cam_m - t[row]
-    x_body_m = np.stack(
-        [np.sum(R[:, :, k][row] * from_origin_m, axis=-1) for k in range(3)], axis=-1
-    )  # R's transpose, elementwise, so that the result does not depend on the BLAS library
-    return uv_px, x_cam_m, x_body_m
+    rows_s = camera.row_after_s(rows_px)
+    row = np.nonzero(view.hit)[0]
+    x_link_m = np.empty_like(x_cam_m)
+    for body, link, points in by_link(scene, view.part_id[view.hit]):
+        R, t = craft.bodies[body].link_poses_after(link, rows_s)
+        of_row = row[points]
+        from_origin_m = x_cam_m[points] - t[of_row]
+        x_link_m[points] = np.stack(
+            [np.sum(R[:, :, k][of_row] * from_origin_m, axis=-1) for k in range(3)], axis=-1
+        )  # R's transpose, elementwise, so that the result does not depend on the BLAS library
+    return uv_px, x_cam_m, x_link_m
+
+
+def points_seen_by_rows(
+    craft: CraftState, scene: Scene, x_link_m: FloatArray, part_id: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """As :func:`seen_by_rows`, of points of any links.
+
+    Args:
+        craft: the state at the frame's instant.
+        scene: the bodies, and the camera.
+        x_link_m: (N, 3) in the axes of each point's link.
+        part_id: (N,) part that each is on.
+    """
+    x_cam_m, after_s = np.empty_like(x_link_m), np.empty(len(x_link_m))
+    for body, link, points in by_link(scene, part_id):
+        x_cam_m[points], after_s[points] = seen_by_rows(
+            craft.bodies[body], scene.camera, x_link_m[points], link
+        )
+    return x_cam_m, after_s
+
+
+def by_link(scene: Scene, part_id: IntArray) -> Iterator[tuple[int, int, IntArray]]:
+    """Divide N points by the links of their parts (N,): number of the body, number of the link within
+    it, and the indices of its points."""
+    link_of_part = np.array([piece.link for piece in scene.pieces])
+    first = 0
+    for body, spacecraft in enumerate(scene.bodies):
+        for link in range(len(spacecraft.joints) + 1):
+            points = np.flatnonzero(link_of_part[part_id] == first + link)
+            if len(points):
+                yield body, link, points
+        first += len(spacecraft.joints) + 1

@@ -1,14 +1,16 @@
-"""The material and the shading normal at points of a spacecraft's surface, with their textures."""
+"""The material and the shading normal at points of the bodies' surfaces, with their textures."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from posse_core._arrays import AnyArray, BoolArray, FloatArray, IntArray
 from posse_core._frames import unit
-from posse_core._model.spacecraft import Material, Spacecraft
+from posse_core._model.scene import Piece
+from posse_core._model.spacecraft import Material
 from posse_core._model.srgb import linear_from_srgb
 
 _LINEAR = np.arange(256) / 255
@@ -33,20 +35,17 @@ class SurfaceMaterial:
 
 
 class Surface:
-    """The materials of one spacecraft's triangles."""
+    """The materials of the triangles of a scene's pieces."""
 
-    def __init__(self, spacecraft: Spacecraft) -> None:
-        parts = spacecraft.parts
+    def __init__(self, pieces: Sequence[Piece]) -> None:
+        parts = [piece.part for piece in pieces]
         self._corners_m = np.concatenate([part.vertices_body_m[part.faces] for part in parts])
         self._uv = np.concatenate([part.uv[part.faces].astype(np.float64) for part in parts])
         self._normals = np.concatenate(
             [part.normals_body[part.faces].astype(np.float64) for part in parts]
         )
-        names = list(spacecraft.materials)
-        self._materials = [spacecraft.materials[name] for name in names]
-        self._material = np.repeat(
-            [names.index(part.material) for part in parts], [len(part.faces) for part in parts]
-        )
+        self._materials = [piece.material for piece in pieces]
+        self._material = np.repeat(np.arange(len(parts)), [len(part.faces) for part in parts])
 
     def at(self, triangle: IntArray, point_body_m: FloatArray) -> SurfaceMaterial:
         """The material at points.
@@ -56,7 +55,7 @@ class Surface:
 
         Args:
             triangle: (N,) as in :class:`posse_core.RayHits`; −1 for no surface.
-            point_body_m: (N, 3) point on each triangle, body axes.
+            point_body_m: (N, 3) point on each triangle, in the axes of its link.
         """
         count = len(triangle)
         base_color = np.full((count, 3), np.nan)
@@ -73,8 +72,8 @@ class Surface:
         return SurfaceMaterial(base_color, metallic, roughness, specular)
 
     def normals(self, triangle: IntArray, point_body_m: FloatArray) -> FloatArray:
-        """(N, 3) unit shading normals in body axes, on the side of the parts' own normals; NaN where
-        there is no surface.
+        """(N, 3) unit shading normals in the axes of each point's link, on the side of the parts' own
+        normals; NaN where there is no surface.
 
         They are interpolated between the corners, and follow the material's normal texture where the
         part has texture coordinates. The arguments are as in :meth:`at`.

@@ -66,9 +66,17 @@ class Tracer:
             normal: (3, N) unit normals, on the side of the surface that the camera sees.
             direction: (3, 1) vector to the light for all points, or (3, N).
         """
-        starts_m = point_m + _LIFT_SHARE * self.triangles.size_m * normal
+        return self.blocked(point_m + _LIFT_SHARE * self.triangles.size_m * normal, direction)
+
+    def blocked(self, start_m: FloatArray, direction: FloatArray) -> BoolArray:
+        """Whether rays meet a triangle: (N,), in single precision.
+
+        Args:
+            start_m: (3, N) where they begin.
+            direction: (3, 1) of all rays, or (3, N).
+        """
         # Embree's wrapper takes one direction for all rays, too.
-        blocker = self._embree.run(_single(starts_m), _single(direction), query="OCCLUDED")
+        blocker = self._embree.run(_single(start_m), _single(direction), query="OCCLUDED")
         return np.asarray(blocker >= 0)
 
 

@@ -40,6 +40,7 @@ class Standpoint:
         duration_s: seconds from there to the next reading.
         after_s: seconds from the reading's instant to the look's.
         by_rates: whether the motion after the reading's instant is that of its rates.
+        about: number of the body that is looked at in the target's place.
     """
 
     state: FrameState
@@ -51,6 +52,7 @@ class Standpoint:
     duration_s: float = 0.0
     after_s: float = 0.0
     by_rates: bool = False
+    about: int = 0
 
 
 class Look:
@@ -67,14 +69,15 @@ class Look:
 
         Args:
             standpoint: who looks, and when.
-            scene: the spacecraft, and the camera that :meth:`view` is through if none is named.
+            scene: the bodies, and the camera that :meth:`view` is through if none is named.
             geometry: the ray caster of a camera.
         """
         self._standpoint = standpoint
         self._geometry = geometry
-        self._views: dict[Camera, View] = {}
-        self.scene = scene
-        self.state = _state_of(standpoint)
+        self._whole = scene, _state_of(standpoint)
+        self._views: dict[Camera, tuple[View, ...]] = {}
+        self.scene = scene.about(standpoint.about)
+        self.state = self._whole[1].about(standpoint.about)
 
     @property
     def index(self) -> int:
@@ -93,20 +96,31 @@ class Look:
         return self._standpoint.duration_s - self._standpoint.after_s
 
     def view(self, camera: Camera | None = None) -> View:
-        """The spacecraft as the rays of a camera at the origin hit it, one through each pixel's centre.
+        """The bodies as the rays of a camera at the origin hit them, one through each pixel's centre.
 
         Args:
             camera: any camera; None is the chaser's for an annotator, and a sensor's own.
         """
         camera = self.scene.camera if camera is None else camera
         if camera not in self._views:
-            self._views[camera] = self._geometry(camera).view(self.state.craft)
-        return self._views[camera]
+            self._views[camera] = self._geometry(camera).views(self._whole[1].craft)
+        return self._views[camera][self._standpoint.about]
+
+    def about(self, number: int) -> Look:
+        """The same look with body ``number`` of the scene in the target's place, whose labels it then
+        gives, and the target among the others. It gives geometry alone.
+
+        Args:
+            number: as in :attr:`posse_core.Scene.bodies` of a look that is about the target.
+        """
+        other = Look(replace(self._standpoint, about=number), self._whole[0], self._geometry)
+        other._views = self._views
+        return other
 
     def rays(
         self, directions: ArrayLike, *, origin_m: ArrayLike = (0.0, 0.0, 0.0), after_s: ArrayLike = 0.0
     ) -> RayHits:
-        """Where rays of one's own first hit the spacecraft, each at its own instant.
+        """Where rays of one's own first hit a body, each at its own instant.
 
         Args:
             directions: (N, 3) of any length, in the axes of who looks at the ray's instant.
@@ -114,22 +128,25 @@ class Look:
             after_s: (N,) or one for all: seconds after the look's instant. Motion until then is that of
                 the rates, as while a shutter is open.
         """
-        return self._geometry(self.scene.camera).rays(
-            self.state.craft,
+        caster = self._geometry(self.scene.camera)
+        hits = caster.rays(
+            self._whole[1].craft,
             np.asarray(directions, dtype=np.float64),
             origin_m,
             after_s,
         )
+        return caster.renumbered(hits, self._standpoint.about)
 
     def speed_px_s(self, camera: Camera | None = None) -> float:
-        """Largest speed that a point of the spacecraft may have in the image of a camera at the origin,
-        pixels per second; 0 where the spacecraft is out of view.
+        """Largest speed that a point of a body may have in the image of a camera at the origin,
+        pixels per second; 0 where no body is in view.
 
         Args:
             camera: as in :meth:`view`.
         """
         caster = self._geometry(self.scene.camera if camera is None else camera)
-        return 0.0 if caster.box(self.state.craft).is_empty else caster.speed_px_s(self.state.craft)
+        craft = self._whole[1].craft
+        return 0.0 if caster.box(craft).is_empty else caster.speed_px_s(craft)
 
     def at(self, after_s: float, *, by_rates: bool = False) -> Self:
         """The same look at a neighbouring instant.
@@ -155,7 +172,7 @@ class Look:
         It gives geometry alone. Its :meth:`view` is still through the pixels of the sensor's own camera
         if none is named.
         """
-        return Look(replace(self._standpoint, mount=Mount()), self.scene, self._geometry)
+        return Look(replace(self._standpoint, mount=Mount()), self._whole[0], self._geometry)
 
     @property
     def follows_scenario(self) -> bool:
@@ -172,7 +189,7 @@ class Look:
         if state is None:
             return None
         stand = self._standpoint
-        return self._made(Standpoint(state, stand.mount, stand.seed, stand.who))
+        return self._made(Standpoint(state, stand.mount, stand.seed, stand.who, about=stand.about))
 
     def generator(self, purpose: str) -> np.random.Generator:
         """The generator of this frame's random draws for a purpose; the same whenever it is asked for.
@@ -184,7 +201,7 @@ class Look:
         return random_generator(stand.seed, self.state.index, f"{_purpose(stand)}: {purpose}")
 
     def _made(self, standpoint: Standpoint) -> Self:
-        return type(self)(standpoint, self.scene, self._geometry)
+        return type(self)(standpoint, self._whole[0], self._geometry)
 
 
 class SensorLook(Look):
@@ -262,7 +279,7 @@ class SensorLook(Look):
         same_reading = standpoint.state is self._standpoint.state
         return type(self)(
             standpoint,
-            self.scene,
+            self._whole[0],
             self._geometry,
             self._gather,
             self._earthshine if same_reading else None,

@@ -15,7 +15,7 @@ from posse_core._model.label_line import ReadingLabels
 from posse_core._model.labels import Labels
 from posse_core._model.mount import Mount
 from posse_core._model.reading import Reading
-from posse_core._model.spacecraft import Spacecraft
+from posse_core._model.scene import Scene
 from posse_core._plugins.component import Component, OptionsT
 from posse_core._scenario.sensor import SensorConfig
 
@@ -28,8 +28,7 @@ class SensorSetting:
         name: of the sensor in the scenario.
         seed: of the run; a fixed pattern is drawn by ``random_generator(seed, -1, purpose)`` with the
             sensor's name in the purpose.
-        spacecraft: the target.
-        camera: the chaser's camera.
+        scene: the bodies, and the chaser's camera.
         image_sensor: keys of the chaser's image sensor.
         mount: where the scenario says that the sensor is.
         annotate: labels of a look by the scenario's annotators, with arrays of the size of the whole
@@ -38,8 +37,7 @@ class SensorSetting:
 
     name: str
     seed: int
-    spacecraft: Spacecraft
-    camera: Camera
+    scene: Scene
     image_sensor: SensorConfig
     mount: Mount
     annotate: Callable[[Look], Labels]

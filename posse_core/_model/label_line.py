@@ -87,27 +87,37 @@ def _made_by(annotator: str) -> Any:
     return Field(_NOT_MADE, json_schema_extra={"annotator": annotator})
 
 
-class LabelLine(BaseModel):
-    """The labels of one frame; ``docs/labels.md`` explains each of them.
+class JointLabels(BaseModel):
+    """A joint that moves, at a frame's instant, and where what it carries is.
 
-    A label that is null, such as the box of a spacecraft outside the image, is None. A label that was
-    not made is absent: reading it raises :class:`LabelNotMade`, and :meth:`has` says whether it is
-    present. The labels of plugins' annotators are in :attr:`extras`.
+    Attributes:
+        value: rad or m.
+        rate: rad/s or m/s.
+        q_cam_from_link: attitude of the link that the joint carries, scalar first.
+        t_link_cam_m: origin of the link's axes in camera axes; the link's axes are the body's when every
+            joint is at zero.
+    """
 
-    A line of JSON has the labels in the order of their declaration here.
+    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+
+    value: float
+    rate: float
+    q_cam_from_link: Quaternion
+    t_link_cam_m: Vector
+
+
+class BodyLabels(BaseModel):
+    """The labels of one body in one frame; ``docs/labels.md`` explains each of them.
+
+    A label that is null, such as the box of a body outside the image, is None. A label that was not made
+    is absent: reading it raises :class:`LabelNotMade`, and :meth:`has` says whether it is present. The
+    labels of plugins' annotators are in :attr:`extras`.
     """
 
     model_config = ConfigDict(strict=True, frozen=True, extra="allow", allow_inf_nan=False)
     __pydantic_extra__: dict[str, dict[str, JsonValue]]
 
-    index: Count
-    t_s: float = _NOT_MADE
-    epoch_utc: str = _NOT_MADE
-    sequence: int = _NOT_MADE
     spacecraft: str = _NOT_MADE
-    sun_fraction_target: Fraction = _NOT_MADE
-    sun_fraction_camera: Fraction = _NOT_MADE
-    solar_flux_w_m2: Annotated[float, Field(ge=0)] = _NOT_MADE
     box_visible_px: Box | None = _made_by("box")
     box_whole_px: Box | None = _made_by("box")
     mask_rle: RunLengths = _made_by("mask")
@@ -124,12 +134,8 @@ class LabelLine(BaseModel):
     v_body_cam_m_s: Vector = _made_by("pose")
     omega_body_rad_s: Vector = _made_by("pose")
     omega_camera_rad_s: Vector = _made_by("pose")
+    joints: dict[str, JointLabels] = _made_by("pose")
     flow_duration_s: Annotated[float, Field(gt=0)] | None = _made_by("optical-flow")
-    exposure_s: Annotated[float, Field(gt=0)] = _NOT_MADE
-    image: str = _NOT_MADE
-    truth: str | None = _NOT_MADE
-    origin: tuple[str, Count] = _NOT_MADE
-    sensors: dict[str, Annotated[tuple[ReadingLabels, ...], Strict(False)]] = _NOT_MADE
 
     def model_post_init(self, context: Any, /) -> None:
         """Remove labels that were not given, so that reading them calls ``__getattr__``."""
@@ -139,13 +145,16 @@ class LabelLine(BaseModel):
     if not TYPE_CHECKING:  # a type checker would otherwise accept any attribute
 
         def __getattr__(self, name: str) -> Any:
-            if name in _FIELDS:
+            if name in type(self).model_fields:
                 raise LabelNotMade(
-                    f"frame {self.index} has no {name!r}{_way_out(annotator_of(name))}",
+                    f"{self._described()} has no {name!r}{_way_out(annotator_of(name))}",
                     name=name,
                     obj=self,
                 )
             return super().__getattr__(name)
+
+    def _described(self) -> str:
+        return f"body of spacecraft {self.__dict__.get('spacecraft')!r}"
 
     @property
     def extras(self) -> Mapping[str, Mapping[str, JsonValue]]:
@@ -159,7 +168,7 @@ class LabelLine(BaseModel):
             ValueError: there is no label with such a name.
         """
         for name in names:
-            if name not in _FIELDS:
+            if name not in type(self).model_fields:
                 raise ValueError(f"there is no label {name!r}")
         return all(name in self.__dict__ for name in names)
 
@@ -168,12 +177,42 @@ class LabelLine(BaseModel):
         values = {name: self.__dict__[name] for name in _FIELDS if name in self.__dict__}
         if "mask_rle" in values:
             values["mask_rle"] = dict(self.mask_rle)
+        if "joints" in values:
+            values["joints"] = {name: joint.model_dump() for name, joint in self.joints.items()}
+        return {**values, **self.extras}
+
+
+class LabelLine(BodyLabels):
+    """The labels of one frame: those of the target, of the bodies beside it, and of the frame itself."""
+
+    index: Count
+    t_s: float = _NOT_MADE
+    epoch_utc: str = _NOT_MADE
+    sequence: int = _NOT_MADE
+    sun_fraction_target: Fraction = _NOT_MADE
+    sun_fraction_camera: Fraction = _NOT_MADE
+    solar_flux_w_m2: Annotated[float, Field(ge=0)] = _NOT_MADE
+    bodies: dict[str, BodyLabels] = _NOT_MADE
+    exposure_s: Annotated[float, Field(gt=0)] = _NOT_MADE
+    image: str = _NOT_MADE
+    truth: str | None = _NOT_MADE
+    origin: tuple[str, Count] = _NOT_MADE
+    sensors: dict[str, Annotated[tuple[ReadingLabels, ...], Strict(False)]] = _NOT_MADE
+
+    def _described(self) -> str:
+        return f"frame {self.index}"
+
+    def as_json(self) -> dict[str, Any]:
+        """The labels that were made, as a mapping for :func:`json.dumps`, in the order of a line."""
+        values = super().as_json()
+        if "bodies" in values:
+            values["bodies"] = {name: body.as_json() for name, body in self.bodies.items()}
         if "sensors" in values:
             values["sensors"] = {
                 name: [reading.model_dump() for reading in readings]
                 for name, readings in self.sensors.items()
             }
-        return {**values, **self.extras}
+        return values
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -214,7 +253,10 @@ class LabelLine(BaseModel):
         return labels
 
 
-_FIELDS: Final = tuple(LabelLine.model_fields)
+_BEFORE: Final = ("index", "t_s", "epoch_utc", "sequence", "spacecraft")
+_SUNLIGHT: Final = ("sun_fraction_target", "sun_fraction_camera", "solar_flux_w_m2")
+_FIELDS: Final = tuple(dict.fromkeys((*_BEFORE, *_SUNLIGHT, *LabelLine.model_fields)))
+"""The order of labels in a line of JSON."""
 
 IN_EVERY_LINE: Final = (
     "index",

@@ -15,25 +15,29 @@ NOT_IN_FRAME, OCCLUDED, VISIBLE = 0, 1, 2
 
 @dataclass(frozen=True)
 class View:
-    """The spacecraft as the camera's rays hit it, with one ray through each pixel's centre.
+    """The target, and the bodies beside it, as the camera's rays hit them, with one ray through each
+    pixel's centre.
 
-    The arrays cover only :attr:`box`; outside it no ray hits the spacecraft.
+    The arrays cover only :attr:`box`; outside it no ray hits a body.
 
     Attributes:
-        box: the pixels whose rays may hit the spacecraft; empty if it is outside the image.
-        part_id: (h, w) int16 index in ``spacecraft.parts``; −1 where nothing is hit.
-        triangle: (h, w) int32 index of the triangle, counted through the faces of ``spacecraft.parts``
+        box: the pixels whose rays may hit a body; empty if all are outside the image.
+        part_id: (h, w) int16 index in ``scene.pieces``, which for the target is that in
+            ``spacecraft.parts``; −1 where nothing is hit.
+        triangle: (h, w) int32 index of the triangle, counted through the faces of ``scene.pieces``
             in order; −1 where nothing is hit.
         depth_m: (h, w) float32 planar z; NaN where nothing is hit.
         normal_cam: (h, w, 3) float32 geometric normal, on the camera's side, camera axes; NaN where
             nothing is hit.
         lit: (h, w) bool, whether the point faces the Sun's centre and no part is in between. Eclipses by
             the Earth are not considered.
-        silhouette_px: number of pixels that the spacecraft would cover in an unbounded image.
-        keypoints_px: (K, 2) image positions; NaN behind the camera.
+        silhouette_px: number of pixels that the target would cover in an unbounded image without the
+            other bodies.
+        keypoints_px: (K, 2) image positions of the target's keypoints; NaN behind the camera.
         keypoints_visibility: (K,) int8, :data:`NOT_IN_FRAME`, :data:`OCCLUDED`, :data:`VISIBLE`.
-        whole_box_px: (4,) x, y, width and height of the box around all of the spacecraft's vertices,
+        whole_box_px: (4,) x, y, width and height of the box around all of the target's vertices,
             also outside the image; NaN if a vertex is behind the camera.
+        target_parts: number of the target's parts, which are the first of ``scene.pieces``.
     """
 
     box: PixelBox
@@ -46,10 +50,16 @@ class View:
     keypoints_px: FloatArray
     keypoints_visibility: IntArray
     whole_box_px: FloatArray
+    target_parts: int
 
     @property
     def mask(self) -> BoolArray:
-        """(h, w) bool, whether the ray through the pixel's centre hits the spacecraft."""
+        """(h, w) bool, whether the ray through the pixel's centre hits the target first."""
+        return (self.part_id >= 0) & (self.part_id < self.target_parts)
+
+    @property
+    def hit(self) -> BoolArray:
+        """(h, w) bool, whether the ray through the pixel's centre hits any body."""
         return self.part_id >= 0
 
 

@@ -4,121 +4,96 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from posse_core._arrays import Float32Array, FloatArray
+from posse_core._arrays import Float32Array, FloatArray, IntArray
 from posse_core._constants import EARTH_ROTATION_RATE_RAD_S
-from posse_core._frames import matrix_from_rotation_vector, turned
+from posse_core._frames import matrix_from_rotation_vector
 from posse_core._model.bands import SOLAR_BAND_FRACTIONS
 from posse_core._model.camera import Camera, PixelBox
+from posse_core._model.craft_state import AT_REST, BodyState, CraftState, Rates
+from posse_core._model.joints import RIGID, Articulation
 from posse_core._model.mount import Mount
-from posse_core._model.spacecraft import Spacecraft
+from posse_core._model.spacecraft import Material, Part, Spacecraft
+
+_ZERO = np.zeros(3)
+
+
+@dataclass(frozen=True)
+class Body:
+    """A body beside the target: another spacecraft, a fragment, or a structure of the chaser's own.
+
+    Attributes:
+        name: of this body, unique within the scene; several bodies may be the same spacecraft.
+        spacecraft: what it looks like.
+    """
+
+    name: str
+    spacecraft: Spacecraft
+
+
+class Piece(NamedTuple):
+    """A part of one of a scene's bodies, as a renderer places it.
+
+    Attributes:
+        part: its mesh, in the axes of its link.
+        material: the part's.
+        link: index of the link that moves it, as in :class:`LinkPoses`.
+    """
+
+    part: Part
+    material: Material
+    link: int
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What is the same for all frames of a run."""
+    """What is the same for all frames of a run.
+
+    Attributes:
+        spacecraft: the target.
+        camera: the camera.
+        others: the bodies beside the target.
+    """
 
     spacecraft: Spacecraft
     camera: Camera
+    others: tuple[Body, ...] = ()
 
+    @property
+    def bodies(self) -> tuple[Spacecraft, ...]:
+        """The target and the bodies beside it. Wherever bodies are numbered, the target is 0."""
+        return (self.spacecraft, *(body.spacecraft for body in self.others))
 
-@dataclass(frozen=True)
-class Rates:
-    """Rates of the spacecraft and the camera, which are constant while the shutter is open.
+    @cached_property
+    def pieces(self) -> tuple[Piece, ...]:
+        """The parts of all bodies. A part's id in the labels is its index here, which for the target is
+        its index in ``spacecraft.parts``."""
+        pieces, first_link = [], 0
+        for spacecraft in self.bodies:
+            for part in spacecraft.parts:
+                link = first_link + spacecraft.link_of(part.joint)
+                pieces.append(Piece(part, spacecraft.materials[part.material], link))
+            first_link += len(spacecraft.joints) + 1
+        return tuple(pieces)
 
-    Attributes:
-        v_body_cam_m_s: (3,) velocity of the spacecraft's origin relative to the camera, measured in GCRF
-            axes and given in the camera axes at the frame's instant.
-        omega_body_rad_s: (3,) angular velocity of the spacecraft relative to GCRF axes, body axes.
-        omega_camera_rad_s: (3,) angular velocity of the camera relative to GCRF axes, camera axes.
-    """
+    @cached_property
+    def body_of_part(self) -> IntArray:
+        """(P,) number of the body that each of :attr:`pieces` belongs to."""
+        counts = [len(spacecraft.parts) for spacecraft in self.bodies]
+        return np.repeat(np.arange(len(counts)), counts)
 
-    v_body_cam_m_s: FloatArray
-    omega_body_rad_s: FloatArray
-    omega_camera_rad_s: FloatArray
-
-    def relative(
-        self, R_cam_from_body: FloatArray, t_body_cam_m: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """(3,) ω and (3,) v such that points x of the spacecraft move by ω × x + v in camera axes."""
-        omega_body_cam_rad_s = R_cam_from_body @ self.omega_body_rad_s
-        v_m_s = self.v_body_cam_m_s - np.cross(omega_body_cam_rad_s, t_body_cam_m)
-        return omega_body_cam_rad_s - self.omega_camera_rad_s, v_m_s
-
-
-_ZERO = np.zeros(3)
-AT_REST = Rates(*np.zeros((3, 3)))
-"""All rates are zero."""
-
-
-@dataclass(frozen=True)
-class CraftState:
-    """The spacecraft and its sunlight at one instant, in camera axes.
-
-    No position is of planetary size, so single precision suffices.
-
-    Attributes:
-        R_cam_from_body: (3, 3): x_cam = R_cam_from_body x_body + t_body_cam_m.
-        t_body_cam_m: (3,) the spacecraft's origin in camera axes.
-        sun_direction_cam: (3,) unit vector from the spacecraft to the Sun, camera axes.
-        sun_irradiance_rgb_w_m2: (3,) irradiance at the spacecraft on a plate that faces the Sun, in the
-            red, green and blue band, already reduced by an eclipse.
-        sun_angular_radius_rad: angular radius of the Sun's disc, seen from the spacecraft.
-        rates: the rates around the instant.
-    """
-
-    R_cam_from_body: FloatArray
-    t_body_cam_m: FloatArray
-    sun_direction_cam: FloatArray
-    sun_irradiance_rgb_w_m2: FloatArray
-    sun_angular_radius_rad: float
-    rates: Rates = AT_REST
-
-    def after(self, after_s: float) -> CraftState:
-        """The state ``after_s`` later (or earlier, if negative), by its rates."""
-        if after_s == 0:
+    def about(self, number: int) -> Scene:
+        """The same scene with body ``number`` in the target's place, and the target among the others."""
+        if number == 0:
             return self
-        rates = self.rates
-        R_then_from_now = matrix_from_rotation_vector(-after_s * rates.omega_camera_rad_s)
-        R_body_turn = matrix_from_rotation_vector(after_s * rates.omega_body_rad_s)
-        return replace(
-            self,
-            R_cam_from_body=R_then_from_now @ self.R_cam_from_body @ R_body_turn,
-            t_body_cam_m=R_then_from_now @ (self.t_body_cam_m + after_s * rates.v_body_cam_m_s),
-            sun_direction_cam=R_then_from_now @ self.sun_direction_cam,
-        )
-
-    def poses_after(self, after_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """R_cam_from_body (N, 3, 3) and t_body_cam_m (N, 3) of the states :meth:`after` each of (N,)
-        seconds."""
-        rates, times_s = self.rates, after_s[:, None]
-        R_then_from_now = matrix_from_rotation_vector(-times_s * rates.omega_camera_rad_s)
-        R_body_turn = matrix_from_rotation_vector(times_s * rates.omega_body_rad_s)
-        moved_m = self.t_body_cam_m + times_s * rates.v_body_cam_m_s
-        t_body_cam_m = (R_then_from_now @ moved_m[:, :, None])[:, :, 0]
-        return R_then_from_now @ self.R_cam_from_body @ R_body_turn, t_body_cam_m
-
-    def body_in_camera(self, x_body_m: FloatArray, after_s: FloatArray) -> FloatArray:
-        """Positions of points of the spacecraft, each at its own time: (..., 3) body axes and (...)
-        seconds after the instant → (..., 3) camera axes."""
-        rates = self.rates
-        turned_body_m = turned(x_body_m, rates.omega_body_rad_s, after_s)
-        R, t = self.R_cam_from_body, self.t_body_cam_m
-        x_m = np.stack([np.sum(row * turned_body_m, axis=-1) for row in R], axis=-1) + t
-        x_m = x_m + np.asarray(after_s)[..., None] * rates.v_body_cam_m_s
-        return turned(x_m, -rates.omega_camera_rad_s, after_s)
-
-    @property
-    def sun_direction_body(self) -> FloatArray:
-        """(3,) unit vector from the spacecraft to the Sun, body axes."""
-        return np.asarray(self.R_cam_from_body.T @ self.sun_direction_cam)
-
-    @property
-    def range_m(self) -> float:
-        """Distance between the camera and the spacecraft's origin, m."""
-        return float(np.linalg.norm(self.t_body_cam_m))
+        names = ("", *(body.name for body in self.others))
+        rest = [k for k in range(len(names)) if k != number]
+        others = tuple(Body(names[k], self.bodies[k]) for k in rest)
+        return Scene(self.bodies[number], self.camera, others)
 
 
 @dataclass(frozen=True)
@@ -196,6 +171,8 @@ class FrameState:
         sun_fraction_camera: float,
         sun_angular_radius_rad: float,
         rates: Rates = AT_REST,
+        articulation: Articulation = RIGID,
+        others: tuple[BodyState, ...] = (),
     ) -> FrameState:
         """Make a state, computing the sunlight in camera axes from the geocentric positions.
 
@@ -209,6 +186,8 @@ class FrameState:
             sun_irradiance_rgb_w_m2=solar_flux_w_m2 * sun_fraction_target * SOLAR_BAND_FRACTIONS,
             sun_angular_radius_rad=sun_angular_radius_rad,
             rates=rates,
+            articulation=articulation,
+            others=others,
         )
         return cls(
             index=index,
@@ -248,29 +227,21 @@ class FrameState:
             onward=None,
         )
 
+    def about(self, number: int) -> FrameState:
+        """The same state with body ``number`` in the target's place; see :meth:`Scene.about`."""
+        return replace(self, craft=self.craft.about(number)) if number else self
+
     def seen_from(self, mount: Mount) -> FrameState:
         """The state as a sensor beside the camera sees it: its axes stand in place of the camera's.
 
         It has no :attr:`onward`.
         """
-        R_sensor_from_cam = mount.R_camera_from_sensor.T
-        rates, craft = self.craft.rates, self.craft
-        swing_m_s = np.cross(rates.omega_camera_rad_s, mount.position_m)
         R_eci_from_cam = self.R_cam_from_eci.T
+        swing_m_s = np.cross(self.craft.rates.omega_camera_rad_s, mount.position_m)
         return replace(
             self,
-            craft=replace(
-                craft,
-                R_cam_from_body=R_sensor_from_cam @ craft.R_cam_from_body,
-                t_body_cam_m=R_sensor_from_cam @ (craft.t_body_cam_m - mount.position_m),
-                sun_direction_cam=R_sensor_from_cam @ craft.sun_direction_cam,
-                rates=Rates(
-                    R_sensor_from_cam @ (rates.v_body_cam_m_s - swing_m_s),
-                    rates.omega_body_rad_s,
-                    R_sensor_from_cam @ rates.omega_camera_rad_s,
-                ),
-            ),
-            R_cam_from_eci=R_sensor_from_cam @ self.R_cam_from_eci,
+            craft=self.craft.seen_from(mount),
+            R_cam_from_eci=mount.R_camera_from_sensor.T @ self.R_cam_from_eci,
             r_camera_eci_m=self.r_camera_eci_m + R_eci_from_cam @ mount.position_m,
             v_camera_eci_m_s=self.v_camera_eci_m_s + R_eci_from_cam @ swing_m_s,
             onward=None,

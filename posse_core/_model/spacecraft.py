@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Container, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from posse_core._arrays import AnyArray, Float32Array, FloatArray, IntArray
+from posse_core._model.joints import Joint
 
 
 @dataclass(frozen=True)
@@ -44,11 +45,12 @@ class Part:
 
     Attributes:
         name: unique within the spacecraft, for example ``panel``.
-        vertices_body_m: (V, 3) float64.
+        vertices_body_m: (V, 3) float64, where they are with every joint at zero.
         faces: (T, 3) int32, counter-clockwise seen from outside. Both sides are visible.
         normals_body: (V, 3) float32 unit shading normals.
         uv: (V, 2) float32 texture coordinates, v pointing up.
         material: key in :attr:`Spacecraft.materials`.
+        joint: name of the joint that carries the part; None if the body does.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Part:
     normals_body: Float32Array
     uv: Float32Array
     material: str
+    joint: str | None = None
 
 
 @dataclass(frozen=True)
@@ -71,6 +74,9 @@ class Spacecraft:
         skeleton: pairs of keypoint names to draw lines between.
         symmetries: rotations (3, 3) about the origin that leave the spacecraft's appearance unchanged,
             without the identity.
+        joints: the joints, each after the one that carries it.
+        keypoint_joints: name of a keypoint → name of the joint that carries it, of those that the body
+            does not carry.
     """
 
     name: str
@@ -79,15 +85,49 @@ class Spacecraft:
     keypoints_body_m: Mapping[str, FloatArray] = field(default_factory=dict)
     skeleton: tuple[tuple[str, str], ...] = ()
     symmetries: tuple[FloatArray, ...] = ()
+    joints: tuple[Joint, ...] = ()
+    keypoint_joints: Mapping[str, str] = field(default_factory=dict)
+
+    def link_of(self, joint: str | None) -> int:
+        """Number of the link that a joint carries; 0, the body's own, for None."""
+        return 0 if joint is None else [each.name for each in self.joints].index(joint) + 1
+
+    def welded(self, moving: Container[str]) -> Spacecraft:
+        """The spacecraft with the joints that are named in ``moving`` alone.
+
+        What another joint carries stays where it is with that joint at zero.
+        """
+        by_name = {joint.name: joint for joint in self.joints}
+
+        def carrier(name: str | None) -> str | None:
+            while name is not None and name not in moving:
+                name = by_name[name].parent
+            return name
+
+        if all(name in moving for name in by_name):
+            return self
+        carriers = {point: carrier(joint) for point, joint in self.keypoint_joints.items()}
+        return replace(
+            self,
+            parts=tuple(replace(part, joint=carrier(part.joint)) for part in self.parts),
+            joints=tuple(
+                replace(joint, parent=carrier(joint.parent))
+                for joint in self.joints
+                if joint.name in moving
+            ),
+            keypoint_joints={point: joint for point, joint in carriers.items() if joint is not None},
+        )
 
     @property
     def bounds_body_m(self) -> FloatArray:
-        """(2, 3) lower and upper corner of the axis-aligned box around all parts, m."""
+        """(2, 3) lower and upper corner of the axis-aligned box around all parts, m, with every joint at
+        zero."""
         low = np.min([part.vertices_body_m.min(axis=0) for part in self.parts], axis=0)
         high = np.max([part.vertices_body_m.max(axis=0) for part in self.parts], axis=0)
         return np.stack([low, high])
 
     @cached_property
     def radius_m(self) -> float:
-        """Radius of the smallest sphere about the origin that contains every vertex, m."""
+        """Radius of the smallest sphere about the origin that contains every vertex, m, with every joint
+        at zero."""
         return float(max(np.sqrt((part.vertices_body_m**2).sum(axis=1).max()) for part in self.parts))

@@ -42,12 +42,25 @@ class Annotation:
                 raise ComponentError(f"annotator {name!r}: a label of POSSE's own has this name")
 
     def labels(self, look: Look) -> Labels:
-        """The labels of a look, those of plugins' annotators under the annotators' names, and full-size
-        arrays (H, W, ...).
+        """The labels of a look, those of plugins' annotators under the annotators' names, those of the
+        bodies beside the target by the bodies' names, and full-size arrays (H, W, ...).
 
         Raises:
             ComponentError: an annotator makes what cannot be written, or an array that another made too.
         """
+        labels, arrays = self._of_body(look)
+        if look.scene.others:
+            labels["bodies"] = {
+                body.name: {
+                    "spacecraft": body.spacecraft.name,
+                    **self._of_body(look.about(number))[0],
+                }
+                for number, body in enumerate(look.scene.others, 1)
+            }
+        return Labels(labels, arrays)
+
+    def _of_body(self, look: Look) -> tuple[dict[str, Any], dict[str, AnyArray]]:
+        """Labels of the body that a look is about, and full-size arrays of all bodies."""
         labels: dict[str, Any] = {}
         arrays: dict[str, AnyArray] = {}
         view = look.view()
@@ -61,7 +74,7 @@ class Annotation:
                 if array_name in arrays:
                     raise ComponentError(f"two annotators make the array {array_name!r}; choose one")
                 arrays[array_name] = full_size(array, view, look.scene.camera)
-        return Labels(labels, arrays)
+        return labels, arrays
 
     def line(
         self,

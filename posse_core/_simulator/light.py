@@ -10,7 +10,8 @@ import numpy as np
 from posse_core._geometry.raycast import RayCaster
 from posse_core._interfaces.renderer import Renderer
 from posse_core._model.camera import Camera, PixelBox
-from posse_core._model.scene import CraftState, FrameState, Radiance, RenderRequest
+from posse_core._model.craft_state import CraftState
+from posse_core._model.scene import FrameState, Radiance, RenderRequest
 from posse_core._model.shutter import STEP_PX
 from posse_core._randomness import derived_seed
 from posse_core._sky.sky import Sky

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from pydantic import ValidationError
@@ -73,15 +73,13 @@ def open_sensors(
     def opened(name: str, choice: SensorChoice) -> OpenSensor:
         mount = choice.mount.mount()
         sensor: Sensor[Any] = create(registry, "sensor", choice)
-        setting = SensorSetting(
-            name, scenario.seed, scene.spacecraft, scene.camera, scenario.sensor, mount, annotate
-        )
+        setting = SensorSetting(name, scenario.seed, scene, scenario.sensor, mount, annotate)
         try:
             with failures_named("sensor", name):
                 sensor.open(setting)
         except InputError as error:
             raise InputError(f"sensors.{name}: {error}") from None
-        own = Scene(scene.spacecraft, sensor.camera or scene.camera)
+        own = replace(scene, camera=sensor.camera or scene.camera)
         return OpenSensor(name, choice, sensor.mount or mount, sensor, own)
 
     return tuple(opened(name, choice) for name, choice in scenario.sensors.items())

@@ -9,7 +9,8 @@ from posse_core._environment.earth import R_itrf_from_gcrf
 from posse_core._environment.eclipse import sun_angular_radius_rad
 from posse_core._environment.time import Epoch
 from posse_core._frames import R_eci_from_rtn, matrix_from_quaternion, rtn_rate_rad_s
-from posse_core._model.scene import FrameState, Rates
+from posse_core._model.craft_state import Rates
+from posse_core._model.scene import FrameState
 from posse_core._model.trajectory import Trajectory
 
 

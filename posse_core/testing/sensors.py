@@ -17,11 +17,12 @@ from posse_core._frames import matrix_from_rotation_vector
 from posse_core._geometry.raycast import RayCaster
 from posse_core._interfaces.look import Look, SensorLook, Standpoint
 from posse_core._interfaces.sensor import Sensor, SensorSetting, StoredReading
+from posse_core._model.craft_state import Rates
 from posse_core._model.labels import Labels
 from posse_core._model.light import Light, LightRequest
 from posse_core._model.mount import Mount
 from posse_core._model.reading import Reading
-from posse_core._model.scene import FrameState, Radiance, Rates, Scene
+from posse_core._model.scene import FrameState, Radiance, Scene
 from posse_core._model.sky_view import SkyView
 from posse_core._scenario.sensor import SensorConfig
 from posse_core._simulator.returned import checked_reading
@@ -112,8 +113,7 @@ class SensorConformance(Conformance):
             SensorSetting(
                 name="kit",
                 seed=SEED,
-                spacecraft=scene.spacecraft,
-                camera=scene.camera,
+                scene=scene,
                 image_sensor=SensorConfig(),
                 mount=self.mount(),
                 annotate=lambda look: Labels({"pixels": int(look.view().mask.sum())}),

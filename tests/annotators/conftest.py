@@ -44,6 +44,7 @@ def make_view() -> Callable[..., View]:
             keypoints_px=np.array([[1.25, 2.5], [-3.0, 4.0], [np.nan, np.nan]]),
             keypoints_visibility=np.array([2, 0, 0], np.int8),
             whole_box_px=np.array([x0 - 0.25, y0 + 0.5, 3.5, 2.75]),
+            target_parts=int(part_id.max(initial=-1)) + 1,
         )
 
     return make

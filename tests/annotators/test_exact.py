@@ -38,7 +38,7 @@ def annotate():
     assert sorted(annotators) == NAMES
 
     def call(name, scene, frame, view):
-        casts = SimpleNamespace(view=lambda craft: view)
+        casts = SimpleNamespace(views=lambda craft: (view,))
         look = Look(Standpoint(frame, Mount(), 0, "annotator"), scene, lambda camera: casts)
         labels = annotators[name].annotate(look)
         json.dumps(dict(labels.values), allow_nan=False)

@@ -16,9 +16,10 @@ from sequences import DURATION_S, look_at, posed
 from posse_core._annotators.albedo import AlbedoAnnotator
 from posse_core._annotators.flow import OpticalFlowAnnotator, SceneFlowAnnotator
 from posse_core._model.camera import Camera
+from posse_core._model.craft_state import Rates
 from posse_core._model.distortion import BrownConrady, Fisheye
 from posse_core._model.mount import Mount
-from posse_core._model.scene import Rates, Scene
+from posse_core._model.scene import Scene
 from posse_core._model.spacecraft import Material
 from posse_core._plugins.options import NoOptions
 

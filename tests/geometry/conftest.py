@@ -9,7 +9,8 @@ import pytest
 import trimesh
 
 from posse_core._model.camera import Camera
-from posse_core._model.scene import CraftState, Scene
+from posse_core._model.craft_state import CraftState
+from posse_core._model.scene import Scene
 from posse_core._model.spacecraft import Material, Part, Spacecraft
 
 

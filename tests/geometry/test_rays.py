@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from posse_core._geometry import raycast
+from posse_core._geometry import instant
 from posse_core._geometry.raycast import RayCaster
 from posse_core._geometry.tracer import Tracer
 from posse_core._geometry.triangles import Triangles
@@ -182,7 +182,7 @@ def test_a_very_large_silhouette_is_sampled(make_scene, make_state, make_plate, 
     scene = make_scene({"plate": make_plate(3, 3)})
     state = make_state((0.2, 0.1, 0.5))
     exact = RayCaster(scene).view(state).silhouette_px
-    monkeypatch.setattr(raycast, "SILHOUETTE_RAYS", 20_000)
+    monkeypatch.setattr(instant, "SILHOUETTE_RAYS", 20_000)
     assert RayCaster(scene).view(state).silhouette_px == pytest.approx(exact, rel=0.02)
     assert exact == pytest.approx((2 * 3 * 48 / 0.5) ** 2, rel=0.01)
 
@@ -214,7 +214,7 @@ def test_views_are_equal_to_the_bit_in_any_order_and_any_crop(make_scene, make_s
     caster = RayCaster(scene)
     forward = [fields(caster.view(state)) for state in frames]
     backward = [fields(caster.view(state)) for state in frames[::-1]][::-1]
-    monkeypatch.setattr(raycast, "_CHUNK", 1000)
+    monkeypatch.setattr(instant, "_CHUNK", 1000)
     fresh = [fields(RayCaster(scene).view(state)) for state in frames]
     for views in zip(forward, backward, fresh, strict=True):
         for name in views[0]:

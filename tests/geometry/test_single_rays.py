@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from posse_core._geometry.raycast import RayCaster
-from posse_core._model.scene import Rates
+from posse_core._model.craft_state import Rates
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -100,7 +100,7 @@ def test_a_ray_at_a_later_instant_meets_the_later_state(make_scene, make_state, 
             np.concatenate([getattr(hits, name) for hits in shared]), one_by_one
         )
     # The point moves with the body: its position by the rates is where the ray met it.
-    there = state.body_in_camera(together.point_body_m, after_s)
+    there = state.in_camera(together.point_body_m, after_s)
     unit = d / np.linalg.norm(d, axis=1, keepdims=True)
     hit = together.hit
     np.testing.assert_allclose(

@@ -9,6 +9,8 @@ from hypothesis import strategies as st
 from scipy.ndimage import map_coordinates
 
 from posse_core._geometry.surface import Surface
+from posse_core._model.camera import Camera
+from posse_core._model.scene import Piece, Scene
 from posse_core._model.spacecraft import Material, Part, Spacecraft
 from posse_core._model.srgb import linear_from_srgb
 
@@ -22,6 +24,10 @@ def square(name: str, material: str, uv: np.ndarray, z_m: float = 0.0) -> Part:
     corners = np.array([[0, 0, z_m], [1, 0, z_m], [1, 1, z_m], [0, 1, z_m]], float)
     faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
     return Part(name, corners, faces, NO_NORMALS, uv.astype(np.float32), material)
+
+
+def pieces(craft: Spacecraft) -> tuple[Piece, ...]:
+    return Scene(craft, Camera(8, 8, 8.0, 8.0, 3.5, 3.5, 0.01)).pieces
 
 
 UNIT_UV = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
@@ -52,7 +58,7 @@ def test_textures_are_interpolated_between_texels_and_repeat(seed):
     uv = UNIT_UV * 1.5 - 0.25
     craft = Spacecraft("c", (square("a", "painted", uv),), {"painted": material})
     xy = rng.uniform(0, 1, (300, 2))
-    found = Surface(craft).at(*on_square(xy))
+    found = Surface(pieces(craft)).at(*on_square(xy))
     u, v = (xy * 1.5 - 0.25).T
 
     def expected(texture):
@@ -77,7 +83,7 @@ def test_row_0_of_a_texture_is_at_its_top():
     rows = np.zeros((4, 1, 3), np.uint8)
     rows[0] = 255
     craft = Spacecraft("c", (square("a", "m", UNIT_UV),), {"m": Material("m", base_color_texture=rows)})
-    found = Surface(craft).at(*on_square(np.array([[0.5, 7 / 8], [0.5, 1 / 8]])))
+    found = Surface(pieces(craft)).at(*on_square(np.array([[0.5, 7 / 8], [0.5, 1 / 8]])))
     assert found.base_color.tolist() == [[1, 1, 1], [0, 0, 0]]
 
 
@@ -87,7 +93,7 @@ def test_each_part_has_its_own_material_and_no_surface_has_none():
     craft = Spacecraft("c", parts, {"black": black, "metal": metal})
     triangle = np.array([3, -1, 0])
     points = np.array([[0.2, 0.6, 1.0], [np.nan] * 3, [0.6, 0.2, 0.0]])
-    found = Surface(craft).at(triangle, points)
+    found = Surface(pieces(craft)).at(triangle, points)
     np.testing.assert_array_equal(found.base_color, [[0.1] * 3, [np.nan] * 3, [1.0] * 3])
     np.testing.assert_array_equal(found.metallic, [0, np.nan, 1])
     np.testing.assert_array_equal(found.roughness, [0.8, np.nan, 1])
@@ -96,7 +102,7 @@ def test_each_part_has_its_own_material_and_no_surface_has_none():
 
 def test_no_points():
     craft = Spacecraft("c", (square("a", "m", UNIT_UV),), {"m": Material("m")})
-    found = Surface(craft).at(np.zeros(0, np.int64), np.zeros((0, 3)))
+    found = Surface(pieces(craft)).at(np.zeros(0, np.int64), np.zeros((0, 3)))
     assert found.base_color.shape == (0, 3)
     assert found.metallic.shape == (0,)
 
@@ -108,7 +114,7 @@ def test_the_texture_does_not_depend_on_the_size_of_the_spacecraft(scale):
     part = Part("a", part.vertices_body_m * scale, part.faces, part.normals_body, part.uv, "m")
     craft = Spacecraft("c", (part,), {"m": Material("m", base_color_texture=ramp)})
     triangle, points = on_square(np.array([[(5 + 0.5) / 16, 0.3], [(9 + 0.5) / 16, 0.8]]))
-    found = Surface(craft).at(triangle, points * scale)
+    found = Surface(pieces(craft)).at(triangle, points * scale)
     np.testing.assert_allclose(
         found.base_color[:, 0], linear_from_srgb(np.array([85, 153]) / 255), rtol=1e-6
     )
@@ -119,7 +125,7 @@ def tilted(tilt: tuple[float, float, float], part: Part) -> np.ndarray:
     code = np.rint((np.array(tilt) / np.linalg.norm(tilt) + 1) / 2 * 255).astype(np.uint8)
     material = Material("m", normal_texture=code[None, None])
     craft = Spacecraft("c", (part,), {"m": material})
-    return Surface(craft).normals(*on_square(np.array([[0.3, 0.6], [0.6, 0.3]])))
+    return Surface(pieces(craft)).normals(*on_square(np.array([[0.3, 0.6], [0.6, 0.3]])))
 
 
 def test_normal_maps_tilt_towards_u_and_v():
@@ -144,7 +150,7 @@ def test_normals_are_interpolated_between_the_corners():
     corners /= np.linalg.norm(corners, axis=1, keepdims=True)
     flat = square("a", "m", UNIT_UV)
     part = Part("a", flat.vertices_body_m, flat.faces, corners.astype(np.float32), flat.uv, "m")
-    surface = Surface(Spacecraft("c", (part,), {"m": Material("m")}))
+    surface = Surface(pieces(Spacecraft("c", (part,), {"m": Material("m")})))
     found = surface.normals(np.array([0, -1]), np.array([[0.5, 0.25, 0], [0, 0, 0]]))
     want = 0.5 * corners[0] + 0.25 * corners[1] + 0.25 * corners[2]
     np.testing.assert_allclose(found[0], want / np.linalg.norm(want), atol=1e-7)

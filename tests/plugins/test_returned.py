@@ -65,6 +65,7 @@ def view() -> View:
         keypoints_px=np.zeros((0, 2)),
         keypoints_visibility=np.zeros(0, np.int8),
         whole_box_px=np.zeros(4),
+        target_parts=1,
     )
 
 

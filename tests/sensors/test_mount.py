@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 from scipy.spatial.transform import Rotation
 
+from posse_core._model.craft_state import Rates
 from posse_core._model.mount import Mount
-from posse_core._model.scene import FrameState, Rates
+from posse_core._model.scene import FrameState
 from posse_core._scenario.sensors import MOST_READINGS, MountConfig, SensorChoice
 from posse_core.testing import scenes
 
@@ -31,8 +32,8 @@ def test_points_are_where_the_mount_puts_them_then_and_later(place, turn, v, bod
     state = moving(Rates(v, 0.1 * body, 0.1 * camera))
     seen = state.seen_from(mount)
     for after_s, error_m in ((0.0, 1e-12), (1e-4, 1e-9)):
-        by_camera = state.craft.body_in_camera(point, np.array(after_s))
-        by_sensor = seen.craft.body_in_camera(point, np.array(after_s))
+        by_camera = state.craft.in_camera(point, np.array(after_s))
+        by_sensor = seen.craft.in_camera(point, np.array(after_s))
         expected = mount.R_camera_from_sensor.T @ (by_camera - place)
         # Over a moment dt the sensor's straight line differs from its arc by |p| (ω dt)².
         np.testing.assert_allclose(by_sensor, expected, rtol=0, atol=error_m)

@@ -6,7 +6,8 @@ import numpy as np
 
 from posse_core._interfaces.renderer import Renderer
 from posse_core._model.camera import Camera
-from posse_core._model.scene import FrameState, Radiance, Rates, RenderRequest, Scene
+from posse_core._model.craft_state import Rates
+from posse_core._model.scene import FrameState, Radiance, RenderRequest, Scene
 from posse_core._model.spacecraft import Material, Part, Spacecraft
 
 DISTANCE_M = 10.0

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 from posse_core._geometry.raycast import RayCaster
 from posse_core._interfaces.look import Look, Standpoint
+from posse_core._model.craft_state import CraftState, Rates
 from posse_core._model.mount import Mount
-from posse_core._model.scene import CraftState, FrameState, Onward, Rates, Scene
+from posse_core._model.scene import FrameState, Onward, Scene
 
 DURATION_S = 5.0
 

@@ -55,7 +55,9 @@ def test_what_returns_to_a_lidar_is_what_the_sun_shows_from_behind(opened, seed:
         sun_angular_radius_rad=1e-4,
     )
     lidar = registry.create("sensor", "lidar", registry.options("sensor", "lidar", KEYS))
-    lidar.open(SensorSetting("", 0, aqua, scenes.camera(), SensorConfig(), Mount(), lambda _: Labels()))
+    lidar.open(
+        SensorSetting("", 0, Scene(aqua, scenes.camera()), SensorConfig(), Mount(), lambda _: Labels())
+    )
     assert lidar.camera is not None
     scene = Scene(aqua, lidar.camera)
     caster = RayCaster(scene)

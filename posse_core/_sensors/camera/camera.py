@@ -37,7 +37,7 @@ class CameraSensor(Sensor[CameraOptions]):
 
     def open(self, setting: SensorSetting) -> None:
         config, keys = self.options.sensor or setting.image_sensor, self.options.camera
-        self.camera = setting.camera if keys is None else keys.camera()
+        self.camera = setting.scene.camera if keys is None else keys.camera()
         self._labelled = LabelledCamera(setting, self.camera, config)
 
     def sense(self, look: SensorLook) -> Reading:

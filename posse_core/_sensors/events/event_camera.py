@@ -49,7 +49,7 @@ class EventCamera(Sensor[EventsOptions]):
         for chosen in options.formats:
             check(chosen)
         keys = options.camera
-        camera = setting.camera if keys is None else keys.camera()
+        camera = setting.scene.camera if keys is None else keys.camera()
         self.camera = replace(camera, line_time_s=0.0)  # pixels work at all times: there is no shutter
         lens = (options.sensor or setting.image_sensor).model_copy(update={"color": "mono"})
         self._image_sensor = ImageSensor(lens, self.camera)

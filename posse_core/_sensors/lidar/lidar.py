@@ -65,7 +65,7 @@ class LidarSensor(Sensor[LidarOptions]):
         else:
             self._beams = scanned(pattern)
         self._receiver = Receiver(self.options)
-        self._surface = Surface(setting.spacecraft)
+        self._surface = Surface(setting.scene.pieces)
 
     def sense(self, look: SensorLook) -> Reading:
         """One scan or flash; the instants of its beams follow that of the look."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from posse_core._arrays import FloatArray, IntArray
 from posse_core._frames import turned
+from posse_core._geometry.rows import by_link
 from posse_core._geometry.surface import Surface
 from posse_core._interfaces.look import SensorLook
 from posse_core._model.bands import solar_fraction_m
@@ -64,9 +65,11 @@ def returning(
     beam = on // rays
     triangle, point_body_m = hits.triangle[on], hits.point_body_m[on]
     craft = look.state.craft
-    R_sensor_from_body, _ = craft.poses_after(beams.after_s)
     shading = surface.normals(triangle, point_body_m)
-    normal = np.einsum("nij,nj->ni", R_sensor_from_body[beam], shading)
+    normal = np.empty_like(shading)
+    for body, link, points in by_link(look.scene, hits.part_id[on]):
+        R_sensor_from_link, _ = craft.bodies[body].link_poses_after(link, beams.after_s)
+        normal[points] = np.einsum("nij,nj->ni", R_sensor_from_link[beam[points]], shading[points])
     behind = np.sum(normal * hits.normal[on], axis=-1) < 0
     normal[behind] *= -1
     material = surface.at(triangle, point_body_m)

@@ -27,14 +27,14 @@ class StereoSensor(Sensor[StereoOptions]):
     def open(self, setting: SensorSetting) -> None:
         if not setting.mount.is_none:
             raise InputError("baseline_m says where a stereo eye is; leave out mount")
-        if setting.camera.distortion is not None:
+        if setting.scene.camera.distortion is not None:
             raise InputError(
                 "disparity is that of rectified images, and the chaser's camera has a distorting lens;"
                 " leave out camera.distortion, or use type: camera with a mount"
             )
-        self.camera = setting.camera
+        self.camera = setting.scene.camera
         self.mount = Mount(np.array([self.options.baseline_m, 0.0, 0.0]))
-        self._labelled = LabelledCamera(setting, setting.camera, setting.image_sensor)
+        self._labelled = LabelledCamera(setting, setting.scene.camera, setting.image_sensor)
 
     def sense(self, look: SensorLook) -> Reading:
         reading, camera, baseline_m = (

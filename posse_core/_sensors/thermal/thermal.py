@@ -28,9 +28,9 @@ class ThermalCamera(Sensor[ThermalOptions]):
 
     def open(self, setting: SensorSetting) -> None:
         options = self.options
-        surfaces = surfaces_of(setting.spacecraft, options.materials, options.parts)
+        surfaces = surfaces_of(setting.scene.spacecraft, options.materials, options.parts)
         self._model = ThermalModel.of(
-            setting.spacecraft, surfaces, facet_m=options.facet_m, thin_m=options.thin_m
+            setting.scene.spacecraft, surfaces, facet_m=options.facet_m, thin_m=options.thin_m
         )
         self._camera = self.camera = options.camera.camera()
         shape = (self._camera.height_px, self._camera.width_px)

@@ -43,8 +43,7 @@ def opened(seed: int = 7, **options: Any) -> EventCamera:
         SensorSetting(
             name="dvs",
             seed=seed,
-            spacecraft=scene.spacecraft,
-            camera=scene.camera,
+            scene=scene,
             image_sensor=SensorConfig(),
             mount=Mount(),
             annotate=lambda look: Labels({}),

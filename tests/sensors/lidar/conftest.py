@@ -12,10 +12,10 @@ import pytest
 from posse_core._geometry.raycast import RayCaster
 from posse_core._interfaces.look import SensorLook, Standpoint
 from posse_core._interfaces.sensor import SensorSetting
+from posse_core._model.craft_state import Rates
 from posse_core._model.labels import Labels
 from posse_core._model.mount import Mount
 from posse_core._model.reading import Reading
-from posse_core._model.scene import Rates
 from posse_core._model.spacecraft import Material, Part
 from posse_core._scenario.sensor import SensorConfig
 from posse_core._sensors.lidar.lidar import LidarSensor
@@ -61,9 +61,7 @@ def sense() -> Callable[..., Reading]:
         craft = replace(state.craft, rates=Rates(*(np.array(rate, float) for rate in rates)))
         state = replace(state, index=index, craft=craft)
         sensor = LidarSensor(LidarOptions.model_validate({"formats": [], **options}))
-        no_labels = SensorSetting(
-            "test", 7, scene.spacecraft, scene.camera, SensorConfig(), Mount(), lambda _: Labels()
-        )
+        no_labels = SensorSetting("test", 7, scene, SensorConfig(), Mount(), lambda _: Labels())
         sensor.open(no_labels)
         caster = RayCaster(scene)
         stand = Standpoint(state, Mount(), 7, "sensor test")

@@ -215,7 +215,9 @@ def test_what_is_no_rectified_pair_is_refused_in_one_line(mount, distortion, wor
     camera = replace(scene.camera, distortion=distortion)
     with pytest.raises(InputError, match=words) as caught:
         sensor.open(
-            SensorSetting("r", 1, scene.spacecraft, camera, SensorConfig(), mount, lambda look: Labels())
+            SensorSetting(
+                "r", 1, replace(scene, camera=camera), SensorConfig(), mount, lambda look: Labels()
+            )
         )
     assert "\n" not in str(caught.value)
 

@@ -11,9 +11,10 @@ from scipy.spatial.transform import Rotation
 from posse_core._geometry.raycast import RayCaster
 from posse_core._interfaces.look import Look, Standpoint
 from posse_core._model.camera import Camera
+from posse_core._model.craft_state import AT_REST, Rates
 from posse_core._model.labels import NOT_IN_FRAME, OCCLUDED, VISIBLE
 from posse_core._model.mount import Mount
-from posse_core._model.scene import AT_REST, Rates, Scene
+from posse_core._model.scene import Scene
 from posse_core._sensors.stereo.disparity import OFF_CRAFT, EyeLabels, eye_labels
 from posse_core.testing import scenes
 from posse_core.testing.stage import CLAY, WHITE, craft
@@ -142,7 +143,7 @@ def test_a_point_is_in_the_other_image_in_the_same_row_a_disparity_away(line_tim
         after_s = camera.row_after_s(rows.astype(float))
         point_m = mine.rays(camera.rays(np.stack([columns, rows], -1)), after_s=after_s).point_body_m
         expected_px = np.stack([columns + sign * d_px, rows], -1)
-        found_px = camera.project(other.state.craft.body_in_camera(point_m, after_s))
+        found_px = camera.project(other.state.craft.in_camera(point_m, after_s))
         # Rates of the two eyes agree to first order: b (ω t)² is 6 µm here, or 4e-4 px.
         assert np.abs(found_px - expected_px).max() < (1e-3 if line_time_s else 3e-6)
 

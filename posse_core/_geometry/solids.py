@@ -1,0 +1,215 @@
+"""The links of a scene as solids that rays are traced on, each in axes of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from posse_core._arrays import BoolArray, FloatArray, IntArray
+from posse_core._geometry.outline import edges_of, extent_px
+from posse_core._geometry.rows import seen_by_rows
+from posse_core._geometry.tracer import Tracer
+from posse_core._geometry.triangles import Triangles, dot, rotated
+from posse_core._model.camera import Camera
+from posse_core._model.craft_state import BodyState, CraftState, LinkPoses
+from posse_core._model.scene import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """All triangles of one link; vectors and positions are in its axes, component first.
+
+    Attributes:
+        tracer: of the triangles.
+        body: number of its body in the scene.
+        link: number of the link within the body.
+        scene_link: number of the link in the scene.
+        vertices_link_m: (3, V).
+        edges: (E, 2) vertex indices.
+        part_id: (T + 1,) int16 part of each triangle, as in a view; −1 last, for rays that hit none.
+        face: (T + 1,) int32 index of each triangle, likewise.
+    """
+
+    tracer: Tracer
+    body: int
+    link: int
+    scene_link: int
+    vertices_link_m: FloatArray
+    edges: IntArray
+    part_id: IntArray
+    face: IntArray
+
+    def in_camera(self, poses: LinkPoses) -> FloatArray:
+        """(3, V) vertices in camera axes at one instant."""
+        R, t_m = poses.R_cam_from_link[self.scene_link], poses.t_link_cam_m[self.scene_link]
+        return np.asarray(rotated(R, self.vertices_link_m) + t_m[:, None])
+
+    def seen(self, craft: CraftState, camera: Camera, poses: LinkPoses) -> FloatArray:
+        """(3, V) vertices in camera axes, each at the time of the row that sees it.
+
+        Args:
+            craft: at the frame's instant.
+            camera: whose rows they are.
+            poses: of the links at the frame's instant.
+        """
+        if camera.line_time_s == 0:
+            return self.in_camera(poses)
+        body: BodyState = craft.bodies[self.body]
+        return seen_by_rows(body, camera, self.vertices_link_m.T, self.link)[0].T
+
+    def extent_px(self, camera: Camera, vertices_cam_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Lowest and highest image position, (2,) each, of (3, V) vertices in camera axes; NaN if one is
+        behind the camera or beyond the reach of its lens."""
+        return extent_px(camera, vertices_cam_m.T, self.edges)
+
+
+def solids_of(scene: Scene) -> tuple[Solid, ...]:
+    """The solids of a scene's links, in the order of the links; links without a part have none."""
+    links: dict[int, list[int]] = {}
+    for index, piece in enumerate(scene.pieces):
+        links.setdefault(piece.link, []).append(index)
+    faces = [len(piece.part.faces) for piece in scene.pieces]
+    first_face = np.cumsum([0, *faces])
+    owner = [
+        (body, link)
+        for body, spacecraft in enumerate(scene.bodies)
+        for link in range(len(spacecraft.joints) + 1)
+    ]
+    solids = []
+    for scene_link in sorted(links):
+        pieces = links[scene_link]
+        parts = [scene.pieces[k].part for k in pieces]
+        corners_m = np.concatenate([part.vertices_body_m[part.faces] for part in parts])
+        part_id = np.repeat(np.array(pieces, dtype=np.int16), [faces[k] for k in pieces])
+        low = np.min([part.vertices_body_m.min(axis=0) for part in parts], axis=0)
+        high = np.max([part.vertices_body_m.max(axis=0) for part in parts], axis=0)
+        triangles = Triangles.of_corners(corners_m, part_id, np.stack([low, high]))
+        face = np.concatenate([first_face[k] + np.arange(faces[k]) for k in pieces])[triangles.face]
+        vertices = np.cumsum([0, *(len(part.vertices_body_m) for part in parts)])
+        body, link = owner[scene_link]
+        solids.append(
+            Solid(
+                tracer=Tracer(triangles),
+                body=body,
+                link=link,
+                scene_link=scene_link,
+                vertices_link_m=np.ascontiguousarray(
+                    np.concatenate([part.vertices_body_m for part in parts]).T
+                ),
+                edges=edges_of(
+                    np.concatenate(
+                        [first + part.faces for first, part in zip(vertices, parts, strict=False)]
+                    )
+                ),
+                part_id=np.append(triangles.part_id, np.int16(-1)),
+                face=np.append(face, -1).astype(np.int32),
+            )
+        )
+    return tuple(solids)
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A solid at one instant, or at one instant for each of N rays.
+
+    Positions in the solid's own axes are relative to the centre of its box, as in :class:`Tracer`.
+
+    Attributes:
+        solid: what is placed.
+        R_cam_from_link: (3, 3) or (3, 3, N).
+        t_link_cam_m: (3, 1) or (3, N).
+    """
+
+    solid: Solid
+    R_cam_from_link: FloatArray
+    t_link_cam_m: FloatArray
+
+    def of_rays(self, rays: IntArray) -> Placed:
+        """The same for some of the rays, by their indices (n,)."""
+        if self.R_cam_from_link.ndim == 2:
+            return self
+        return replace(
+            self,
+            R_cam_from_link=self.R_cam_from_link[..., rays],
+            t_link_cam_m=self.t_link_cam_m[:, rays],
+        )
+
+    def point_here(self, x_cam_m: FloatArray) -> FloatArray:
+        """Points (3, N) in camera axes → own axes, relative to the centre."""
+        centre_m = self.solid.tracer.triangles.centre_body_m[:, None]
+        return self.direction_here(x_cam_m - self.t_link_cam_m) - centre_m
+
+    def direction_here(self, d_cam: FloatArray) -> FloatArray:
+        """Directions (3, N) in camera axes → own axes."""
+        return rotated(np.swapaxes(self.R_cam_from_link, 0, 1), d_cam)
+
+    def direction_in_camera(self, d: FloatArray) -> FloatArray:
+        """Directions (3, N) in own axes → camera axes."""
+        return rotated(self.R_cam_from_link, d)
+
+    def point_in_camera(self, x_m: FloatArray) -> FloatArray:
+        """Points (3, N) in own axes, relative to the centre → camera axes."""
+        centre_m = self.solid.tracer.triangles.centre_body_m[:, None]
+        return self.direction_in_camera(x_m + centre_m) + self.t_link_cam_m
+
+
+def placed_at(solids: Sequence[Solid], poses: LinkPoses) -> tuple[Placed, ...]:
+    """The solids at one instant."""
+    return tuple(
+        Placed(
+            solid, poses.R_cam_from_link[solid.scene_link], poses.t_link_cam_m[solid.scene_link][:, None]
+        )
+        for solid in solids
+    )
+
+
+def shadowed(
+    placed: Sequence[Placed],
+    own: int,
+    point_m: FloatArray,
+    normal: FloatArray,
+    sun_direction_cam: FloatArray,
+) -> BoolArray:
+    """Whether any solid lies between points of one of them and the Sun: (N,).
+
+    Args:
+        placed: all solids, for the same N rays.
+        own: index of the solid that the points are on.
+        point_m: (3, N) its axes, relative to its centre.
+        normal: (3, N) unit normals on the side that is seen, likewise.
+        sun_direction_cam: (3, 1) unit vector to the Sun, camera axes, or (3, N).
+    """
+    here = placed[own]
+    found = here.solid.tracer.shadowed(point_m, normal, here.direction_here(sun_direction_cam))
+    others = [each for k, each in enumerate(placed) if k != own]
+    if not others:
+        return found
+    free = np.flatnonzero(~found)
+    for other in others:
+        if not len(free):
+            break
+        x_cam_m = here.of_rays(free).point_in_camera(point_m[:, free])
+        sun = sun_direction_cam if sun_direction_cam.shape[1] == 1 else sun_direction_cam[:, free]
+        there = other.of_rays(free)
+        blocked = _blocked(there.solid.tracer, there.point_here(x_cam_m), there.direction_here(sun))
+        found[free[blocked]] = True
+        free = free[~blocked]
+    return found
+
+
+def _blocked(tracer: Tracer, point_m: FloatArray, direction: FloatArray) -> BoolArray:
+    """Whether a tracer's triangles lie on rays that begin outside them or at their surface: (N,)."""
+    directions = np.broadcast_to(direction, point_m.shape)
+    size_m = tracer.triangles.size_m
+    along_m = -dot(point_m, directions)
+    across_m = point_m + along_m * directions
+    # No triangle is further from the centre of its box than the box's longest side.
+    near = np.flatnonzero((dot(across_m, across_m) <= size_m**2) & (along_m >= -size_m))
+    blocked = np.zeros(point_m.shape[1], dtype=np.bool_)
+    if len(near):
+        skipped_m = np.maximum(0.0, along_m[near] - size_m)
+        starts_m = point_m[:, near] + skipped_m * directions[:, near]
+        blocked[near] = tracer.blocked(starts_m, directions[:, near])
+    return blocked

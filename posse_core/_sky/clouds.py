@@ -28,6 +28,10 @@ _COVER_LAT_DEG = (-90, -62, -48, -35, -20, -8, 5, 14, 25, 40, 55, 70, 90)
 _COVER = (0.50, 0.86, 0.82, 0.62, 0.50, 0.52, 0.68, 0.55, 0.44, 0.60, 0.72, 0.70, 0.62)
 """Cloud cover at these latitudes, after MODIS' zonal means (King et al. 2013)."""
 _THRESHOLD_STEPS = 180
+_DEPTHS = (-5.0, 6.0, 276)
+_VARIANCES = (1.5, 31)
+"""First and last value and number of the columns, and last value and number of the rows of
+:func:`_mean_table`."""
 _STORM_REACH = 14.0
 """How far from its centre a storm is computed; there it turns the air by less than 3 µrad."""
 
@@ -36,9 +40,15 @@ _STORM_REACH = 14.0
 class Clouds:
     """A random field of mean 0 and variance 1. There is cloud where it exceeds a threshold.
 
+    What a pixel sees is the mean of the light within it, which is not the light of the mean field. So
+    the maps have the mean and the mean square of the field, as LEAN mapping has of slopes (Olano & Baker
+    2010, I3D), and the light is averaged over a normal distribution with their variance.
+
     Attributes:
-        base: float32 map of the field's large structure, plate carrée as the ground's map.
-        detail: fine structure that is added to it.
+        base: float32 map with 3 channels, plate carrée as the ground's map: the field's large structure,
+            its square, and the standard deviation of the fine structure, since how broken the clouds are
+            varies over the globe.
+        detail: fine structure that is added to the large one.
     """
 
     base: Pyramid
@@ -46,7 +56,7 @@ class Clouds:
 
     def at(
         self, drifted: Float32Array, latitude_rad: Float32Array, footprint_m: Float32Array
-    ) -> tuple[Float32Array, Float32Array]:
+    ) -> tuple[Float32Array, Float32Array, Float32Array]:
         """Sample the field above points on the ground.
 
         Args:
@@ -55,35 +65,62 @@ class Clouds:
             footprint_m: (...) width that a pixel covers there.
 
         Returns:
-            (...) the field, without the structure that the footprint averages out; (3, ...) the slope of
+            (...) mean and (...) variance of the field within the footprint; (3, ...) the mean slope of
             the fine structure, ECEF axes, per kilometre.
         """
         level = np.log2(footprint_m * np.float32(MAP_WIDTH / (2 * np.pi * RADIUS_M)))
         x = np.arctan2(drifted[1], drifted[0]) * np.float32(0.5 / np.pi) + np.float32(0.5)
         y = np.float32(0.5) - latitude_rad * np.float32(1 / np.pi)
-        field = self.base.between(x, y, level)
-        # How broken the clouds are varies over the globe; another part of the map provides this
-        # variation.
-        x += np.float32(0.381)
-        x -= np.floor(x)
-        strength = self.base.at(x, y, np.maximum(level, 3))
-        strength *= np.float32(0.5)
-        strength += np.float32(0.9)
-        np.clip(strength, np.float32(0.25), np.float32(1.7), out=strength)
-        strength *= np.float32(np.sqrt(DETAIL_SHARE))
-        fine, slope = self.detail.at(drifted, footprint_m)
+        field, square, strength = self.base.between(x, y, level)
+        variance = square - field * field
+        fine, fine_variance, slope = self.detail.at(drifted, footprint_m)
         fine *= strength
         field += fine
         slope *= strength
-        return field, slope
+        strength *= strength
+        fine_variance *= strength
+        variance += fine_variance
+        return field, variance, slope
 
-    def lost(self, footprint_m: Float32Array) -> Float32Array:
-        """(...) widths that a pixel covers → (...) standard deviation of the structure that it averages
-        out."""
-        level = np.log2(footprint_m * np.float32(MAP_WIDTH / (2 * np.pi * RADIUS_M)))
-        variance = DETAIL_SHARE * self.detail.lost_variance(footprint_m)
-        variance += (1 - DETAIL_SHARE) * np.clip(level / 8, 0, 1)
-        return np.asarray(np.sqrt(variance))
+
+def cover_and_light(depth: Float32Array, variance: Float32Array) -> tuple[Float32Array, Float32Array]:
+    """Share of a footprint that clouds cover, and the reflectance that they add to it.
+
+    Args:
+        depth: (...) mean of the field above its threshold.
+        variance: (...) its variance within the footprint.
+
+    Returns:
+        (...) cover, and (...) cover times the clouds' reflectance, both averaged over the footprint.
+    """
+    first, last, columns = _DEPTHS
+    most, rows = _VARIANCES
+    column = (depth - np.float32(first)) * np.float32((columns - 1) / (last - first))
+    row = variance * np.float32((rows - 1) / most)
+    found = lookup(_mean_table(), column, row)
+    return found[..., 0], found[..., 1]
+
+
+@functools.cache
+def _mean_table() -> Float32Array:
+    """(variances, depths, 4) cover and cover times reflectance, averaged over normal distributions; the
+    last two channels are empty, because OpenCV takes samples of four in half the time.
+
+    Thin clouds reflect 0.2 and thick ones 0.9, with which the planet reflects as much as is measured
+    (docs/sky.md).
+    """
+    depth = np.linspace(*_DEPTHS)
+    sigma = np.sqrt(np.linspace(0, *_VARIANCES))
+    z = np.linspace(-5, 5, 401)
+    weight = np.exp(-z * z / 2)
+    values = depth[:, None] + sigma[:, None, None] * z
+    cover = np.clip(values / 1.1 + 0.35, 0, 1)
+    cover *= cover * (3 - 2 * cover)
+    bright = 0.9 - 0.7 * np.exp(-0.8 * np.maximum(values, 0))
+    table = np.zeros((len(sigma), len(depth), 4), dtype=np.float32)
+    table[..., 0] = cover @ weight / weight.sum()
+    table[..., 1] = (cover * bright) @ weight / weight.sum()
+    return table
 
 
 def drifted(normal: Float32Array, latitude_rad: Float32Array, t_s: float) -> Float32Array:
@@ -122,7 +159,10 @@ def make_clouds(seed: int) -> Clouds:
     sources = (Path(__file__).read_bytes(), Path(_frames.__file__).read_bytes())
     recipe = (*sources, repr((seed, versions)).encode())
     base = cached_array("clouds", recipe, lambda: _base(random_generator(seed, -1, "clouds")))
-    return Clouds(Pyramid(base), make_detail(seed))
+    # Where the fine structure is strong is decided by another part of the map, without its own details.
+    broken = np.clip(0.9 + 0.5 * np.roll(_enlarged(base, 256), 97, axis=1), 0.25, 1.7)
+    strength = np.float32(np.sqrt(DETAIL_SHARE)) * _enlarged(broken, MAP_WIDTH)
+    return Clouds(Pyramid(np.dstack([base, base * base, strength])), make_detail(seed))
 
 
 def _base(random: np.random.Generator) -> Float32Array:

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posse_core._arrays import Float32Array, FloatArray
+from posse_core._arrays import Float32Array
 from posse_core._randomness import random_generator
 from posse_core._sky.atmosphere import RADIUS_M
-from posse_core._sky.pyramid import Pyramid, lookup
+from posse_core._sky.pyramid import Pyramid
 
 TILE_PX = 1024
 TILE_M = 512e3
@@ -27,35 +27,36 @@ class Detail:
     """Noise of mean 0 and variance 1 on the globe.
 
     Attributes:
-        tile: float32 with 3 channels: the noise, and its slopes to the right and downwards, per km.
-        kept: (levels,) share of the variance that remains at each level, which halves the resolution.
+        tile: float32 with 4 channels: the noise, its slopes to the right and downwards, per km, and its
+            square.
     """
 
     tile: Pyramid
-    kept: Float32Array
 
-    def at(self, normal: Float32Array, footprint_m: Float32Array) -> tuple[Float32Array, Float32Array]:
-        """(3, ...) unit vectors, ECEF axes, and (...) pixel widths → noise (...), and slope (3, ...) per
-        km, ECEF axes."""
-        noise, slope = np.zeros_like(footprint_m), np.zeros_like(normal)
+    def at(
+        self, normal: Float32Array, footprint_m: Float32Array
+    ) -> tuple[Float32Array, Float32Array, Float32Array]:
+        """(3, ...) unit vectors, ECEF axes, and (...) pixel widths → mean and variance of the noise in
+        the pixel (...), and its mean slope (3, ...) per km, ECEF axes."""
+        noise, variance = np.zeros_like(footprint_m), np.zeros_like(footprint_m)
+        slope = np.zeros_like(normal)
         level = np.log2(footprint_m / np.float32(TEXEL_M))
         for side, weight in _projections(normal):
             right, down = (side + 1) % 3, (side + 2) % 3
             u = normal[right] * np.float32(RADIUS_M / TILE_M)
             v = normal[down] * np.float32(RADIUS_M / TILE_M)
             sample = self.tile.at(u - np.floor(u), v - np.floor(v), level)
-            if weight is not None:
-                sample *= weight
+            sample[3] -= sample[0] * sample[0]
+            if weight is None:
+                slope[right], slope[down] = sample[1], sample[2]
+                return sample[0], sample[3], slope
+            sample *= weight
+            sample[3] *= weight
             noise += sample[0]
             slope[right] += sample[1]
             slope[down] += sample[2]
-        return noise, slope
-
-    def lost_variance(self, footprint_m: Float32Array) -> Float32Array:
-        """(...) pixel widths → (...) shares of the variance that a pixel averages out."""
-        level = np.log2(footprint_m / np.float32(TEXEL_M))
-        kept = lookup(self.kept[None], level, np.zeros_like(level))
-        return np.asarray(1 - kept, dtype=np.float32)
+            variance += sample[3]
+        return noise, variance, slope
 
 
 def _projections(normal: Float32Array) -> Iterator[tuple[int, Float32Array | None]]:
@@ -98,11 +99,6 @@ def make_detail(seed: int) -> Detail:
     noise /= noise.std()
     right = (np.roll(noise, -1, axis=1) - np.roll(noise, 1, axis=1)) / (2e-3 * TEXEL_M)
     down = (np.roll(noise, -1, axis=0) - np.roll(noise, 1, axis=0)) / (2e-3 * TEXEL_M)
-    tile = Pyramid(np.stack([noise, right, down], axis=-1).astype(np.float32), tiles=True)
-    kept = [np.var(_halved(noise, times)) for times in range(7)]
-    return Detail(tile, np.array(kept, dtype=np.float32))
-
-
-def _halved(image: FloatArray, times: int) -> FloatArray:
-    side = TILE_PX >> times
-    return np.asarray(image.reshape(side, TILE_PX // side, side, TILE_PX // side).mean(axis=(1, 3)))
+    return Detail(
+        Pyramid(np.stack([noise, right, down, noise**2], axis=-1).astype(np.float32), tiles=True)
+    )

@@ -22,7 +22,7 @@ from posse_core._sky.atmosphere import (
     limb_row,
     sunlight,
 )
-from posse_core._sky.clouds import Clouds, drifted, threshold
+from posse_core._sky.clouds import Clouds, cover_and_light, drifted, threshold
 from posse_core._sky.ellipsoid import SEMI_AXES_M
 from posse_core._sky.ground import OCEAN_RGB, Ground, glint_radiance
 from posse_core._sky.pyramid import lookup
@@ -31,6 +31,14 @@ from posse_core._sky.surface import Surface
 _STRETCH: FloatArray = RADIUS_M / SEMI_AXES_M
 """(3,) scale factors that map the ellipsoid to a sphere of the equatorial radius. Straight lines stay
 straight. Vectors scaled by it are called stretched below."""
+
+_AIR_STEP_M = 2e3
+_MOST_AIR_STEPS = 16
+"""How wide a pixel is for which the air above the limb is sampled once, and the most samples of a wider
+one."""
+
+_SAMPLES_ACROSS = 64
+"""The fewest samples in the Earth's diameter."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +69,7 @@ class EarthRays:
         ahead_m: (n,) distance along the ray to its point nearest to the Earth's centre; negative behind
             the camera.
         nearest_m: (n,) distance of that point from the centre.
+        width_m: (n,) width of the pixel there.
         on_ground: (n,) float32 share of the pixel that is below the limb.
         through_air: (n,) whether the rest of the pixel sees the atmosphere above the limb.
     """
@@ -68,6 +77,7 @@ class EarthRays:
     directions: FloatArray
     ahead_m: FloatArray
     nearest_m: FloatArray
+    width_m: FloatArray
     on_ground: Float32Array
     through_air: BoolArray
 
@@ -109,22 +119,31 @@ class EarthView:
             (..., 3) W m⁻² sr⁻¹.
         """
         rays = self.rays(directions_cam, pixel_rad)
-        radiance = self.air_light(rays)
+        radiance = self.air_light(rays, pixel_rad)
         ground = np.flatnonzero(rays.on_ground > 0)
         if len(ground):
             seen = self.ground_light(Surface(self.surface(rays, ground, pixel_rad)))
             radiance[ground] += rays.on_ground[ground, None] * seen.T
         return radiance.reshape(directions_cam.shape)
 
-    def air_light(self, rays: EarthRays) -> Float32Array:
+    def air_light(self, rays: EarthRays, pixel_rad: float) -> Float32Array:
         """(n, 3) radiance of the air beyond the limb, W m⁻² sr⁻¹."""
         radiance = np.zeros((len(rays.directions), 3), dtype=np.float32)
         air = np.flatnonzero(rays.through_air)
         if len(air) and self._earth.air:
-            glow, _ = self._air.sample(
-                limb_row(rays.nearest_m[air] - RADIUS_M), self._azimuth(rays.directions[air])
-            )
-            radiance[air] = (1 - rays.on_ground[air, None]) * glow * self._sun_rgb_w_m2
+            # The light is averaged over what the pixel sees above the limb. The heights are closest
+            # to each other at the bottom, where the air is densest.
+            high_m = rays.nearest_m[air] + rays.width_m[air] / 2 - RADIUS_M
+            low_m = np.maximum(0, high_m - rays.width_m[air])
+            azimuth = self._azimuth(rays.directions[air])
+            at_limb_m = np.sqrt(max(0.0, self._distance_m**2 - RADIUS_M**2)) * pixel_rad
+            count = int(np.clip(np.ceil(at_limb_m / _AIR_STEP_M), 1, _MOST_AIR_STEPS))
+            for at in (np.arange(count) + 0.5) / count:
+                height_m = low_m + at**2 * (high_m - low_m)
+                glow, _ = self._air.sample(limb_row(height_m), azimuth)
+                glow[height_m > TOP_M] = 0
+                radiance[air] += (2 * at / count) * glow
+            radiance[air] *= (1 - rays.on_ground[air, None]) * self._sun_rgb_w_m2
         return radiance
 
     def passed(self, directions_cam: FloatArray, pixel_rad: float) -> Float32Array:
@@ -149,8 +168,9 @@ class EarthView:
         width_m = np.maximum(ahead_m, 1) * pixel_rad
         share = np.clip(0.5 - (nearest_m - RADIUS_M) / width_m, 0, 1)
         on_ground = np.where(ahead_m > 0, share, 0).astype(np.float32)
-        through_air = (on_ground < 1) & (ahead_m > 0) & (nearest_m < RADIUS_M + TOP_M)
-        return EarthRays(d, ahead_m, nearest_m, on_ground, through_air)
+        lowest_m = nearest_m - width_m / 2
+        through_air = (on_ground < 1) & (ahead_m > 0) & (lowest_m < RADIUS_M + TOP_M)
+        return EarthRays(d, ahead_m, nearest_m, width_m, on_ground, through_air)
 
     def touches(self, directions_cam: FloatArray, reach_rad: float) -> BoolArray:
         """(..., 3) unit vectors, camera axes → (...): whether the Earth or its air is within an angle of
@@ -161,6 +181,12 @@ class EarthView:
         from_nadir = np.arccos(np.clip(directions_cam @ nadir_cam, -1, 1))
         return np.asarray(from_nadir < edge + reach_rad)
 
+    def samples(self, pixel_rad: float) -> int:
+        """How many samples, in each direction, a pixel of a width needs so that there are enough across
+        the Earth to find its limb and its terminator."""
+        width_rad = 2 * np.arcsin(min(1.0, RADIUS_M / self._distance_m))
+        return int(np.clip(np.ceil(_SAMPLES_ACROSS * pixel_rad / width_rad), 1, _SAMPLES_ACROSS))
+
     def _azimuth(self, d: FloatArray) -> Float32Array:
         """(n, 3) stretched directions → (n,) angle from the Sun's azimuth, 0 … π."""
         x, y = self._azimuth_axes @ d.T
@@ -169,9 +195,10 @@ class EarthView:
     def surface(self, rays: EarthRays, which: IntArray, pixel_rad: float) -> Float32Array:
         """(Surface.COUNT, k) angles, light and weather where the rays ``which`` (k,) meet the ground.
 
-        For rays that pass above the ground they are those of the point below where the rays are lowest.
+        For pixels on the limb they are those in the middle of the part that is below it.
         """
-        d, b_m = rays.directions[which], rays.nearest_m[which]
+        d, share = rays.directions[which], rays.on_ground[which].astype(np.float64)
+        b_m = np.minimum(rays.nearest_m[which], RADIUS_M - rays.width_m[which] * share / 2)
         view_cosine = np.sqrt(np.maximum(0, 1 - (b_m / RADIUS_M) ** 2))
         way_m = rays.ahead_m[which] - RADIUS_M * view_cosine
         normal = (self._origin_m[:, None] + way_m * d.T) * (_STRETCH / RADIUS_M)[:, None]
@@ -187,9 +214,8 @@ class EarthView:
         footprint_m[:] = np.maximum(way_m, 1) * pixel_rad / np.sqrt(np.maximum(view_cosine, 0.02))
         if self._earth.clouds is not None:
             latitude = np.arcsin(np.clip(surface.normal[2], -1, 1))
-            aridity = self._earth.ground.aridity(surface.normal, latitude, footprint_m)
+            aridity = self._earth.ground.aridity(surface.normal, latitude)
             surface.threshold[:] = threshold(latitude) + np.float32(1.2) * aridity
-            surface.contrast[:] = 1 / (1 + 1.5 * self._earth.clouds.lost(footprint_m))
             surface.drifted[:] = drifted(surface.normal, latitude, self._t_s)
         if not self._earth.air:
             surface.daylight[:] = np.maximum(0, sun_cosine) * np.float32(1 / np.pi)
@@ -215,13 +241,12 @@ class EarthView:
             band *= clear
             band += ocean * water
         if self._earth.clouds is not None:
-            cover, bright = self._cover(surface, latitude)
+            cover, clouds = self._cover(surface, latitude)
             np.subtract(1, cover, out=clear)
-            cover *= bright
             water *= clear
             for band in radiance:
                 band *= clear
-                band += cover
+                band += clouds
         parts = (radiance, surface.daylight, surface.glitter, surface.airlight, self._sun_rgb_w_m2)
         for band, day, glitter, air, sun_w_m2 in zip(*parts, strict=True):
             band *= day
@@ -231,17 +256,16 @@ class EarthView:
         return radiance
 
     def _cover(self, surface: Surface, latitude: Float32Array) -> tuple[Float32Array, Float32Array]:
-        """Cover of clouds and their reflectance, (...) each."""
+        """Cover of clouds, and the reflectance that they add, (...) each."""
         assert self._earth.clouds is not None
-        depth, slope = self._earth.clouds.at(surface.drifted, latitude, surface.footprint_m)
+        depth, variance, slope = self._earth.clouds.at(surface.drifted, latitude, surface.footprint_m)
         depth -= surface.threshold
-        depth *= surface.contrast
-        cover = np.clip(depth * np.float32(1 / 1.1) + np.float32(0.35), 0, 1)
-        cover *= cover * (3 - 2 * cover)
-        # Sides of clouds that face the Sun are brighter, and the more so the lower it is.
+        cover, light = cover_and_light(depth, variance)
+        # Sides of clouds that face the Sun are brighter, and the more so the lower it is. Those that
+        # face away are darker by as much, so that the mean light does not depend on the resolution.
         sun = self._sun.astype(np.float32)
         sun_cosine = np.maximum(np.tensordot(sun, surface.normal, 1), np.float32(0.15))
         relief = np.tensordot(sun, slope, 1) / sun_cosine
-        bright = np.float32(0.94) - np.float32(0.48) * np.exp(-np.maximum(depth, 0))
-        bright *= np.clip(1 - np.float32(0.6) * relief, np.float32(0.65), np.float32(1.25))
-        return cover, bright
+        relief *= np.float32(0.6)
+        relief = 1 - np.clip(relief, np.float32(-0.3), np.float32(0.3))
+        return cover, np.asarray(light * relief, dtype=np.float32)

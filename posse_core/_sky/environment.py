@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 
+from posse_core._arrays import FloatArray
 from posse_core._model.scene import EnvironmentMap
 from posse_core._sky.earth import EarthView
 
 SHAPE = (64, 128)
 """Rows and columns."""
-_SUBSAMPLES = 3
+_LEAST_SAMPLES = 4
 
 
 def environment_map(earth: EarthView) -> EnvironmentMap:
@@ -18,16 +18,27 @@ def environment_map(earth: EarthView) -> EnvironmentMap:
 
     Every pixel is the mean over its solid angle, so the total light does not depend on the resolution.
     """
-    n = _SUBSAMPLES
     rows, columns = SHAPE
+    pixel_rad = np.pi / rows
+    middles = _directions(
+        np.cos(np.pi * (np.arange(rows)[:, None] + 0.5) / rows), np.arange(0.5, columns)
+    )
+    row, column = np.nonzero(earth.touches(middles, pixel_rad))
+    n = max(_LEAST_SAMPLES, earth.samples(pixel_rad))
+    steps = (np.arange(n) + 0.5) / n
     # Steps within a row are uniform in the cosine, so that every sample has the same solid angle.
     edges = np.cos(np.pi * np.arange(rows + 1) / rows)
-    steps = (np.arange(n) + 0.5) / n
-    cosine = (edges[:-1, None] + np.diff(edges)[:, None] * steps).ravel()[:, None]
+    cosines = edges[row, None] + np.diff(edges)[row, None] * steps
+    directions = _directions(cosines[:, :, None], (column[:, None] + steps)[:, None])
+    radiance_rgb = np.zeros((rows, columns, 3), dtype=np.float32)
+    radiance_rgb[row, column] = earth.light(directions, pixel_rad / n).mean(axis=(1, 2))
+    return EnvironmentMap(radiance_rgb)
+
+
+def _directions(cosine: FloatArray, column: FloatArray) -> FloatArray:
+    """Unit vectors, camera axes: cosines of the angle from the map's upper pole and positions along its
+    rows, of shapes that broadcast to (...) → (..., 3)."""
     sine = np.sqrt(1 - cosine**2)
-    phi = 2 * np.pi * (np.arange(columns * n) + 0.5) / (columns * n) - np.pi
-    up = np.broadcast_to(-cosine, (rows * n, columns * n))
-    directions = np.stack([sine * np.sin(phi), up, sine * np.cos(phi)], axis=-1)
-    light = earth.light(directions, np.pi / (rows * n))
-    means = cv2.resize(light, (columns, rows), interpolation=cv2.INTER_AREA)
-    return EnvironmentMap(np.asarray(means, dtype=np.float32))
+    phi = 2 * np.pi * column / SHAPE[1] - np.pi
+    up = np.broadcast_to(-cosine, np.broadcast_shapes(cosine.shape, phi.shape))
+    return np.stack([sine * np.sin(phi), up, sine * np.cos(phi)], axis=-1)

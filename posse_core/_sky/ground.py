@@ -17,12 +17,14 @@ from posse_core._files.cache import cached_array
 from posse_core._model import srgb
 from posse_core._sky.atmosphere import RADIUS_M
 from posse_core._sky.detail import Detail, make_detail
-from posse_core._sky.pyramid import Pyramid
+from posse_core._sky.pyramid import Pyramid, area_mean
 
 _SHIFT_M = 2500.0
 """How far noise of unit slope displaces a position on the map, whose pixels are 7.4 km wide."""
 OCEAN_RGB: Float32Array = np.array([0.008, 0.018, 0.040], dtype=np.float32)
 """(3,) diffuse reflectance of open water, from below its surface."""
+_ARIDITY_LEVEL = np.float32(5)
+"""Level of the map, 240 km per pixel, by whose colours deserts are told."""
 WIND_M_S = 7.0
 WATER_INDEX = 1.34
 
@@ -55,7 +57,7 @@ class Ground:
         """
         x, y = _map_position(normal, latitude_rad)
         if self.detail is not None:
-            noise, slope = self.detail.at(normal, footprint_m)
+            noise, _, slope = self.detail.at(normal, footprint_m)
             x = x + np.float32(_SHIFT_M / (2 * np.pi * RADIUS_M)) * slope[0]
             y = y + np.float32(_SHIFT_M / (np.pi * RADIUS_M)) * slope[2]
             x -= np.floor(x)
@@ -70,14 +72,11 @@ class Ground:
             land *= 1 + np.float32(0.03) * noise
         return np.square(land, out=land), water
 
-    def aridity(
-        self, normal: Float32Array, latitude_rad: Float32Array, footprint_m: Float32Array
-    ) -> Float32Array:
+    def aridity(self, normal: Float32Array, latitude_rad: Float32Array) -> Float32Array:
         """(...) 0 … 1: how arid the land around is, judged by its yellow. The arguments are those of
         :meth:`at`."""
         x, y = _map_position(normal, latitude_rad)
-        level = np.log2(footprint_m / np.float32(2 * np.pi * RADIUS_M / self.pyramid.width_px))
-        sample = self.pyramid.at(x, y, np.maximum(level + 3, 5)) * np.float32(1 / 255)
+        sample = self.pyramid.at(x, y, np.full_like(x, _ARIDITY_LEVEL)) * np.float32(1 / 255)
         yellow = (np.square(sample[0]) - np.square(sample[2])) * (1 - sample[3])
         return np.asarray(np.clip(4 * yellow, 0, 1))
 
@@ -103,7 +102,25 @@ def blue_marble() -> Ground:
     picture, mask = (folder / "bmng.jpg").read_bytes(), (folder / "lsmask_2.5min_f.bin").read_bytes()
     recipe = Path(__file__).read_bytes(), Path(srgb.__file__).read_bytes(), cv2.__version__.encode()
     land = cached_array("ground", (picture, mask, *recipe), lambda: _ground_map(picture, mask))
-    return Ground(Pyramid(land), make_detail(0))
+    return Ground(Pyramid(land, halved=_halved), make_detail(0))
+
+
+def _halved(image: AnyArray) -> AnyArray:
+    """The next level of a map as :class:`Ground` has it.
+
+    Reflectances are averaged, not their square roots, and only those of dry land, so that as much light
+    is reflected as by the map itself.
+    """
+    h = len(image) // 2 * 2
+    return np.concatenate([_halved_rows(image[row : min(row + 256, h)]) for row in range(0, h, 256)])
+
+
+def _halved_rows(image: AnyArray) -> AnyArray:
+    land, water = image[..., :3].astype(np.float32), image[..., 3]
+    dry = np.maximum(255 - water, 1).astype(np.float32)  # the sea has a colour where there is no land
+    weighted = area_mean(np.square(land, out=land) * dry[..., None])
+    roots = np.sqrt(weighted / area_mean(dry)[..., None])
+    return np.dstack([np.rint(roots).astype(np.uint8), area_mean(water)])
 
 
 def _ground_map(picture: bytes, mask: bytes) -> AnyArray:

@@ -32,9 +32,14 @@ def picture(
     """Boxes of some rows of an image, and the radiance (h, w, 3) of the Earth and its air in each.
 
     Angles, light and weather are computed at nodes and interpolated linearly between them. Where that
-    would be wrong by more than the tolerances, as near the limb, they are computed in each pixel.
+    would be wrong by more than the tolerances, as near the limb, they are computed in each pixel. If the
+    Earth is only a few pixels wide, each is the mean of several rays.
     """
     boxes = _tiles(camera, earth, first_row, rows)
+    samples = earth.samples(camera.pixel_rad)
+    if samples > 1:
+        yield from ((box, _sampled(earth, camera, box, samples)) for box in boxes)
+        return
     # Tiles of one size have their nodes at the same positions and are prepared at once.
     for height, width in sorted({(box.height, box.width) for box in boxes}):
         same = [box for box in boxes if (box.height, box.width) == (height, width)]
@@ -61,6 +66,19 @@ def picture(
                     earth, camera, box, fields, grid.by_pixel(inside), grid.by_pixel(~(inside | empty))
                 )
             yield box, cv2.merge(list(light))
+
+
+def _sampled(earth: EarthView, camera: Camera, box: PixelBox, samples: int) -> Float32Array:
+    """(h, w, 3) radiance in a box, where each pixel is the mean of ``samples``² rays."""
+    rays = camera.rays(box.pixel_centres_px())
+    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+    v, u = np.nonzero(earth.touches(rays, camera.pixel_rad))
+    steps = (np.arange(samples) + 0.5) / samples - 0.5
+    offsets_px = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    at_px = np.stack([u + box.x0, v + box.y0], axis=-1)[:, None] + offsets_px
+    image = np.zeros((box.height, box.width, 3), dtype=np.float32)
+    image[v, u] = earth.light(camera.rays(at_px), camera.pixel_rad / samples).mean(axis=1)
+    return image
 
 
 class _Grid:
@@ -115,7 +133,7 @@ def _mixed(
         earth.ground_light(Surface(fields)) if share.any() else np.zeros((3, *share.shape), np.float32)
     )
     light *= share
-    light[:, v, u] += earth.air_light(rays).T
+    light[:, v, u] += earth.air_light(rays, camera.pixel_rad).T
     return light
 
 
@@ -152,7 +170,7 @@ def _smooth(fields: Float32Array) -> BoolArray:
     position = np.maximum(error.normal.max(axis=0), error.drifted.max(axis=0)) * np.float32(RADIUS_M)
     fine = position <= TOLERANCE_PX * surface.footprint_m
     fine &= error.footprint_m <= TOLERANCE_SHARE * surface.footprint_m
-    fine &= np.maximum(error.threshold, error.contrast) <= TOLERANCE_SHARE
+    fine &= error.threshold <= TOLERANCE_SHARE
     for light in (error.daylight, error.glitter, error.airlight):
         fine &= light.max(axis=0) <= TOLERANCE
     return np.asarray(fine)

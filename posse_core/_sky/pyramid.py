@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import cv2
@@ -36,6 +37,12 @@ def _remapped(image: AnyArray, column: Float32Array, row: Float32Array) -> AnyAr
     return np.asarray(cv2.remap(image, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
 
 
+def area_mean(image: AnyArray) -> AnyArray:
+    """(h, w[, c]) → (h // 2, w // 2[, c]) means."""
+    h, w = image.shape[:2]
+    return np.asarray(cv2.resize(image, (w // 2, h // 2), interpolation=cv2.INTER_AREA))
+
+
 class Pyramid:
     """An image and its coarser levels, each of half the resolution of the one before.
 
@@ -43,15 +50,20 @@ class Pyramid:
     the image, from its top-left corner.
     """
 
-    def __init__(self, image: AnyArray, tiles: bool = False) -> None:
-        """image: (h, w), (h, w, 3) or (h, w, 4), uint8 or float32."""
+    def __init__(
+        self,
+        image: AnyArray,
+        tiles: bool = False,
+        halved: Callable[[AnyArray], AnyArray] = area_mean,
+    ) -> None:
+        """image: (h, w) or (h, w, c) with up to 4 channels, uint8 or float32. ``halved`` makes the next
+        level of one: half as high and wide, with what a pixel of that size sees."""
         self._channels = image.shape[2] if image.ndim == 3 else 0
         if self._channels == 3:  # of four OpenCV takes samples in half the time
             image = np.concatenate([image, np.zeros_like(image[..., :1])], axis=2)
         levels = [image]
         while min(levels[-1].shape[:2]) >= 32 and len(levels) < MAX_LEVELS:
-            h, w = levels[-1].shape[:2]
-            levels.append(cv2.resize(levels[-1], (w // 2, h // 2), interpolation=cv2.INTER_AREA))
+            levels.append(halved(levels[-1]))
         # Level 0 is at the top, and all others are in a row below it, each with a border of a pixel.
         sizes = [np.array(level.shape[:2]) + 2 for level in levels]
         beside = np.cumsum([0, *(width for _, width in sizes[1:])])

@@ -21,7 +21,7 @@ class Surface:
         fields: (COUNT, ...) float32.
     """
 
-    COUNT: ClassVar[int] = 18
+    COUNT: ClassVar[int] = 17
 
     fields: Float32Array
 
@@ -46,26 +46,21 @@ class Surface:
         return np.asarray(self.fields[7])
 
     @property
-    def contrast(self) -> Float32Array:
-        """(...) the share of the clouds' contrast that is left after what the pixel averages out."""
-        return np.asarray(self.fields[8])
-
-    @property
     def daylight(self) -> Float32Array:
         """(3, ...) radiance of ground that reflects all light."""
-        return self.fields[9:12]
+        return self.fields[8:11]
 
     @property
     def glitter(self) -> Float32Array:
         """(3, ...) radiance of the glint on water."""
-        return self.fields[12:15]
+        return self.fields[11:14]
 
     @property
     def airlight(self) -> Float32Array:
         """(3, ...) radiance of the air."""
-        return self.fields[15:18]
+        return self.fields[14:17]
 
     @property
     def is_dark(self) -> bool:
         """Whether all light is zero, as far in the night."""
-        return not self.fields[9:18].any()
+        return not self.fields[8:17].any()

@@ -25,7 +25,7 @@ VIEWS = {
     "glint": (7e5, (-0.7, 0.7), 40, (0.7, 0.7, 0.0)),
     "geostationary": (3.6e7, (-1.0, 0.02), 30, (0.5, 0.8, 0.1)),
     "a telescope from there": (3.6e7, (-1.0, 0.1), 3, (0.5, 0.8, 0.1)),
-    "from the Moon": (3.8e8, (-1.0, 0.01), 40, (0.5, 0.8, 0.1)),
+    "from the Moon": (3.8e8, (-1.0, 0.01), 12, (0.5, 0.8, 0.1)),
     "over the pole": (8e5, (-1.0, 0.1), 80, (0.4, 0.3, 0.9)),
 }
 
@@ -95,12 +95,20 @@ def test_a_lens_and_bands_of_rows_make_no_difference(make_camera, make_state, le
 
 
 def test_a_small_earth_is_not_missed(make_camera, make_state) -> None:
-    """From 10⁹ m away it is three pixels wide, less than the distance of nodes."""
-    camera = make_camera(640, 480, hfov_deg=110)
-    for aside in (0.0, 0.31, 0.7):
-        frame = make_state(
-            r_camera_m=(2e9, 0, 0), forward=(-1.0, aside, 0.2 * aside), sun=(1.0, 0.0, 0.0)
-        )
-        drawn, exact = _both(_plain(), camera, frame)
-        assert exact.any()
-        np.testing.assert_array_equal(drawn, exact)
+    """From 2·10⁹ m away it is three pixels wide, less than the distance of nodes; its light is that of
+    an Earth of hundreds."""
+    light = []
+    for hfov_deg in (110, 0.8):
+        camera = make_camera(640, 480, hfov_deg)
+        for aside in (0.0, 0.31, 0.7) if hfov_deg == 110 else (0.0,):
+            frame = make_state(
+                r_camera_m=(2e9, 0, 0), forward=(-1.0, aside, 0.2 * aside), sun=(1.0, 0.3, 0.0)
+            )
+            drawn = np.zeros((480, 640, 3))
+            for box, part in picture(_plain().seen(frame), camera, 0, 480):
+                drawn[box.slices] += part
+            v, u = np.mgrid[:480, :640]
+            rays = camera.rays(np.stack([u, v], axis=-1))
+            solid = 1 / (camera.fx_px**2 * np.linalg.norm(rays, axis=-1) ** 3)
+            light.append(np.einsum("ij,ijk->k", solid, drawn))
+    np.testing.assert_allclose(light[:3], np.broadcast_to(light[3], (3, 3)), rtol=0.01)

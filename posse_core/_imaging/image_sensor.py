@@ -23,7 +23,7 @@ from posse_core._model.srgb import srgb_from_linear
 from posse_core._randomness import random_generator
 from posse_core._scenario.sensor import AutoExposureConfig, SensorConfig
 
-FULL_WELL_E_M2 = 1e6 / 28.125e-6**2
+FULL_WELL_E_M2 = 1.05e6 / 28.125e-6**2
 """Default full well per pixel area: about 10³ electrons per µm², which is usual for silicon."""
 _BLOCK = 1 << 16
 """Numbers that are digitised at once: few enough to stay in the processor's cache."""

@@ -41,14 +41,15 @@ def band_radiance_w_m2_sr(temperature_k: float) -> FloatArray:
 
 
 _STEFAN_BOLTZMANN = 5.670_374_419e-8
-SOLAR_BAND_FRACTIONS: FloatArray = (
-    band_radiance_w_m2_sr(SUN_TEMPERATURE_K) * np.pi / (_STEFAN_BOLTZMANN * SUN_TEMPERATURE_K**4)
-)
-"""(3,) shares of the total solar irradiance in the red, green and blue band (black body of 5772 K)."""
+SOLAR_BAND_FRACTIONS: FloatArray = np.array([158.768, 184.677, 186.519]) / 1366.1
+"""(3,) shares of the total solar irradiance in the red, green and blue band: integrals of the measured
+extraterrestrial spectrum of ASTM G173-03 (Gueymard 2004, Solar Energy 76, 423), whose total is
+1366.1 W/m². A black body of 5772 K would have 3, 6 and 8 % less."""
 SOLAR_BAND_FRACTIONS.setflags(write=False)
 
 
 def solar_fraction_m(wavelength_m: float) -> float:
-    """Share of the total solar irradiance per metre of wavelength (black body of 5772 K), m⁻¹."""
+    """Share of the total solar irradiance per metre of wavelength, m⁻¹, of a black body of 5772 K: for
+    wavelengths outside the three bands."""
     radiance = planck_radiance_w_m2_sr_m(np.array(wavelength_m), SUN_TEMPERATURE_K)
     return float(radiance * np.pi / (_STEFAN_BOLTZMANN * SUN_TEMPERATURE_K**4))

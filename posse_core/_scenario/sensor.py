@@ -110,8 +110,8 @@ class SensorConfig(Options):
     full_well_e: float | None = Field(
         None,
         gt=0,
-        description="most electrons that a pixel holds; null is 1264 per square micrometre of pixel"
-        " area (1e6 for the thesis' pixels), so that the exposure does not depend on the image's size",
+        description="most electrons that a pixel holds; null is 1327 per square micrometre of pixel"
+        " area (1.05e6 for the thesis' pixels), so that exposure does not depend on the image's size",
     )
     blooming: bool = Field(
         False, description="electrons above the full well spill along the column, half up and half down"

@@ -43,7 +43,7 @@ def test_a_white_plate_has_the_documented_dn(albedo: float, color: str) -> None:
     image = ImageSensor(config, CAMERA).expose(
         _flat(albedo * SUN_RGB / np.pi), None, EXPOSURE_S, seed=0, index=0
     )
-    expected = 65535 * _plate_electrons(albedo, config) / 1e6
+    expected = 65535 * _plate_electrons(albedo, config) / 1.05e6
     assert image.shape == ((48, 64) if color == "mono" else (48, 64, 3))
     np.testing.assert_allclose(image, expected, atol=1.0)
 
@@ -216,7 +216,7 @@ def test_radiance_that_is_negative_or_not_finite_is_an_error(value: float) -> No
 def test_the_srgb_response_is_the_standards_curve() -> None:
     """IEC 61966-2-1: a linear share of 0.2140 has the code 0.5; 0.0025 is on the linear part."""
     for share, coded in ((0.21404, 0.5), (0.0025, 0.0323), (2.0, 1.0)):
-        light = share / 0.961123 * SUN_RGB / np.pi
+        light = share / 0.965228 * SUN_RGB / np.pi
         config = SensorConfig(noise=QUIET, response="srgb", bit_depth=16)
         image = ImageSensor(config, CAMERA).expose(_flat(light), None, EXPOSURE_S, 0, 0)
         np.testing.assert_allclose(image / 65535, coded, atol=1e-4)

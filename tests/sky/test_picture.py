@@ -13,7 +13,7 @@ from posse_core._sky.picture import TOLERANCE, picture
 from posse_core._sky.pyramid import Pyramid
 
 R_M = 6.378137e6
-SUN_W_M2_BAND = 174.0  # the largest band's at 1 au
+SUN_W_M2_BAND = 186.0  # the largest band's at 1 au
 VIEWS = {
     # altitude, direction in which the camera looks (radial, along), field of view, Sun
     "nadir": (7e5, (-1.0, 0.0), 90, (1.0, 0.2, 0.1)),

@@ -18,6 +18,33 @@ V_WAVELENGTH_M = 545e-9
 V_ZERO_W_M2_M = 363.1e-13 / 1e-9
 """Spectral irradiance at 545 nm of a star with V = 0 (Bessell, Castelli & Plez 1998,
 Table A2: 363.1·10⁻¹¹ erg s⁻¹ cm⁻² Å⁻¹)."""
+_BRIGHTEST_V = {
+    32349: -1.46,  # Sirius
+    30438: -0.72,  # Canopus
+    69673: -0.04,  # Arcturus
+    71683: -0.01,  # α Centauri A
+    91262: 0.03,  # Vega
+    24608: 0.08,  # Capella
+    24436: 0.12,  # Rigel
+    37279: 0.38,  # Procyon
+    7588: 0.46,  # Achernar
+    27989: 0.50,  # Betelgeuse
+    68702: 0.61,  # Hadar
+    60718: 0.76,  # Acrux, both stars
+    97649: 0.77,  # Altair
+    21421: 0.85,  # Aldebaran
+    80763: 0.96,  # Antares
+    65474: 0.98,  # Spica
+    37826: 1.14,  # Pollux
+    113368: 1.16,  # Fomalhaut
+    62434: 1.25,  # Mimosa
+    102098: 1.25,  # Deneb
+    71681: 1.33,  # α Centauri B
+    49669: 1.35,  # Regulus
+    33579: 1.50,  # Adhara
+}
+"""V by Hipparcos number, from the Bright Star Catalogue (Hoffleit & Warren 1991, CDS V/50): the
+Hp of the brightest stars, and of those beside a bright one, is wrong by up to 0.4."""
 _MAS_RAD = np.pi / 180 / 3600e3
 
 
@@ -110,10 +137,13 @@ def hipparcos(max_magnitude: float) -> StarField:
         raw = np.ascontiguousarray(text[rows, first - 1 : last])
         return np.asarray(raw.view(f"S{last - first + 1}")[:, 0], dtype=np.float64)
 
-    # Hp exceeds V by at most 0.17.
-    rows = np.flatnonzero(column(130, 136) <= max_magnitude + 0.2)
+    # Hp exceeds V by at most 0.17, and Sirius' by 0.37.
+    rows = np.flatnonzero(column(130, 136) <= max_magnitude + 0.4)
     b_v = column(153, 158, rows)
     v = v_from_hp(column(130, 136, rows), b_v)
+    numbers = column(1, 6, rows)
+    for number, bright_v in _BRIGHTEST_V.items():
+        v[numbers == number] = bright_v
     kept = v <= max_magnitude
     rows, b_v, v = rows[kept], b_v[kept], v[kept]
     ra, dec = column(16, 28, rows), column(30, 42, rows)

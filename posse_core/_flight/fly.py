@@ -34,10 +34,9 @@ from posse_core._randomness import derived_seed
 from posse_core._run.inputs import as_begun, inputs_of, write_inputs
 from posse_core._run.recording import Recording, recording
 from posse_core._run.worker import write_frame, write_renderer
-from posse_core._scenario.component import create
 from posse_core._scenario.load import dump_scenario, load_scenario
 from posse_core._scenario.model import Scenario
-from posse_core._simulator.returned import built
+from posse_core._simulator.scene import scene_of
 from posse_core._simulator.sensing import sensor_infos
 from posse_core._simulator.simulator import Simulator
 from posse_core._view.flight.page import write_flight_page
@@ -63,7 +62,8 @@ def fly(
         ComponentError: a component failed. The frames that were made are in the folder.
     """
     registry = plugins.registry
-    craft = built(create(registry, "scene", scenario.target), scenario.target.name)
+    scene = scene_of(scenario, registry)
+    craft = scene.spacecraft
     problem = flight_problem(scenario, craft, registry)
     if out is None:
         with contextlib.ExitStack() as stack:
@@ -74,8 +74,8 @@ def fly(
     if is_remote(out):
         raise InputError(f"--out {out}: a flight is written to a folder of this machine; name one")
     frames = len(problem.frames_s)
-    sensors = sensor_infos(scenario, registry, craft)
-    with recording(out, scenario, craft, frames, plugins, sensors=sensors, resume=resume) as dataset:
+    sensors = sensor_infos(scenario, registry, scene)
+    with recording(out, scenario, scene, frames, plugins, sensors=sensors, resume=resume) as dataset:
         if dataset.is_complete:
             return load_flight(dataset.folder / FLIGHT)
         with contextlib.ExitStack() as stack:

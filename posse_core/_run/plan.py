@@ -7,23 +7,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from posse_core._dataset.sensors import SensorInfo
-from posse_core._model.spacecraft import Spacecraft
+from posse_core._model.scene import Scene
 from posse_core._model.trajectory import Trajectory
 from posse_core._plugins.registry import Registry
-from posse_core._scenario.component import create
 from posse_core._scenario.model import Scenario
-from posse_core._simulator.returned import built
+from posse_core._simulator.scene import scene_of
 from posse_core._simulator.sensing import readings_s, sensor_infos
 from posse_core._trajectory.build import make_trajectory
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A scenario with its trajectory, which has one row per frame, its spacecraft and its sensors."""
+    """A scenario with its trajectory, which has one row per frame, its scene and its sensors."""
 
     scenario: Scenario
     trajectory: Trajectory
-    spacecraft: Spacecraft
+    scene: Scene
     sensors: tuple[SensorInfo, ...]
 
 
@@ -33,12 +32,12 @@ def make_plan(scenario: Scenario, registry: Registry) -> Plan:
     Raises:
         InputError: The orbit, the spacecraft, a sensor or a file of the scenario cannot be used.
     """
-    craft = built(create(registry, "scene", scenario.target), scenario.target.name)
+    scene = scene_of(scenario, registry)
     trajectory = make_trajectory(scenario, registry)
     longest_s = _longest_s(trajectory)
     for name, choice in scenario.sensors.items():
         readings_s(name, choice, longest_s)
-    return Plan(scenario, trajectory, craft, sensor_infos(scenario, registry, craft))
+    return Plan(scenario, trajectory, scene, sensor_infos(scenario, registry, scene))
 
 
 def _longest_s(trajectory: Trajectory) -> float:

@@ -35,7 +35,7 @@ from posse_core._files.store import Store, is_remote
 from posse_core._files.trajectory import load_trajectory, save_trajectory
 from posse_core._interfaces.executor import FrameMade
 from posse_core._model.manifest import Manifest
-from posse_core._model.spacecraft import Spacecraft
+from posse_core._model.scene import Scene
 from posse_core._model.trajectory import Trajectory
 from posse_core._plugins.loading import Plugins
 from posse_core._run.destination import Destination, open_destination
@@ -67,7 +67,7 @@ class Recording:
         self,
         destination: Destination,
         inputs: Inputs,
-        spacecraft: Spacecraft,
+        scene: Scene,
         sensors: Sequence[SensorInfo],
         frames: int,
         plugins: Plugins,
@@ -79,8 +79,8 @@ class Recording:
         self._plugins = plugins
         self.folder = destination.folder
         self._recorded = self._read_manifest()
-        self._refuse_strangers(spacecraft, sensors, inputs)
-        self._write_statics(spacecraft, sensors)
+        self._refuse_strangers(scene, sensors, inputs)
+        self._write_statics(scene, sensors)
         recorded = {} if self._recorded is None else self._recorded.sha256
         write_inputs(self.folder, inputs, recorded)
         if trajectory is not None and not self._has_trajectory(trajectory):
@@ -143,7 +143,7 @@ class Recording:
         self._plugins.notify("posse_run_finished", dataset=self.folder, manifest=manifest)
         self._destination.save()
 
-    def _write_statics(self, spacecraft: Spacecraft, sensors: Sequence[SensorInfo]) -> None:
+    def _write_statics(self, scene: Scene, sensors: Sequence[SensorInfo]) -> None:
         """Write the files that do not depend on frames; first the scenario, which marks a dataset."""
         folder = self.folder
         if not (folder / SCENARIO).exists():
@@ -159,7 +159,7 @@ class Recording:
             named = replace(sensor, options=self._scenario.sensors[sensor.name].options)
             write_sensor(named, sensor_file(folder, sensor.name))
         write_camera(self._scenario.camera.camera(), folder / CAMERA)
-        write_spacecraft(spacecraft, folder / SPACECRAFT)
+        write_spacecraft(scene.spacecraft, folder / SPACECRAFT)
 
     def _read_manifest(self) -> Manifest | None:
         """The manifest of an earlier attempt, if that has ended and the file is whole."""
@@ -183,9 +183,7 @@ class Recording:
         except (OSError, InputError):
             return False
 
-    def _refuse_strangers(
-        self, spacecraft: Spacecraft, sensors: Sequence[SensorInfo], inputs: Inputs
-    ) -> None:
+    def _refuse_strangers(self, scene: Scene, sensors: Sequence[SensorInfo], inputs: Inputs) -> None:
         """Refuse files where only those of the run may be, since ``posse validate`` would find them.
 
         Raises:
@@ -196,7 +194,7 @@ class Recording:
             IMAGES: {f"{index:06d}.png" for index in frames},
             TRUTH: {f"{index:06d}.npz" for index in frames},
             LABELS: {shard_path(self.folder, index).name for index in frames},
-            SPACECRAFT: {f"{spacecraft.name}.{suffix}" for suffix in ("json", "ply")},
+            SPACECRAFT: {f"{scene.spacecraft.name}.{suffix}" for suffix in ("json", "ply")},
             SENSORS: {name for sensor in sensors for name in (sensor.name, f"{sensor.name}.json")},
         }
         for part, names in own.items():
@@ -218,7 +216,7 @@ class Recording:
 def recording(
     out: str,
     scenario: Scenario,
-    spacecraft: Spacecraft,
+    scene: Scene,
     frames: int,
     plugins: Plugins,
     *,
@@ -233,7 +231,7 @@ def recording(
     Args:
         out: location of the dataset.
         scenario: that the dataset is made from.
-        spacecraft: of the scenario.
+        scene: of the scenario.
         frames: the planned number of frames.
         plugins: that are installed.
         sensors: beside the camera.
@@ -256,7 +254,7 @@ def recording(
             if not fresh:
                 inputs = as_begun(destination.folder, scenario, inputs, plugins.registry, out)
             try:
-                yield Recording(destination, inputs, spacecraft, sensors, frames, plugins, trajectory)
+                yield Recording(destination, inputs, scene, sensors, frames, plugins, trajectory)
             except (OSError, PosseError):
                 made_some = not fresh or any((destination.folder / LABELS).glob("*.jsonl"))
                 if not made_some:

@@ -66,7 +66,7 @@ def run(
     with recording(
         out,
         plan.scenario,
-        plan.spacecraft,
+        plan.scene,
         frames,
         plugins,
         sensors=plan.sensors,

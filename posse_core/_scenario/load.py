@@ -17,6 +17,7 @@ from posse_core._model.distortion import BrownConrady
 from posse_core._plugins.options import nearest, validated
 from posse_core._plugins.registry import Registry
 from posse_core._scenario.attitude import LawChoice, Subject, check_law
+from posse_core._scenario.bodies import BodyConfig
 from posse_core._scenario.component import ComponentChoice
 from posse_core._scenario.files import anchored, keys_of, with_files
 from posse_core._scenario.model import Scenario
@@ -262,9 +263,19 @@ def _with_complete_options(scenario: Scenario, registry: Registry, where: Any) -
         options: BaseModel = validated(model, choice.options, lambda p: str(where((*path, *p))))
         return choice.model_copy(update={"options": keys_of(options)})
 
-    def law(subject: Subject, choice: LawChoice) -> ComponentChoice:
-        check_law(registry, choice, subject, where(("attitude", subject, "law")))
-        return complete("attitude-law", choice, "attitude", subject)
+    def law(subject: Subject, choice: LawChoice, *path: str) -> ComponentChoice:
+        check_law(registry, choice, subject, where((*path, "law")))
+        return complete("attitude-law", choice, *path)
+
+    def body(name: str, config: BodyConfig) -> BodyConfig:
+        path = ("bodies", name)
+        update: dict[str, Any] = {
+            "spacecraft": complete("scene", config.spacecraft, *path, "spacecraft"),
+            "attitude": law("target", config.attitude, *path, "attitude"),
+        }
+        if config.propagator is not None:
+            update["propagator"] = complete("propagator", config.propagator, *path, "propagator")
+        return config.model_copy(update=update)
 
     flight = scenario.flight
     if flight is not None:
@@ -284,10 +295,11 @@ def _with_complete_options(scenario: Scenario, registry: Registry, where: Any) -
             "propagator": complete("propagator", scenario.propagator, "propagator"),
             "attitude": scenario.attitude.model_copy(
                 update={
-                    "target": law("target", scenario.attitude.target),
-                    "camera": law("camera", scenario.attitude.camera),
+                    "target": law("target", scenario.attitude.target, "attitude", "target"),
+                    "camera": law("camera", scenario.attitude.camera, "attitude", "camera"),
                 }
             ),
+            "bodies": {name: body(name, config) for name, config in scenario.bodies.items()},
             "renderer": complete("renderer", scenario.renderer, "renderer"),
             "sensors": {
                 name: complete("sensor", choice, "sensors", name)

@@ -14,6 +14,7 @@ from posse_core._constants import THESIS_SOLAR_CONSTANT_W_M2, Constants
 from posse_core._errors import InputError
 from posse_core._plugins.options import Options
 from posse_core._scenario.attitude import AttitudeConfig
+from posse_core._scenario.bodies import MOST_BODIES, BodyConfig
 from posse_core._scenario.camera import CameraConfig
 from posse_core._scenario.component import ComponentChoice, TargetChoice
 from posse_core._scenario.flight import FlightConfig
@@ -138,6 +139,11 @@ class Scenario(Options):
         description="model of the orbital motion: a name, or {name, options}",
     )
     attitude: AttitudeConfig = Field(AttitudeConfig(), description="attitude of target and camera")
+    bodies: Mapping[str, BodyConfig] = Field(
+        {},
+        description="bodies beside the target, by names of your own, each {spacecraft, relative or"
+        " mount, attitude, count, spread_m}",
+    )
     camera: CameraConfig = Field(CameraConfig(), description="the camera's geometry")
     sky: SkyConfig = Field(SkyConfig(), description="what is behind and around the spacecraft")
     sensor: SensorConfig = Field(SensorConfig(), description="from radiance to digital numbers")
@@ -208,15 +214,26 @@ class Scenario(Options):
         sensor = self.sensor.with_pixels_of(self.camera.scale**-2)
         return self.model_copy(update={"camera": self.camera.scaled(), "sensor": sensor})
 
-    @field_validator("sensors")
+    @field_validator("bodies")
     @classmethod
-    def _names_of_folders(cls, sensors: Mapping[str, SensorChoice]) -> Mapping[str, SensorChoice]:
-        for name in sensors:
+    def _not_too_many(cls, bodies: Mapping[str, BodyConfig]) -> Mapping[str, BodyConfig]:
+        members = [member for name, body in bodies.items() for member, _ in body.members(name)]
+        if len(members) > MOST_BODIES:
+            raise ValueError(f"{len(members)} bodies are over {MOST_BODIES}")
+        for member in members:
+            if members.count(member) > 1:
+                raise ValueError(f"two bodies are named {member!r}")
+        return bodies
+
+    @field_validator("sensors", "bodies")
+    @classmethod
+    def _names_of_folders(cls, named: Mapping[str, Any]) -> Mapping[str, Any]:
+        for name in named:
             if not _SENSOR_NAME.fullmatch(name):
                 raise ValueError(
                     f"{name!r} cannot be a folder's name; take lower-case letters, digits and -"
                 )
-        return sensors
+        return named
 
     @field_validator("annotators", "writers")
     @classmethod

@@ -19,7 +19,6 @@ from posse_core._model.labels import Labels
 from posse_core._model.mount import Mount
 from posse_core._model.reading import Reading
 from posse_core._model.scene import FrameState, Scene
-from posse_core._model.spacecraft import Spacecraft
 from posse_core._plugins.component import failures_named
 from posse_core._plugins.registry import Registry
 from posse_core._scenario.component import create
@@ -99,9 +98,7 @@ def readings_s(name: str, choice: SensorChoice, duration_s: float) -> tuple[floa
         raise InputError(f"sensors.{name}.rate_hz: {error}") from None
 
 
-def sensor_infos(
-    scenario: Scenario, registry: Registry, spacecraft: Spacecraft
-) -> tuple[SensorInfo, ...]:
+def sensor_infos(scenario: Scenario, registry: Registry, scene: Scene) -> tuple[SensorInfo, ...]:
     """What a dataset will tell of a scenario's sensors.
 
     Raises:
@@ -112,7 +109,6 @@ def sensor_infos(
     def no_labels(look: Look) -> Labels:
         raise RuntimeError("a sensor is opened before it may annotate")
 
-    scene = Scene(spacecraft, scenario.camera.camera())
     return tuple(each.info for each in open_sensors(scenario, registry, scene, no_labels))
 
 

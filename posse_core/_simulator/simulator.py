@@ -14,17 +14,16 @@ from posse_core._environment.time import Epoch
 from posse_core._imaging.image_sensor import ImageSensor
 from posse_core._model.camera import Camera
 from posse_core._model.light import LightRequest
-from posse_core._model.scene import FrameState, Scene
+from posse_core._model.scene import FrameState
 from posse_core._model.spacecraft import Spacecraft
 from posse_core._model.trajectory import Trajectory
 from posse_core._plugins.registry import Registry
-from posse_core._scenario.component import create
 from posse_core._scenario.model import Scenario
 from posse_core._simulator.annotation import Annotation
 from posse_core._simulator.frame import Frame
 from posse_core._simulator.optics import Optics
 from posse_core._simulator.reopening import chosen_renderer
-from posse_core._simulator.returned import built
+from posse_core._simulator.scene import scene_of
 from posse_core._simulator.sensing import Sensing, annotated_look, open_sensors
 from posse_core._simulator.states import States
 from posse_core._trajectory.problem import orbit_epoch
@@ -61,8 +60,7 @@ class Simulator:
         """
         self.scenario = scenario
         camera = scenario.camera.camera()
-        craft = built(create(registry, "scene", scenario.target), scenario.target.name)
-        self.scene = Scene(craft, camera)
+        self.scene = scene_of(scenario, registry)
         self._states = States(scenario, registry, trajectory)
         epoch = Epoch.from_iso(orbit_epoch(scenario.orbit).iso())  # as a trajectory's file has it
         self._annotation = Annotation(scenario.annotators, registry, epoch)
@@ -140,10 +138,11 @@ class Simulator:
             omega_body_rad_s=omega_body_rad_s,
             omega_camera_rad_s=omega_camera_rad_s,
         )
-        state = self._states.of_row(row, index)
         if any(given is not None for given in (r_rtn_m, q_eci_from_body, q_eci_from_camera)):
-            return state
-        return self._states.onward(index, state, own_frame=t_s is None)
+            return self._states.of_row(row, index)
+        own_frame = t_s is None
+        state = self._states.own(index) if own_frame else self._states.of_row(row, index)
+        return self._states.onward(index, state, own_frame=own_frame)
 
     def frame(self, state: FrameState) -> Frame:
         """The frame that the camera takes at a state, and the readings of the sensors beside it.

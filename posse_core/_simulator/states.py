@@ -19,6 +19,7 @@ from posse_core._plugins.registry import Registry
 from posse_core._scenario.component import create
 from posse_core._scenario.model import Scenario
 from posse_core._trajectory.attitude import GivenAttitude, Laws
+from posse_core._trajectory.bodies import OtherBodies
 from posse_core._trajectory.build import (
     frames_problem,
     make_trajectory,
@@ -124,13 +125,12 @@ class States:
             if motion is None:
                 return state.after(later_s)
             drawn = self._index_among_all(index) if own_frame else index
-            return self.of_row(self._by_laws(motion, drawn), index)
+            return self.of_row(self._by_laws(motion, drawn), index, drawn=drawn)
 
         def next_frame() -> FrameState | None:
             if following is None:
                 return None
-            own = self.of_row(self.trajectory.rows(np.array([following])), following)
-            return self.onward(following, own, own_frame=True)
+            return self.onward(following, self.own(following), own_frame=True)
 
         return replace(state, onward=Onward(after_s, at, next_frame))
 
@@ -156,9 +156,32 @@ class States:
                 return row
         return None
 
-    def of_row(self, row: Trajectory, index: int) -> FrameState:
-        """The state of a trajectory's one row, as frame ``index``."""
-        return replace(frame_state(row, 0, self._scenario.constants), index=index)
+    def own(self, index: int) -> FrameState:
+        """The state of the scenario's own frame ``index``, without how it goes on."""
+        row = self.trajectory.rows(np.array([index]))
+        drawn = self._index_among_all(index)
+        return self._of_row(row, index, drawn=drawn, every_t_s=self.trajectory.t_s)
+
+    def of_row(self, row: Trajectory, index: int, *, drawn: int | None = None) -> FrameState:
+        """The state of a trajectory's one row, at any time, as frame ``index``.
+
+        Args:
+            drawn: index of the frame whose random errors it has; None for ``index``.
+        """
+        return self._of_row(row, index, drawn=index if drawn is None else drawn, every_t_s=None)
+
+    def _of_row(
+        self, row: Trajectory, index: int, *, drawn: int, every_t_s: FloatArray | None
+    ) -> FrameState:
+        state = replace(frame_state(row, 0, self._scenario.constants), index=index)
+        if not self._scenario.bodies:
+            return state
+        others = self._others.states(row, drawn, every_t_s)
+        return replace(state, craft=replace(state.craft, others=others))
+
+    @cached_property
+    def _others(self) -> OtherBodies:
+        return OtherBodies(self._scenario, self._registry)
 
     def _motion(self, index: int, t_s: float | None, *, any_chaser: bool) -> Motion:
         """One row: the scenario's motion at a time, or at the time of its frame ``index``.

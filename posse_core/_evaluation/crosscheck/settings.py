@@ -19,9 +19,9 @@ from posse_core._model.scene import EnvironmentMap, FrameState, Scene
 from posse_core._model.trajectory import Trajectory
 from posse_core._plugins.loading import load_plugins
 from posse_core._randomness import random_generator
-from posse_core._scenario.component import create
 from posse_core._scenario.model import Scenario
-from posse_core._simulator.returned import built
+from posse_core._simulator.scene import scene_of
+from posse_core._simulator.states import States
 from posse_core._sky.sky import Sky
 from posse_core._trajectory.build import make_trajectory
 from posse_core._trajectory.state import frame_state
@@ -95,15 +95,15 @@ class ScenarioCase:
         scenario = self.scenario
         registry = load_plugins().registry
         camera = replace(scenario.camera.camera(), line_time_s=0.0)  # a renderer draws an instant
-        craft = built(create(registry, "scene", scenario.target), scenario.target.name)
-        scene = Scene(craft, camera)
+        scene = replace(scene_of(scenario, registry), camera=camera)
         trajectory = make_trajectory(scenario, registry)
         if self.poses == "random":
+            scene = replace(scene, others=())
             frames = _random_frames(self, scene, trajectory)
         else:
-            chosen = trajectory.rows(evenly_spread(len(trajectory), self.count))
-            every = range(len(chosen))
-            frames = tuple(frame_state(chosen, i, scenario.constants) for i in every)
+            states = States(scenario, registry, trajectory)
+            chosen = evenly_spread(len(trajectory), self.count).tolist()
+            frames = tuple(replace(states.own(k), index=i) for i, k in enumerate(chosen))
         sky = Sky(scenario.sky, camera, scenario.seed)
         return Setting(self.name, scene, frames, scenario.seed, sky.environment)
 

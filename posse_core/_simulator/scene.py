@@ -1,0 +1,40 @@
+"""The scene of a scenario: its target, its other bodies and its camera."""
+
+from __future__ import annotations
+
+from posse_core._errors import InputError
+from posse_core._model.scene import Body, Scene
+from posse_core._model.spacecraft import Spacecraft
+from posse_core._plugins.registry import Registry
+from posse_core._scenario.component import TargetChoice, create
+from posse_core._scenario.model import Scenario
+from posse_core._simulator.returned import built
+
+
+def scene_of(scenario: Scenario, registry: Registry) -> Scene:
+    """Build the spacecraft of a scenario.
+
+    Raises:
+        InputError: a file that the scenario names cannot be used.
+        ComponentError: what a scene source built is not a spacecraft.
+    """
+    known: list[tuple[TargetChoice, Spacecraft]] = []
+
+    def spacecraft(choice: TargetChoice, where: str) -> Spacecraft:
+        for other, made in known:
+            if other == choice:
+                return made
+        try:
+            made = built(create(registry, "scene", choice), choice.name)
+        except InputError as error:
+            raise InputError(f"{where}{error}") from None
+        known.append((choice, made))
+        return made
+
+    target = spacecraft(scenario.target, "")
+    others = tuple(
+        Body(member, spacecraft(choice, f"bodies.{name}.spacecraft: "))
+        for name, config in scenario.bodies.items()
+        for member, choice in config.members(name)
+    )
+    return Scene(target, scenario.camera.camera(), others)

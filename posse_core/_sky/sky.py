@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from posse_core._arrays import BoolArray, Float32Array, FloatArray
+from posse_core._environment.ephemeris import earth_velocity_m_s
 from posse_core._frames import turned
 from posse_core._model.bands import SOLAR_BAND_FRACTIONS
 from posse_core._model.camera import Camera, PixelBox
@@ -20,7 +21,7 @@ from posse_core._sky.ellipsoid import entry_distance_m
 from posse_core._sky.environment import environment_map
 from posse_core._sky.ground import blue_marble
 from posse_core._sky.picture import picture
-from posse_core._sky.stars import hipparcos, random_field
+from posse_core._sky.stars import aberrated, hipparcos, random_field
 from posse_core._sky.sun import MAX_SUBSAMPLES, box_of_disc, limb_darkened, subpixel_rays
 
 __all__ = ["STAR_MARGIN_PX", "Sky", "SkyView", "sky_speed_px_s"]
@@ -50,8 +51,9 @@ def sky_speed_px_s(camera: Camera, frame: FrameState, *, earth: bool) -> float:
 class Sky:
     """Radiance of the sky by direction, as seen from the camera.
 
-    Directions are geometric, as everywhere in a scene: aberration (20″), light time and refraction are
-    neglected.
+    Stars are where a camera sees them that moves around the Earth and with the Earth around the Sun
+    (aberration, up to 5″ and 20″). All other directions are geometric, as everywhere in a scene: light
+    time and refraction are neglected. So is the deflection of starlight by the Sun (1.8″ at its limb).
     """
 
     def __init__(self, config: SkyConfig, camera: Camera, seed: int) -> None:
@@ -145,7 +147,9 @@ class Sky:
             field = hipparcos(config.max_magnitude)
         else:
             field = random_field(self._seed, config.max_magnitude)
-        directions_cam = field.directions_at(frame.epoch_jd_tt) @ frame.R_cam_from_eci.T
+        v_m_s = earth_velocity_m_s(frame.epoch_jd_tt) + frame.v_camera_eci_m_s
+        seen_eci = aberrated(field.directions_at(frame.epoch_jd_tt), v_m_s)
+        directions_cam = seen_eci @ frame.R_cam_from_eci.T
         open_s = 2 * np.abs(offsets_s).max() + camera.line_time_s * camera.height_px
         near = self._in_view(camera.project(directions_cam), STAR_MARGIN_PX + speed_px_s * open_s)
         earth = self._earth.seen(frame) if self._earth is not None else None

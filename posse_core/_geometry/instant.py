@@ -140,15 +140,13 @@ class InstantCaster:
             nearest_m[ray[nearer]], owner[ray[nearer]] = z_m[nearer], number
             casts.append((number, ray, directions, triangle, z_m))
         pixels.covered_px[:] += covered.sum(axis=1)
-        shape = (block.height, block.width)
         for number, ray, directions, triangle, z_m in casts:
             first = np.flatnonzero(owner[ray] == number)
             solid, mine, hit = self.solids[number], ray[first], triangle[first]
-            cell = np.unravel_index(mine, shape)
-            pixels.part_id[rows][cell] = np.take(solid.placed.solid.part_id, hit)
-            pixels.triangle[rows][cell] = np.take(solid.placed.solid.face, hit)
-            pixels.depth_m[rows][cell] = z_m[first]
-            pixels.normal_cam[rows][cell] = np.take(solid.normals_cam, hit, axis=0)
+            pixels.part_id[rows].reshape(-1)[mine] = np.take(solid.placed.solid.part_id, hit)
+            pixels.triangle[rows].reshape(-1)[mine] = np.take(solid.placed.solid.face, hit)
+            pixels.depth_m[rows].reshape(-1)[mine] = z_m[first]
+            pixels.normal_cam[rows].reshape(-1, 3)[mine] = np.take(solid.normals_cam, hit, axis=0)
             bright = np.flatnonzero(np.take(solid.sunny, hit))
             chosen = first[bright]
             point_m = solid.camera_m[:, None] + z_m[chosen] * np.take(directions, chosen, axis=1)
@@ -211,8 +209,8 @@ class InstantCaster:
             covered = np.zeros(int(beyond.sum()), dtype=np.bool_)
             for solid in own:
                 rays = self.directions(solid.placed, u_px, v_px[rows])[:, beyond]
-                known = np.isfinite(rays[0])  # pixels that the lens does not map are not counted
-                covered[known] |= solid.first(rays[:, known])[0] >= 0
+                known = np.flatnonzero(np.isfinite(rays[0]))  # the lens does not map the others
+                covered[known] |= solid.first(np.take(rays, known, axis=1))[0] >= 0
             hits += int(covered.sum())
         return hits * stride**2
 

@@ -153,16 +153,19 @@ class EventCamera(Sensor[EventsOptions]):
             before = after
 
     def _apart_px(self, one: SensorLook, other: SensorLook) -> float:
-        """A bound of how far apart two states show a point of the spacecraft or the sky, px."""
+        """A bound of how far apart two states show a point of a body or the sky, px."""
         assert self.camera is not None
-        mine, theirs = one.state.craft, other.state.craft
-        radius_m = one.scene.spacecraft.radius_m
-        nearest_m = max(mine.range_m - radius_m, _LEAST_RANGE_SHARE * radius_m)
-        moved_m = np.linalg.norm(mine.t_body_cam_m - theirs.t_body_cam_m)
-        turned = np.linalg.norm(mine.R_cam_from_body - theirs.R_cam_from_body)
+        mine, theirs = one.state.craft.link_poses(), other.state.craft.link_poses()
+        moved_m = np.linalg.norm(mine.t_link_cam_m - theirs.t_link_cam_m, axis=1)
+        turned = np.linalg.norm(mine.R_cam_from_link - theirs.R_cam_from_link, axis=(1, 2))
+        bodies = list(zip(one.scene.bodies, one.state.craft.bodies, strict=True))
+        links = [state.articulation.links for _, state in bodies]
+        radius_m = np.repeat([spacecraft.radius_m for spacecraft, _ in bodies], links)
+        range_m = np.repeat([state.range_m for _, state in bodies], links)
+        nearest_m = np.maximum(range_m - radius_m, _LEAST_RANGE_SHARE * radius_m)
         turned_sky = np.linalg.norm(one.state.R_cam_from_eci - other.state.R_cam_from_eci)
-        apart = max((moved_m + radius_m * turned) / nearest_m, turned_sky)
-        return float(apart / self.camera.pixel_rad)
+        apart = max(float(((moved_m + radius_m * turned) / nearest_m).max()), float(turned_sky))
+        return apart / self.camera.pixel_rad
 
     def _electrons_s(self, light: Light) -> Float32Array:
         """(H, W) photo-electrons per second."""

@@ -27,10 +27,14 @@ class ThermalCamera(Sensor[ThermalOptions]):
     """Images of heat, with the true temperature of the surface in every pixel."""
 
     def open(self, setting: SensorSetting) -> None:
-        options = self.options
-        surfaces = surfaces_of(setting.scene.spacecraft, options.materials, options.parts)
+        options, scene = self.options, setting.scene
+        if scene.others or scene.spacecraft.joints:
+            raise InputError(
+                "the thermal camera computes the heat of a rigid target alone; leave out bodies and joints"
+            )
+        surfaces = surfaces_of(scene.spacecraft, options.materials, options.parts)
         self._model = ThermalModel.of(
-            setting.scene.spacecraft, surfaces, facet_m=options.facet_m, thin_m=options.thin_m
+            scene.spacecraft, surfaces, facet_m=options.facet_m, thin_m=options.thin_m
         )
         self._camera = self.camera = options.camera.camera()
         shape = (self._camera.height_px, self._camera.width_px)

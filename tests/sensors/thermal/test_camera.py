@@ -268,3 +268,11 @@ def test_the_default_camera_has_pixels_of_17_um():
     camera = ThermalOptions().camera.camera()
     assert (camera.width_px, camera.height_px) == (640, 512)
     assert camera.pixel_pitch_m == pytest.approx(17e-6)
+
+
+def test_other_bodies_are_refused():
+    friend = {"spacecraft": {"name": "cubesat"}, "relative": {"roe_m": [0, 30, 0, 0, 0, 0]}}
+    with pytest.raises(posse.InputError, match=r"sensors\.t: .* rigid target alone"):
+        posse.open(
+            "aqua", renderer="raster", overrides={"sensors.t": "thermal", "bodies.friend": friend}
+        )

@@ -30,7 +30,8 @@ class ThermalCamera(Sensor[ThermalOptions]):
         options, scene = self.options, setting.scene
         if scene.others or scene.spacecraft.joints:
             raise InputError(
-                "the thermal camera computes the heat of a rigid target alone; leave out bodies and joints"
+                "the thermal camera computes the heat of a rigid target alone; leave out bodies and"
+                " joints"
             )
         surfaces = surfaces_of(scene.spacecraft, options.materials, options.parts)
         self._model = ThermalModel.of(

@@ -225,6 +225,16 @@ class CraftState(BodyState):
             ]
         return LinkPoses(np.concatenate(R_cam_from_link), np.concatenate(t_link_cam_m))
 
+    def link_poses_body(self) -> tuple[FloatArray, FloatArray]:
+        """R_body_from_link (L, 3, 3) and t_link_body_m (L, 3) of the links of :meth:`link_poses`, in the
+        target's body axes. The target's own link has the identity there, to the bit."""
+        R_own, t_own_m = self.articulation.poses()
+        R_cam_from_link, t_link_cam_m = self.link_poses()
+        links = self.articulation.links
+        R = self.R_cam_from_body.T @ R_cam_from_link[links:]
+        t_m = (t_link_cam_m[links:] - self.t_body_cam_m) @ self.R_cam_from_body
+        return np.concatenate([R_own, R]), np.concatenate([t_own_m, t_m])
+
     def about(self, number: int) -> CraftState:
         """The same state with body ``number`` in the target's place; see
         :meth:`posse_core.Scene.about`."""

@@ -81,6 +81,16 @@ class Scene:
         return tuple(pieces)
 
     @cached_property
+    def link_radii_m(self) -> FloatArray:
+        """(L,) radius of the smallest sphere about the origin of each link's axes that contains every
+        vertex of the link, m; 0 for a link without a part."""
+        radii_m = np.zeros(sum(len(spacecraft.joints) + 1 for spacecraft in self.bodies))
+        for piece in self.pieces:
+            farthest_m = np.sqrt((piece.part.vertices_body_m**2).sum(axis=1).max())
+            radii_m[piece.link] = max(radii_m[piece.link], farthest_m)
+        return radii_m
+
+    @cached_property
     def body_of_part(self) -> IntArray:
         """(P,) number of the body that each of :attr:`pieces` belongs to."""
         counts = [len(spacecraft.parts) for spacecraft in self.bodies]

@@ -8,7 +8,9 @@ from posse_core._arrays import FloatArray, IntArray
 from posse_core._frames import R_GL_FROM_CAM
 from posse_core._model.bands import SOLAR_BAND_FRACTIONS
 from posse_core._model.camera import Camera
-from posse_core._model.scene import FrameState, Scene
+from posse_core._model.craft_state import BodyState
+from posse_core._model.joints import RIGID, Articulation, Joint
+from posse_core._model.scene import Body, FrameState, Scene
 from posse_core._model.spacecraft import Material, Part, Spacecraft
 
 __all__ = [
@@ -44,8 +46,13 @@ def frame(
     solar_flux_w_m2: float = SOLAR_FLUX_W_M2,
     sun_fraction: float = 1.0,
     sun_angular_radius_rad: float = SUN_ANGULAR_RADIUS_RAD,
+    articulation: Articulation = RIGID,
+    others: tuple[BodyState, ...] = (),
 ) -> FrameState:
-    """A frame state with the target in a low orbit and body axes parallel to the ECI axes."""
+    """A frame state with the target in a low orbit and body axes parallel to the ECI axes.
+
+    ``articulation`` is the target's, and ``others`` are the bodies beside it.
+    """
     r_target_eci_m = np.array([7.0e6, 0.0, 0.0])
     sun = np.asarray(sun_direction_body, dtype=np.float64)
     t = np.asarray(t_body_cam_m, dtype=np.float64)
@@ -65,6 +72,8 @@ def frame(
         sun_fraction_target=sun_fraction,
         sun_fraction_camera=sun_fraction,
         sun_angular_radius_rad=sun_angular_radius_rad,
+        articulation=articulation,
+        others=others,
     )
 
 
@@ -73,10 +82,18 @@ def irradiance_rgb_w_m2(flux_w_m2: float = SOLAR_FLUX_W_M2) -> FloatArray:
     return flux_w_m2 * SOLAR_BAND_FRACTIONS
 
 
-def scene(*parts: Part, materials: tuple[Material, ...], camera: Camera) -> Scene:
-    """A scene with these parts."""
-    craft = Spacecraft("test", parts, {material.name: material for material in materials})
-    return Scene(craft, camera)
+def scene(
+    *parts: Part,
+    materials: tuple[Material, ...],
+    camera: Camera,
+    joints: tuple[Joint, ...] = (),
+    others: tuple[Part, ...] = (),
+) -> Scene:
+    """A scene with a spacecraft of these parts, and beside it a body for each part in ``others``."""
+    by_name = {material.name: material for material in materials}
+    craft = Spacecraft("test", parts, by_name, joints=joints)
+    beside = [Body(part.name, Spacecraft(part.name, (part,), by_name)) for part in others]
+    return Scene(craft, camera, tuple(beside))
 
 
 def rectangle(

@@ -1,4 +1,4 @@
-"""The spacecraft in OpenGL: its vertices, its textures and the programs that draw it."""
+"""The bodies of a scene in OpenGL: their vertices, their textures and the programs that draw them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 import moderngl
 import numpy as np
 
-from posse_core import AnyArray, Material, Spacecraft, linear_from_srgb
+from posse_core import AnyArray, FloatArray, LinkPoses, Material, Piece, Scene, linear_from_srgb
 
 TEXTURES = ("base_color_texture", "metallic_roughness_texture", "normal_texture")
 """Texture samplers of the program; the index is that of the texture unit."""
@@ -27,8 +27,8 @@ def program(context: moderngl.Context, vertex: str, fragment: str) -> moderngl.P
 
 
 @dataclass(frozen=True)
-class _LoadedPart:
-    """One part of the spacecraft, loaded into OpenGL."""
+class _LoadedPiece:
+    """A part of a body, loaded into OpenGL."""
 
     material: Material
     textures: Sequence[moderngl.Texture]
@@ -37,64 +37,125 @@ class _LoadedPart:
     shadow: moderngl.VertexArray
 
 
-class Craft:
-    """All parts of a spacecraft, with the programs that draw their radiance, depth and shadow map."""
+@dataclass(frozen=True)
+class Link:
+    """What moves as one, loaded into OpenGL.
 
-    def __init__(self, context: moderngl.Context, spacecraft: Spacecraft) -> None:
+    Attributes:
+        number: in :class:`posse_core.LinkPoses`.
+        body: number of its body.
+        vertices_m: (3, V) of all its parts, in its axes.
+        radius_m: of a sphere about the origin of its axes that contains them.
+        pieces: its parts.
+    """
+
+    number: int
+    body: int
+    vertices_m: FloatArray
+    radius_m: float
+    pieces: Sequence[_LoadedPiece]
+
+
+class Craft:
+    """All links of a scene that have parts, with the programs that draw their radiance, depth and shadow
+    maps. Bodies that are the same spacecraft share its buffers and textures.
+
+    Attributes:
+        links: in the order of their numbers, so that those of one body are together.
+    """
+
+    def __init__(self, context: moderngl.Context, scene: Scene) -> None:
         self.radiance = program(context, "craft", "craft")
         self.depth = program(context, "craft", "nothing")
         self.shadow = program(context, "shadow", "nothing")
         for unit, key in enumerate(TEXTURES):
             self.radiance[key] = unit
-        white = context.texture((1, 1), 3, np.full(3, 255, dtype=np.uint8).tobytes())
-        textures = {
-            name: [_texture(context, material, key) or white for key in TEXTURES]
-            for name, material in spacecraft.materials.items()
-        }
-        self._parts = []
-        for part in spacecraft.parts:
-            columns = (part.vertices_body_m.astype(np.float32), part.normals_body, part.uv)
-            vertices = context.buffer(np.hstack(columns).astype(np.float32).tobytes())
-            faces = context.buffer(part.faces.astype(np.int32).tobytes())
-            attributes = ("position_body_m", "normal_body", "uv")
-            self._parts.append(
-                _LoadedPart(
-                    material=spacecraft.materials[part.material],
-                    textures=textures[part.material],
-                    radiance=context.vertex_array(
-                        self.radiance, [(vertices, "3f 3f 2f", *attributes)], index_buffer=faces
-                    ),
-                    depth=context.vertex_array(
-                        self.depth, [(vertices, "3f 5x4", attributes[0])], index_buffer=faces
-                    ),
-                    shadow=context.vertex_array(
-                        self.shadow, [(vertices, "3f 5x4", attributes[0])], index_buffer=faces
-                    ),
-                )
+        self._context = context
+        self._white = context.texture((1, 1), 3, np.full(3, 255, dtype=np.uint8).tobytes())
+        textures: dict[int, Sequence[moderngl.Texture]] = {}
+        loaded: dict[tuple[int, int], _LoadedPiece] = {}
+        links: dict[int, list[int]] = {}
+        for index, piece in enumerate(scene.pieces):
+            links.setdefault(piece.link, []).append(index)
+            if id(piece.material) not in textures:
+                textures[id(piece.material)] = self._textures(piece.material)
+            if _key(piece) not in loaded:
+                loaded[_key(piece)] = self._loaded(piece, textures[id(piece.material)])
+        self.links = tuple(
+            Link(
+                number=number,
+                body=int(scene.body_of_part[own[0]]),
+                vertices_m=np.concatenate([scene.pieces[i].part.vertices_body_m for i in own]).T,
+                radius_m=float(scene.link_radii_m[number]),
+                pieces=[loaded[_key(scene.pieces[i])] for i in own],
             )
+            for number, own in sorted(links.items())
+        )
 
-    def draw_depth(self) -> None:
-        """Draw the depth of all parts with the program :attr:`depth`."""
-        for part in self._parts:
-            part.depth.render()
+    def draw_depth(self, links: Sequence[Link], poses: LinkPoses) -> None:
+        """Draw the depth of links with the program :attr:`depth`."""
+        for link in links:
+            _place(self.depth, link, poses)
+            for piece in link.pieces:
+                piece.depth.render()
 
-    def draw_shadow(self) -> None:
-        """Draw the depth of all parts, as the Sun sees them, with the program :attr:`shadow`."""
-        for part in self._parts:
-            part.shadow.render()
+    def draw_shadow(self, link: Link, shadow_from_link: FloatArray) -> None:
+        """Draw the depth of a link, as the Sun sees it, with the program :attr:`shadow`."""
+        set_matrix(self.shadow, "shadow_from_link", shadow_from_link)
+        for piece in link.pieces:
+            piece.shadow.render()
 
-    def draw_radiance(self) -> None:
-        """Draw all parts with the program :attr:`radiance`, each with its own material."""
-        for part in self._parts:
-            material = part.material
+    def draw_radiance(self, link: Link, poses: LinkPoses) -> None:
+        """Draw a link with the program :attr:`radiance`, each part with its own material."""
+        _place(self.radiance, link, poses)
+        for piece in link.pieces:
+            material = piece.material
             self.radiance["base_color"] = material.base_color
             self.radiance["metallic"] = material.metallic
             self.radiance["roughness"] = material.roughness
             self.radiance["specular"] = material.specular
             self.radiance["has_normal_map"] = material.normal_texture is not None
-            for unit, texture in enumerate(part.textures):
+            for unit, texture in enumerate(piece.textures):
                 texture.use(unit)
-            part.radiance.render()
+            piece.radiance.render()
+
+    def _textures(self, material: Material) -> Sequence[moderngl.Texture]:
+        return [_texture(self._context, material, key) or self._white for key in TEXTURES]
+
+    def _loaded(self, piece: Piece, textures: Sequence[moderngl.Texture]) -> _LoadedPiece:
+        part, context = piece.part, self._context
+        columns = (part.vertices_body_m.astype(np.float32), part.normals_body, part.uv)
+        vertices = context.buffer(np.hstack(columns).astype(np.float32).tobytes())
+        faces = context.buffer(part.faces.astype(np.int32).tobytes())
+        attributes = ("position_link_m", "normal_link", "uv")
+        position = [(vertices, "3f 5x4", attributes[0])]
+        return _LoadedPiece(
+            material=piece.material,
+            textures=textures,
+            radiance=context.vertex_array(
+                self.radiance, [(vertices, "3f 3f 2f", *attributes)], index_buffer=faces
+            ),
+            depth=context.vertex_array(self.depth, position, index_buffer=faces),
+            shadow=context.vertex_array(self.shadow, position, index_buffer=faces),
+        )
+
+
+def _key(piece: Piece) -> tuple[int, int]:
+    """What two pieces that are loaded once have in common."""
+    return id(piece.part), id(piece.material)
+
+
+def set_matrix(target: moderngl.Program, name: str, matrix: FloatArray) -> None:
+    """Set a matrix uniform; OpenGL stores matrices by columns."""
+    uniform = target[name]
+    assert isinstance(uniform, moderngl.Uniform)
+    uniform.write(np.ascontiguousarray(matrix.T, dtype=np.float32).tobytes())
+
+
+def _place(target: moderngl.Program, link: Link, poses: LinkPoses) -> None:
+    """Set the uniforms of a link's pose."""
+    set_matrix(target, "R_cam_from_link", poses.R_cam_from_link[link.number])
+    target["t_link_cam_m"] = tuple(poses.t_link_cam_m[link.number])
 
 
 def _texture(context: moderngl.Context, material: Material, key: str) -> moderngl.Texture | None:

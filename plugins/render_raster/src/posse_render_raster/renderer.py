@@ -1,5 +1,5 @@
-"""The renderer ``raster``. Each frame it draws a shadow map, then the image tile by tile: several
-samples per pixel, which are averaged."""
+"""The renderer ``raster``. Each frame it draws a shadow map of every body, then the image tile by tile:
+several samples per pixel, which are averaged."""
 
 from __future__ import annotations
 
@@ -13,30 +13,53 @@ import numpy as np
 from posse_core import (
     Camera,
     ComponentError,
-    CraftState,
     EnvironmentMap,
     Float32Array,
-    FloatArray,
+    LinkPoses,
     PixelBox,
-    R_with_z,
     Radiance,
     Renderer,
     RenderRequest,
     Scene,
 )
 from posse_render_raster.context import create_context
-from posse_render_raster.craft import FREE_UNIT, Craft, program
+from posse_render_raster.craft import FREE_UNIT, Craft, program, set_matrix
 from posse_render_raster.options import RasterOptions
+from posse_render_raster.placing import Layer, Shade, layers, shades
 from posse_render_raster.sky_light import convolved, lobe_albedo
 
 Map = moderngl.Texture | moderngl.TextureArray
 
 TILE_SAMPLES = 1536
 """Width and height of the sample buffer, in samples. It takes 47 MB, whatever the size of the image."""
-SPHERE_RADII = 1.01
-"""Radius of the bounding sphere for clipping, in radii of the spacecraft; the margin is for rounding."""
-NEAR_PLANE_RADII = 1e-3
-"""Depth of the near plane if the camera is inside that sphere, in radii of the sphere."""
+FULL_SHADOW_MAPS = 4
+"""How many bodies have a shadow map of the option's size; those of more bodies are smaller, so that all
+together they have as many texels."""
+GL_DEPTH_CLAMP = 0x864F
+"""What is nearer than the near plane is drawn at its depth instead of being cut off."""
+
+
+@dataclass(frozen=True)
+class _ShadowMap:
+    """The shadow map of one body."""
+
+    target: moderngl.Framebuffer
+    depth: moderngl.Texture
+
+
+@dataclass(frozen=True)
+class _Drawing:
+    """What all tiles of a frame share.
+
+    Attributes:
+        poses: of the links.
+        shades: of the bodies.
+        layers: the links, the farthest first.
+    """
+
+    poses: LinkPoses
+    shades: Sequence[Shade]
+    layers: Sequence[Layer]
 
 
 @dataclass(frozen=True)
@@ -45,11 +68,9 @@ class _Stage:
 
     context: moderngl.Context
     camera: Camera
-    vertices_body_m: FloatArray
-    radius_m: float
     craft: Craft
-    shadow: moderngl.Framebuffer
-    shadow_map: moderngl.Texture
+    shadows: Sequence[_ShadowMap]
+    depths: moderngl.Framebuffer
     samples: moderngl.Framebuffer
     sampled: moderngl.Texture
     pixels: moderngl.Framebuffer
@@ -99,13 +120,12 @@ class RasterRenderer(Renderer[RasterOptions]):
         image = np.empty((box.height, box.width, 4), dtype=np.float32)
         z_m = np.empty((box.height, box.width), dtype=np.float32)
         with stage.context:
-            self._draw_shadow(stage, request.craft)
-            self._set_frame(stage, request)
+            drawing = self._set_frame(stage, request)
             for x0, y0, part in _tiles(box, TILE_SAMPLES // n):
                 rows, columns = PixelBox(
                     part.x0 - box.x0, part.y0 - box.y0, part.width, part.height
                 ).slices
-                image[rows, columns], z_m[rows, columns] = self._draw_tile(stage, x0, y0, part)
+                image[rows, columns], z_m[rows, columns] = self._draw_tile(stage, drawing, x0, y0, part)
         return Radiance(
             box=box,
             radiance_rgb=np.ascontiguousarray(image[..., :3]),
@@ -134,43 +154,33 @@ class RasterRenderer(Renderer[RasterOptions]):
         context.release()
         return [("opengl", True, detail)]
 
-    def _draw_shadow(self, stage: _Stage, state: CraftState) -> None:
-        shadow_from_body = _shadow_from_body(
-            stage.vertices_body_m, stage.radius_m, state.sun_direction_body
-        )
-        cam_from_body = np.eye(4)
-        cam_from_body[:3, :3], cam_from_body[:3, 3] = state.R_cam_from_body, state.t_body_cam_m
-        craft = stage.craft
-        _set_matrix(craft.shadow, "shadow_from_body", shadow_from_body)
-        _set_matrix(craft.radiance, "shadow_from_cam", shadow_from_body @ np.linalg.inv(cam_from_body))
-        widest_m = 2 / np.linalg.norm(shadow_from_body[:2, :3], axis=1).min()
-        craft.radiance["shadow_texel_m"] = float(widest_m / self.options.shadow_map_px)
-        stage.shadow.use()
-        stage.shadow.clear(depth=1.0)
-        stage.context.enable_only(moderngl.DEPTH_TEST)
-        craft.draw_shadow()
-
-    def _set_frame(self, stage: _Stage, request: RenderRequest) -> None:
-        """Set the uniforms and textures that all tiles of a frame share."""
+    def _set_frame(self, stage: _Stage, request: RenderRequest) -> _Drawing:
+        """Draw the shadow maps, and set the uniforms and textures that all tiles of a frame share."""
         craft, radiance = request.craft, stage.craft.radiance
-        radius_m = SPHERE_RADII * stage.radius_m
-        nearest_m = max(float(craft.t_body_cam_m[2]) - radius_m, NEAR_PLANE_RADII * radius_m)
-        for target in (stage.craft.depth, radiance):
-            _set_matrix(target, "R_cam_from_body", craft.R_cam_from_body)
-            target["t_body_cam_m"] = tuple(craft.t_body_cam_m)
-            target["clip_m"] = (nearest_m, craft.range_m + radius_m)
+        poses = craft.link_poses()
+        drawing = _Drawing(
+            poses, shades(stage.craft.links, craft, poses), layers(stage.craft.links, poses)
+        )
+        stage.context.enable_only(moderngl.DEPTH_TEST)
+        stage.context.enable_direct(GL_DEPTH_CLAMP)
+        for shade, shadow in zip(drawing.shades, stage.shadows, strict=True):
+            shadow.target.use()
+            shadow.target.clear(depth=1.0)
+            for link, shadow_from_link in shade.casters:
+                stage.craft.draw_shadow(link, shadow_from_link)
+        stage.context.disable_direct(GL_DEPTH_CLAMP)
         radiance["sun_direction"] = tuple(craft.sun_direction_cam)
         radiance["sun_irradiance_rgb_w_m2"] = tuple(craft.sun_irradiance_rgb_w_m2)
         radiance["sun_angular_radius_rad"] = craft.sun_angular_radius_rad
         units = ("shadow_map", "lobe_albedo", "environment", "prefiltered")
         for unit, name in enumerate(units, FREE_UNIT):
             radiance[name] = unit
-        stage.shadow_map.use(FREE_UNIT)
         stage.lobe_albedo.use(FREE_UNIT + 1)
         radiance["has_environment"] = request.environment is not None
         if request.environment is not None:
             for unit, texture in enumerate(self._maps(stage, request.environment), FREE_UNIT + 2):
                 texture.use(unit)
+        return drawing
 
     def _maps(self, stage: _Stage, environment: EnvironmentMap) -> list[Map]:
         """The textures of an environment. Those of the last one are kept, as the images of an exposure
@@ -183,7 +193,7 @@ class RasterRenderer(Renderer[RasterOptions]):
         return self._lit_by[1]
 
     def _draw_tile(
-        self, stage: _Stage, x0: int, y0: int, part: PixelBox
+        self, stage: _Stage, drawing: _Drawing, x0: int, y0: int, part: PixelBox
     ) -> tuple[Float32Array, Float32Array]:
         """Draw a part of the tile whose corner is at (x0, y0).
 
@@ -200,18 +210,12 @@ class RasterRenderer(Renderer[RasterOptions]):
                 2 * (camera.cy_px + 0.5 - y0) / size_px - 1,
             )
         within = (part.x0 - x0, part.y0 - y0, part.width, part.height)
-        stage.samples.scissor = (n * within[0], n * within[1], n * within[2], n * within[3])
-        stage.samples.use()
+        scissor = (n * within[0], n * within[1], n * within[2], n * within[3])
+        stage.samples.scissor = stage.depths.scissor = scissor
         stage.samples.clear()
         stage.context.enable_only(moderngl.DEPTH_TEST)
-        # Depth is drawn first so that only visible samples are shaded, which takes most of a frame's
-        # time.
-        stage.samples.color_mask = (False, False, False, False)
-        stage.craft.draw_depth()
-        stage.samples.color_mask = (True, True, True, True)
-        stage.context.depth_func = "<="
-        stage.craft.draw_radiance()
-        stage.context.depth_func = "<"
+        for layer in drawing.layers:
+            self._draw_layer(stage, drawing, layer)
         stage.pixels.scissor = within
         stage.pixels.use()
         stage.context.enable_only(moderngl.NOTHING)
@@ -225,16 +229,37 @@ class RasterRenderer(Renderer[RasterOptions]):
             np.frombuffer(z_m, dtype=np.float32).reshape(shape),
         )
 
+    def _draw_layer(self, stage: _Stage, drawing: _Drawing, layer: Layer) -> None:
+        """Draw the samples of a layer over those of the layers behind it."""
+        craft = stage.craft
+        for target in (craft.depth, craft.radiance):
+            target["clip_m"] = layer.clip_m
+        # Depth is drawn first so that only visible samples are shaded, which takes most of a frame's
+        # time.
+        stage.depths.use()
+        stage.depths.clear(depth=1.0)
+        craft.draw_depth(layer.links, drawing.poses)
+        stage.samples.use()
+        stage.context.depth_func = "<="
+        for link in layer.links:
+            shade = drawing.shades[link.body]
+            set_matrix(craft.radiance, "shadow_from_cam", shade.shadow_from_cam)
+            texels = stage.shadows[link.body].depth.width
+            craft.radiance["shadow_texel_m"] = shade.widest_m / texels
+            stage.shadows[link.body].depth.use(FREE_UNIT)
+            craft.draw_radiance(link, drawing.poses)
+        stage.context.depth_func = "<"
+
 
 def _set_up(context: moderngl.Context, scene: Scene, options: RasterOptions) -> _Stage:
     n = options.samples_per_axis
     tile_px = TILE_SAMPLES // n
     size = (tile_px * n, tile_px * n)
     sampled = context.texture(size, 4, dtype="f4")
+    depth = context.depth_renderbuffer(size)
     pixels = [context.texture((tile_px, tile_px), channels, dtype="f4") for channels in (4, 1)]
-    shadow_map = context.depth_texture((options.shadow_map_px, options.shadow_map_px))
-    shadow_map.compare_func = "<="
-    shadow_map.filter = (moderngl.LINEAR, moderngl.LINEAR)
+    share = min(1.0, FULL_SHADOW_MAPS / len(scene.bodies))
+    shadow_px = int(options.shadow_map_px * share**0.5)
     average = program(context, "pixel", "pixel")
     average["samples"] = 0
     average["samples_per_axis"] = n
@@ -244,12 +269,10 @@ def _set_up(context: moderngl.Context, scene: Scene, options: RasterOptions) -> 
     return _Stage(
         context=context,
         camera=scene.camera,
-        vertices_body_m=np.concatenate([part.vertices_body_m for part in scene.spacecraft.parts]).T,
-        radius_m=scene.spacecraft.radius_m,
-        craft=Craft(context, scene.spacecraft),
-        shadow=context.framebuffer(depth_attachment=shadow_map),
-        shadow_map=shadow_map,
-        samples=context.framebuffer(sampled, context.depth_renderbuffer(size)),
+        craft=Craft(context, scene),
+        shadows=[_shadow_map(context, shadow_px) for _ in scene.bodies],
+        depths=context.framebuffer(depth_attachment=depth),
+        samples=context.framebuffer(sampled, depth),
         sampled=sampled,
         pixels=context.framebuffer(pixels),
         average=context.vertex_array(average, []),
@@ -270,23 +293,11 @@ def _tiles(box: PixelBox, size: int) -> Iterator[tuple[int, int, PixelBox]]:
             yield x0, y0, PixelBox(x, y, min(x0 + size, right) - x, min(y0 + size, bottom) - y)
 
 
-def _shadow_from_body(
-    vertices_body_m: FloatArray, radius_m: float, sun_direction_body: FloatArray
-) -> FloatArray:
-    """(4, 4) matrix from body axes, m, to the shadow map's coordinates: −1 … 1, as seen from the Sun,
-    tight around the spacecraft; z grows away from the Sun.
-
-    ``vertices_body_m`` is (3, V); they are within ``radius_m`` of the origin.
-    """
-    axes = (R_with_z(sun_direction_body) * [1.0, 1.0, -1.0]).T
-    along = axes @ vertices_body_m
-    low, high = along.min(axis=1), along.max(axis=1)
-    # The margin keeps the border texels empty, so that there is no shadow outside the map.
-    half = np.maximum((high - low) / 2, 1e-6) * SPHERE_RADII + 1e-3 * radius_m
-    out = np.eye(4)
-    out[:3, :3] = axes / half[:, None]
-    out[:3, 3] = -(low + high) / 2 / half
-    return out
+def _shadow_map(context: moderngl.Context, size_px: int) -> _ShadowMap:
+    depth = context.depth_texture((size_px, size_px))
+    depth.compare_func = "<="
+    depth.filter = (moderngl.LINEAR, moderngl.LINEAR)
+    return _ShadowMap(context.framebuffer(depth_attachment=depth), depth)
 
 
 def _environment_textures(context: moderngl.Context, environment: EnvironmentMap) -> list[Map]:
@@ -300,10 +311,3 @@ def _environment_textures(context: moderngl.Context, environment: EnvironmentMap
         texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
         texture.repeat_y = False
     return [plain, layers]
-
-
-def _set_matrix(target: moderngl.Program, name: str, matrix: FloatArray) -> None:
-    """Set a matrix uniform; OpenGL stores matrices by columns."""
-    uniform = target[name]
-    assert isinstance(uniform, moderngl.Uniform)
-    uniform.write(np.ascontiguousarray(matrix.T, dtype=np.float32).tobytes())

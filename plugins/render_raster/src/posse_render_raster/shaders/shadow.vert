@@ -1,8 +1,8 @@
 #version 330 core
-uniform mat4 shadow_from_body;
+uniform mat4 shadow_from_link;
 
-in vec3 position_body_m;
+in vec3 position_link_m;
 
 void main() {
-    gl_Position = shadow_from_body * vec4(position_body_m, 1.0);
+    gl_Position = shadow_from_link * vec4(position_link_m, 1.0);
 }

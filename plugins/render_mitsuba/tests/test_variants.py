@@ -117,6 +117,26 @@ def test_the_newest_library_that_works_is_chosen(
     assert tried == ["libLLVM-20.so", "libLLVM.so.19.1"]
 
 
+def test_a_compilers_own_library_is_tried_last(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, child
+) -> None:
+    monkeypatch.delenv("DRJIT_LIBLLVM_PATH", raising=False)
+    names = (
+        ".rustup/toolchains/stable/lib/libLLVM.so.22.1-rust-1.95.0-stable",
+        "julia/libLLVM-18jl.so",
+        "llvm-14/lib/libLLVM-14.so.1",
+        "llvm-19/lib/libLLVM-19.so.1",
+    )
+    for name in names:
+        (tmp_path / name).parent.mkdir(parents=True)
+        (tmp_path / name).write_text(name)
+    monkeypatch.setattr(variants, "_LLVM_PATTERNS", tuple(str(tmp_path / name) for name in names))
+    notes = child("exit 1")
+    variants.choose("auto")
+    tried = [Path(line).name for line in notes.read_text().splitlines()]
+    assert tried == [Path(name).name for name in (names[3], names[2], names[0], names[1])]
+
+
 def test_cuda_without_a_gpu_is_an_error() -> None:
     if Path("/dev/nvidiactl").exists():
         pytest.skip("there is a GPU")

@@ -33,6 +33,9 @@ _LLVM_PATTERNS = (
     os.path.join(sys.prefix, "lib", "libLLVM*.so*"),
     os.path.expanduser("~/.rustup/toolchains/*/lib/libLLVM*.so*"),
 )
+_OF_A_COMPILER = re.compile(r"\brust|\bjulia")
+"""In the path of a library that a compiler brings for itself. Such libraries are tried last: they are
+built for that compiler and change with it."""
 _NEWER = (
     "install a newer LLVM (Debian and Ubuntu: apt install libllvm19) or set DRJIT_LIBLLVM_PATH to one"
 )
@@ -94,14 +97,18 @@ def load_library(library: str) -> None:
 
 
 def llvm_candidates() -> list[str]:
-    """The LLVM libraries to try, newest first; only the one in DRJIT_LIBLLVM_PATH if that is set."""
+    """The LLVM libraries to try: the system's, newest first, and then those that compilers bring for
+    themselves; only the one in DRJIT_LIBLLVM_PATH if that is set."""
     named = os.environ.get("DRJIT_LIBLLVM_PATH")
     if named:
         return [named]
     found = {os.path.realpath(path) for pattern in _LLVM_PATTERNS for path in glob.glob(pattern)}
-    return sorted(
-        (path for path in found if _version(path)), key=lambda path: (_version(path), path), reverse=True
-    )
+    return sorted(filter(_version, found), key=_rank, reverse=True)
+
+
+def _rank(path: str) -> tuple[bool, tuple[int, ...], str]:
+    """By which libraries are ordered, the best one last."""
+    return not _OF_A_COMPILER.search(path), _version(path), path
 
 
 def _version(path: str) -> tuple[int, ...]:

@@ -96,8 +96,10 @@ from ._model.flight_record import FlightRecord as FlightRecord
 from ._model.joints import Articulation as Articulation
 from ._model.joints import Joint as Joint
 from ._model.label_line import BodyLabels as BodyLabels
+from ._model.label_line import BodyReading as BodyReading
 from ._model.label_line import Box as Box
 from ._model.label_line import JointLabels as JointLabels
+from ._model.label_line import JointReading as JointReading
 from ._model.label_line import Keypoint as Keypoint
 from ._model.label_line import LabelLine as LabelLine
 from ._model.label_line import LabelNotMade as LabelNotMade

@@ -96,12 +96,17 @@ class KeypointsAnnotator(Annotator):
 class PoseAnnotator(Annotator):
     """``q_cam_from_body``, ``t_body_cam_m``, ``range_m``, ``phase_angle_rad``,
     ``sun_direction_body``, the rates ``v_body_cam_m_s``, ``omega_body_rad_s``,
-    ``omega_camera_rad_s``, and, where joints move, ``joints``."""
+    ``omega_camera_rad_s``, where joints move ``joints``, and of a body that the chaser carries
+    ``is_carried``."""
 
     def annotate(self, look: Look) -> Labels:
         frame = look.state
         sun, camera = frame.craft.sun_direction_cam, -frame.craft.t_body_cam_m
-        joints = {"joints": _joints(frame.craft)} if frame.craft.articulation.joints else {}
+        more: dict[str, Any] = {}
+        if frame.craft.articulation.joints:
+            more["joints"] = _joints(frame.craft)
+        if frame.craft.is_carried:
+            more["is_carried"] = True
         # Near 0 and π the arc tangent keeps its precision, while the arc cosine loses half of its
         # digits.
         phase_rad = np.arctan2(np.linalg.norm(np.cross(sun, camera)), np.sum(sun * camera))
@@ -115,7 +120,7 @@ class PoseAnnotator(Annotator):
                 "v_body_cam_m_s": frame.craft.rates.v_body_cam_m_s.tolist(),
                 "omega_body_rad_s": frame.craft.rates.omega_body_rad_s.tolist(),
                 "omega_camera_rad_s": frame.craft.rates.omega_camera_rad_s.tolist(),
-                **joints,
+                **more,
             }
         )
 

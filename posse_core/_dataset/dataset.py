@@ -17,6 +17,7 @@ from posse_core._dataset.files import read_arrays
 from posse_core._dataset.frame_table import frame_table
 from posse_core._dataset.images import LabelledImages
 from posse_core._dataset.layout import (
+    BODIES,
     CAMERA,
     LABELS,
     MANIFEST,
@@ -28,9 +29,10 @@ from posse_core._dataset.layout import (
     inside,
 )
 from posse_core._dataset.lines import LabelLines
+from posse_core._dataset.mesh import Mesh, read_mesh
 from posse_core._dataset.readings import read_reading
 from posse_core._dataset.sensors import SensorInfo, read_sensor
-from posse_core._dataset.spacecraft import read_spacecraft
+from posse_core._dataset.spacecraft import SpacecraftInfo, read_bodies, read_spacecraft
 from posse_core._errors import InputError
 from posse_core._files.atomic import sha256
 from posse_core._files.reading import FileRecord, read_bytes, read_record, read_text
@@ -66,7 +68,8 @@ class Dataset(LabelledImages):
 
     Attributes:
         folder: the folder.
-        spacecraft_by_name: all spacecraft in the dataset by name.
+        spacecraft_by_name: all spacecraft in the dataset that are targets, by name.
+        bodies: the spacecraft of each body beside the target, by the body's name.
         label_lines: the unparsed lines of the files, damaged or not.
 
     Raises:
@@ -92,6 +95,8 @@ class Dataset(LabelledImages):
             raise InputError(f"{folder}: spacecraft/ has no NAME.json; the dataset is incomplete")
         infos = [read_spacecraft(path) for path in crafts]
         self.spacecraft_by_name = {info.name: info for info in infos}
+        self.bodies: Mapping[str, SpacecraftInfo] = read_bodies(self.folder / BODIES)
+        self._body_meshes: dict[str, Mesh] = {}
         self.label_lines = LabelLines(self.folder / LABELS)
 
     def __repr__(self) -> str:
@@ -259,6 +264,22 @@ class Dataset(LabelledImages):
         """
         name = self[i].truth
         return read_arrays(inside(self.folder, name)) if name else {}
+
+    def body_mesh(self, body: str) -> Mesh:
+        """Return the mesh of a body beside the target.
+
+        Raises:
+            InputError: There is no such body, or its file is missing or damaged.
+        """
+        if body not in self.bodies:
+            known = ", ".join(self.bodies) or "it has none"
+            raise InputError(
+                f"{self.folder}: has no body {body!r}{nearest(body, self.bodies)} ({known})"
+            )
+        if body not in self._body_meshes:
+            path = self.folder / BODIES / body / f"{self.bodies[body].name}.ply"
+            self._body_meshes[body] = read_mesh(path)
+        return self._body_meshes[body]
 
     @cached_property
     def sensors(self) -> Mapping[str, SensorInfo]:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
 from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.files import read_image
-from posse_core._dataset.layout import IMAGES, INPUTS, LABELS, SENSORS, TRUTH, inside
+from posse_core._dataset.layout import BODIES, IMAGES, INPUTS, LABELS, SENSORS, TRUTH, inside
 from posse_core._errors import InputError
 from posse_core._evaluation.case import Case
 from posse_core._evaluation.checks import CHECKS, SCHEMA
@@ -147,7 +148,8 @@ def _leftovers(dataset: Dataset, manifest: Manifest, frames: Sequence[_Frame]) -
             name = f"{part}/{path.name}"
             if name not in named:
                 result.faults.append(Fault(None, f"{name}: no frame names it"))
-    for path in sorted((dataset.folder / INPUTS).rglob("[!.]*")):
+    copied = [(dataset.folder / part).rglob("[!.]*") for part in (BODIES, INPUTS)]
+    for path in sorted(chain(*copied)):
         name = path.relative_to(dataset.folder).as_posix()
         if name not in manifest.sha256 and not path.is_dir():
             result.faults.append(Fault(None, f"{name}: the manifest does not name it"))

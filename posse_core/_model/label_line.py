@@ -41,6 +41,34 @@ class Keypoint(NamedTuple):
     visibility: Literal[0, 1, 2]
 
 
+class JointReading(BaseModel):
+    """A joint that moves, at a reading's instant: its value, rad or m, and rate, rad/s or m/s."""
+
+    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+
+    value: float
+    rate: float
+
+
+class BodyReading(BaseModel):
+    """Where a body beside the target was at a reading's instant; see :class:`ReadingLabels`.
+
+    Attributes:
+        q_sensor_from_body, t_body_sensor_m, v_body_sensor_m_s, omega_body_rad_s: as the target's.
+        is_carried: whether the chaser carries the body, which then stays where it is in sensor axes.
+        joints: the body's joints that move, by name.
+    """
+
+    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+
+    q_sensor_from_body: Quaternion
+    t_body_sensor_m: Vector
+    v_body_sensor_m_s: Vector
+    omega_body_rad_s: Vector
+    is_carried: bool = False
+    joints: dict[str, JointReading] = Field(default_factory=dict)
+
+
 class ReadingLabels(BaseModel):
     """One reading of a sensor beside the camera: where the spacecraft was at its instant, and more.
 
@@ -53,6 +81,8 @@ class ReadingLabels(BaseModel):
             body axes and of the sensor in its own.
         files: files of the reading in the dataset's folder.
         labels: what the sensor itself labels.
+        joints: the spacecraft's joints that move, by name.
+        bodies: the bodies beside the spacecraft, by name.
     """
 
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
@@ -65,6 +95,17 @@ class ReadingLabels(BaseModel):
     omega_sensor_rad_s: Vector
     files: Annotated[tuple[str, ...], Strict(False)] = ()
     labels: dict[str, JsonValue] = Field(default_factory=dict)
+    joints: dict[str, JointReading] = Field(default_factory=dict)
+    bodies: dict[str, BodyReading] = Field(default_factory=dict)
+
+    def as_json(self) -> dict[str, Any]:
+        """The labels as a mapping for :func:`json.dumps`, without joints and bodies where there are
+        none."""
+        moving = {"joints", "bodies"}
+        return {
+            **self.model_dump(exclude=moving),
+            **self.model_dump(include=moving, exclude_defaults=True),
+        }
 
 
 class LabelNotMade(InputError, AttributeError):
@@ -135,6 +176,7 @@ class BodyLabels(BaseModel):
     omega_body_rad_s: Vector = _made_by("pose")
     omega_camera_rad_s: Vector = _made_by("pose")
     joints: dict[str, JointLabels] = _made_by("pose")
+    is_carried: bool = _made_by("pose")
     flow_duration_s: Annotated[float, Field(gt=0)] | None = _made_by("optical-flow")
 
     def model_post_init(self, context: Any, /) -> None:
@@ -209,7 +251,7 @@ class LabelLine(BodyLabels):
             values["bodies"] = {name: body.as_json() for name, body in self.bodies.items()}
         if "sensors" in values:
             values["sensors"] = {
-                name: [reading.model_dump() for reading in readings]
+                name: [reading.as_json() for reading in readings]
                 for name, readings in self.sensors.items()
             }
         return values

@@ -20,7 +20,7 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-from posse_core._dataset.layout import INPUTS, LABELS, MANIFEST, SCENARIO, SPACECRAFT
+from posse_core._dataset.layout import BODIES, INPUTS, LABELS, MANIFEST, SCENARIO, SPACECRAFT
 from posse_core._errors import InputError, StoreError
 from posse_core._files.store import LocalStore, RemoteStore, Store, is_remote
 from posse_core._run.lease import Lease
@@ -136,7 +136,9 @@ class RemoteDestination(Destination):
         for part in (LABELS, SPACECRAFT):
             (self.folder / part).mkdir()
             names += self.store.names(part)
-        for name in [*names, *self.store.names(INPUTS, below=True)]:
+        for part in (BODIES, INPUTS):
+            names += self.store.names(part, below=True)
+        for name in names:
             data = self.store.read(name)
             path = self.folder / name
             path.parent.mkdir(parents=True, exist_ok=True)

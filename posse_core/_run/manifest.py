@@ -8,6 +8,7 @@ from importlib import metadata
 
 from posse_core import __version__
 from posse_core._dataset.layout import (
+    BODIES,
     CAMERA,
     FLIGHT,
     INPUTS,
@@ -56,7 +57,8 @@ def make_manifest(
         path
         for pattern in (
             *(SCENARIO, TRAJECTORY, CAMERA, FLIGHT, READINGS),
-            *(f"{INPUTS}/**/*", f"{SPACECRAFT}/*", f"{SENSORS}/*.json", f"{LABELS}/*"),
+            *(f"{INPUTS}/**/*", f"{SPACECRAFT}/*", f"{BODIES}/*/*", f"{SENSORS}/*.json"),
+            f"{LABELS}/*",
         )
         for path in folder.glob(pattern)
         if path.is_file()

@@ -12,6 +12,7 @@ from pathlib import Path
 from posse_core._dataset.camera import write_camera
 from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.layout import (
+    BODIES,
     CAMERA,
     IMAGES,
     INPUTS,
@@ -36,6 +37,7 @@ from posse_core._files.trajectory import load_trajectory, save_trajectory
 from posse_core._interfaces.executor import FrameMade
 from posse_core._model.manifest import Manifest
 from posse_core._model.scene import Scene
+from posse_core._model.spacecraft import Spacecraft
 from posse_core._model.trajectory import Trajectory
 from posse_core._plugins.loading import Plugins
 from posse_core._run.destination import Destination, open_destination
@@ -79,8 +81,10 @@ class Recording:
         self._plugins = plugins
         self.folder = destination.folder
         self._recorded = self._read_manifest()
-        self._refuse_strangers(scene, sensors, inputs)
-        self._write_statics(scene, sensors)
+        crafts = {SPACECRAFT: scene.spacecraft}
+        crafts |= {f"{BODIES}/{body.name}": body.spacecraft for body in scene.others}
+        self._refuse_strangers(crafts, sensors, inputs)
+        self._write_statics(crafts, sensors)
         recorded = {} if self._recorded is None else self._recorded.sha256
         write_inputs(self.folder, inputs, recorded)
         if trajectory is not None and not self._has_trajectory(trajectory):
@@ -143,23 +147,27 @@ class Recording:
         self._plugins.notify("posse_run_finished", dataset=self.folder, manifest=manifest)
         self._destination.save()
 
-    def _write_statics(self, scene: Scene, sensors: Sequence[SensorInfo]) -> None:
-        """Write the files that do not depend on frames; first the scenario, which marks a dataset."""
+    def _write_statics(self, crafts: Mapping[str, Spacecraft], sensors: Sequence[SensorInfo]) -> None:
+        """Write the files that do not depend on frames; first the scenario, which marks a dataset.
+
+        crafts: name of a folder → the spacecraft whose files it holds.
+        """
         folder = self.folder
         if not (folder / SCENARIO).exists():
             write_bytes(folder / SCENARIO, dump_scenario(self._scenario).encode())
-        parts = [SPACECRAFT, IMAGES, TRUTH, LABELS]
+        parts = [*crafts, IMAGES, TRUTH, LABELS]
         if sensors:
             parts += [SENSORS, *(f"{SENSORS}/{sensor.name}" for sensor in sensors)]
         for part in parts:
-            (folder / part).mkdir(exist_ok=True)
+            (folder / part).mkdir(parents=True, exist_ok=True)
         for part in (".", *parts):
             remove_partial(folder / part)
         for sensor in sensors:
             named = replace(sensor, options=self._scenario.sensors[sensor.name].options)
             write_sensor(named, sensor_file(folder, sensor.name))
         write_camera(self._scenario.camera.camera(), folder / CAMERA)
-        write_spacecraft(scene.spacecraft, folder / SPACECRAFT)
+        for part, craft in crafts.items():
+            write_spacecraft(craft, folder / part)
 
     def _read_manifest(self) -> Manifest | None:
         """The manifest of an earlier attempt, if that has ended and the file is whole."""
@@ -183,8 +191,12 @@ class Recording:
         except (OSError, InputError):
             return False
 
-    def _refuse_strangers(self, scene: Scene, sensors: Sequence[SensorInfo], inputs: Inputs) -> None:
+    def _refuse_strangers(
+        self, crafts: Mapping[str, Spacecraft], sensors: Sequence[SensorInfo], inputs: Inputs
+    ) -> None:
         """Refuse files where only those of the run may be, since ``posse validate`` would find them.
+
+        crafts: as in :meth:`_write_statics`.
 
         Raises:
             InputError: There is such a file; the message names it.
@@ -194,7 +206,11 @@ class Recording:
             IMAGES: {f"{index:06d}.png" for index in frames},
             TRUTH: {f"{index:06d}.npz" for index in frames},
             LABELS: {shard_path(self.folder, index).name for index in frames},
-            SPACECRAFT: {f"{scene.spacecraft.name}.{suffix}" for suffix in ("json", "ply")},
+            BODIES: {Path(part).name for part in crafts if part != SPACECRAFT},
+            **{
+                part: {f"{craft.name}.{suffix}" for suffix in ("json", "ply")}
+                for part, craft in crafts.items()
+            },
             SENSORS: {name for sensor in sensors for name in (sensor.name, f"{sensor.name}.json")},
         }
         for part, names in own.items():

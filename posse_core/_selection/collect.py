@@ -17,6 +17,7 @@ import numpy as np
 from posse_core import __version__
 from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.layout import (
+    BODIES,
     CAMERA,
     IMAGES,
     INPUTS,
@@ -29,10 +30,8 @@ from posse_core._dataset.layout import (
     TRAJECTORY,
     TRUTH,
     inside,
-    mesh_file,
     reading_file,
     sensor_file,
-    spacecraft_file,
 )
 from posse_core._environment.time import SECONDS_PER_DAY, Epoch
 from posse_core._errors import InputError
@@ -160,12 +159,21 @@ def _check_alike(sources: Sequence[Dataset]) -> None:
             raise InputError(f"{dataset.folder}: its camera is not that of {first.folder}")
         if _sensors(dataset) != _sensors(first):
             raise InputError(f"{dataset.folder}: its sensors are not those of {first.folder}")
-        for name in dataset.spacecraft_by_name:
-            files = (file_of(dataset.folder, name) for file_of in (spacecraft_file, mesh_file))
-            digest = " ".join(map(sha256, files))
+        for name, files in _crafts(dataset).items():
+            digest = " ".join(sha256(dataset.folder / file) for file in files)
             known, other = meshes.setdefault(name, (digest, dataset))
             if known != digest:
-                raise InputError(f"{dataset.folder}: its {name!r} is not that of {other.folder}")
+                raise InputError(f"{dataset.folder}: its {name} is not that of {other.folder}")
+
+
+def _crafts(dataset: Dataset) -> dict[str, tuple[str, ...]]:
+    """Each spacecraft and each body, in words → its files, relative to the dataset's folder."""
+    folders = {f"{name!r}": (SPACECRAFT, name) for name in dataset.spacecraft_by_name}
+    folders |= {f"body {name!r}": (f"{BODIES}/{name}", x.name) for name, x in dataset.bodies.items()}
+    return {
+        words: tuple(f"{folder}/{name}{ending}" for ending in (".json", ".ply"))
+        for words, (folder, name) in folders.items()
+    }
 
 
 _OF_SENSORS = f"{INPUTS}/{SENSORS}."
@@ -180,7 +188,7 @@ def _sensors(dataset: Dataset) -> dict[str, str]:
 
 
 def _build(sources: Sequence[Dataset], choice: Choice, folder: Path, progress: Progress) -> None:
-    for name in (IMAGES, TRUTH, SPACECRAFT):
+    for name in (IMAGES, TRUTH):
         (folder / name).mkdir()
     for name in sources[0].sensors:
         (folder / SENSORS / name).mkdir(parents=True)
@@ -293,14 +301,16 @@ def _joined(trajectories: Sequence[Trajectory]) -> Trajectory:
 
 
 def _record(dataset: Dataset, part: str, folder: Path) -> Source:
-    """Copy the spacecraft of a source, and its scenario with inputs into a folder of their own.
+    """Copy the spacecraft and the bodies of a source, and, into a folder of their own, its scenario with
+    inputs.
 
     Returns:
         Its record for the manifest.
     """
-    for name in dataset.spacecraft_by_name:
-        for file_of in (spacecraft_file, mesh_file):
-            shutil.copyfile(file_of(dataset.folder, name), file_of(folder, name))
+    for files in _crafts(dataset).values():
+        for name in files:
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(dataset.folder / name, folder / name)
     scenario = dataset.folder / SCENARIO
     copy = f"{part}/{SCENARIO}"
     if scenario.exists():
@@ -317,8 +327,8 @@ def _record(dataset: Dataset, part: str, folder: Path) -> Source:
 
 def _write_manifest(folder: Path, records: list[Source], frames: int, choice: Choice) -> None:
     files = [path for path in sorted(folder.glob("*")) if path.is_file() and path.name != CHECKSUMS]
-    kept = (f"{SPACECRAFT}/*", f"{SENSORS}/*.json", f"{INPUTS}/**/*", f"{SOURCES}/**/*", f"{LABELS}/*")
-    for pattern in kept:
+    statics = (f"{SPACECRAFT}/*", f"{BODIES}/*/*", f"{SENSORS}/*.json", f"{INPUTS}/**/*")
+    for pattern in (*statics, f"{SOURCES}/**/*", f"{LABELS}/*"):
         files += (path for path in sorted(folder.glob(pattern)) if path.is_file())
     manifest = Manifest(
         format=FORMAT,

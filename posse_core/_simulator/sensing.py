@@ -14,7 +14,8 @@ from posse_core._errors import ComponentError, InputError
 from posse_core._frames import quaternion_from_matrix
 from posse_core._interfaces.look import Look, SensorLook, Standpoint
 from posse_core._interfaces.sensor import Sensor, SensorSetting
-from posse_core._model.label_line import ReadingLabels, first_fault
+from posse_core._model.craft_state import BodyState
+from posse_core._model.label_line import BodyReading, JointReading, ReadingLabels, first_fault
 from posse_core._model.labels import Labels
 from posse_core._model.mount import Mount
 from posse_core._model.reading import Reading
@@ -181,11 +182,35 @@ def reading_labels(look: Look, reading: Reading, name: str) -> ReadingLabels:
             omega_body_rad_s=_tuple(craft.rates.omega_body_rad_s),
             omega_sensor_rad_s=_tuple(craft.rates.omega_camera_rad_s),
             labels=dict(reading.labels),
+            joints=_joints(craft),
+            bodies={
+                known.name: _body_reading(body)
+                for known, body in zip(look.scene.others, craft.others, strict=True)
+            },
         )
     except ValidationError as error:
         raise ComponentError(
             f"sensor {name!r}: a label cannot be written: {first_fault(error)}"
         ) from None
+
+
+def _body_reading(body: BodyState) -> BodyReading:
+    return BodyReading(
+        q_sensor_from_body=_tuple(quaternion_from_matrix(body.R_cam_from_body)),
+        t_body_sensor_m=_tuple(body.t_body_cam_m),
+        v_body_sensor_m_s=_tuple(body.rates.v_body_cam_m_s),
+        omega_body_rad_s=_tuple(body.rates.omega_body_rad_s),
+        is_carried=body.is_carried,
+        joints=_joints(body),
+    )
+
+
+def _joints(body: BodyState) -> dict[str, JointReading]:
+    moving = body.articulation
+    return {
+        joint.name: JointReading(value=float(value), rate=float(rate))
+        for joint, value, rate in zip(moving.joints, moving.values, moving.rates, strict=True)
+    }
 
 
 def _tuple(vector: FloatArray) -> Any:

@@ -153,6 +153,7 @@ def test_every_label_of_an_annotator_is_documented_as_its():
     made = {name: annotator_of(name) for name in LabelLine.model_fields}
     assert {name for name, annotator in made.items() if annotator is None} == {
         *IN_EVERY_LINE,
+        "bodies",
         "exposure_s",
         "origin",
         "sensors",

@@ -93,6 +93,7 @@ from ._model.distortion import BrownConrady as BrownConrady
 from ._model.distortion import Distortion as Distortion
 from ._model.distortion import Fisheye as Fisheye
 from ._model.flight_record import FlightRecord as FlightRecord
+from ._model.joint_curve import JointCurve as JointCurve
 from ._model.joints import Articulation as Articulation
 from ._model.joints import Joint as Joint
 from ._model.label_line import BodyLabels as BodyLabels

@@ -99,7 +99,7 @@ def command(
     import numpy as np
 
     from posse_core._spacecraft import importing
-    from posse_core._spacecraft.keypoint_file import Keypoints, read_keypoints
+    from posse_core._spacecraft.keypoint_file import Keypoints, located, read_keypoints
     from posse_core._spacecraft.mesh import spacecraft_from_raw
     from posse_core._spacecraft.options import MeshOptions, R_body_from_mesh
     from posse_core._spacecraft.proposals import propose_keypoints, shape_symmetries
@@ -129,7 +129,10 @@ def command(
     craft = spacecraft_from_raw(raw, options, title, points)
     if keypoints is None:
         with phase("proposing keypoints"):
-            craft = replace(craft, keypoints_body_m=propose_keypoints(craft, keypoint_count))
+            proposed, carriers = located(
+                propose_keypoints(craft, keypoint_count), craft.parts, craft.joints, model
+            )
+            craft = replace(craft, keypoints_body_m=proposed, keypoint_joints=carriers)
     if group:
         craft = replace(craft, symmetries=group)
     centre = centre_of_mass_m or tuple(scale * R_body_from_mesh(body_axes) @ raw.surface_centre)
@@ -143,6 +146,10 @@ def command(
         "size_m": [float(x) for x in np.diff(craft.bounds_body_m, axis=0)[0]],
         "centre_of_mass_m": [float(x) for x in centre],
         "keypoints": {k: [float(x) for x in point] for k, point in craft.keypoints_body_m.items()},
+        "joints": {
+            joint.name: {**importing.joint_keys(craft)[joint.name], "animations": list(joint.animations)}
+            for joint in craft.joints
+        },
         "symmetries": len(craft.symmetries),
         "shape_repeats": [f"{axis}:{order}" for axis, order in shape_symmetries(craft)],
     }
@@ -219,7 +226,29 @@ def _print(made: dict[str, Any], *, is_centroid: bool) -> None:
     rows = [[name, *(f"{x:8.3f}" for x in point)] for name, point in made["keypoints"].items()]
     if rows:
         echo_table(["keypoint", "x, m", "y, m", "z, m"], rows)
+    rows = [
+        [
+            name,
+            joint["kind"],
+            joint.get("parent", "-"),
+            ", ".join(joint["parts"]) or "-",
+            _range(joint),
+            ", ".join(joint["animations"]) or "-",
+        ]
+        for name, joint in made["joints"].items()
+    ]
+    if rows:
+        echo_table(["joint", "kind", "parent", "parts", "limits", "animations"], rows)
     if made["shape_repeats"] and not made["symmetries"]:
         turns = ", ".join(made["shape_repeats"])
         click.echo(f"Its shape repeats under {turns}; if its appearance does too, add --symmetry.")
     click.echo(f"target: {{package: {made['package']}}}, or: posse run {made['package']}/{SCENARIO}")
+
+
+def _range(joint: dict[str, Any]) -> str:
+    """The limits of a joint for a table."""
+    for key, unit in (("limits_deg", "deg"), ("limits_m", "m")):
+        if key in joint:
+            low, high = joint[key]
+            return f"{low:.6g} … {high:.6g} {unit}"
+    return "-"

@@ -6,7 +6,7 @@ own axes are the body's when every joint is at zero; there the vertices of parts
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -14,6 +14,7 @@ import numpy as np
 
 from posse_core._arrays import FloatArray
 from posse_core._frames import R_about, rotated
+from posse_core._model.joint_curve import JointCurve
 
 JointKind = Literal["revolute", "prismatic", "fixed"]
 """Turning about the axis, sliding along it, or neither."""
@@ -33,6 +34,7 @@ class Joint:
         limits: least and greatest value, rad or m.
         facing_body: (3,) unit vector that a law which follows the Sun turns towards it, body axes, such
             as the normal of solar cells; None if there is none.
+        animations: name of an animation in the spacecraft's file → the joint's value over time.
     """
 
     name: str
@@ -42,6 +44,7 @@ class Joint:
     parent: str | None = None
     limits: tuple[float, float] = (-np.inf, np.inf)
     facing_body: FloatArray | None = None
+    animations: Mapping[str, JointCurve] = field(default_factory=dict)
 
     def moved(self, x_m: FloatArray, value: FloatArray) -> FloatArray:
         """Points (..., 3) that the joint carries, moved by its values (...), rad or m; body axes."""

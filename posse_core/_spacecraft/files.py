@@ -7,7 +7,7 @@ import posixpath
 from pathlib import Path
 
 from posse_core._errors import InputError
-from posse_core._spacecraft.gltf import beside, gltf_side_files
+from posse_core._spacecraft.gltf_file import beside, gltf_side_files
 from posse_core._spacecraft.reader import obj_side_files
 
 

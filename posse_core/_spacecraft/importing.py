@@ -18,6 +18,7 @@ from posse_core._errors import InputError
 from posse_core._files.atomic import write_bytes
 from posse_core._model.spacecraft import Spacecraft
 from posse_core._spacecraft.files import mesh_files
+from posse_core._spacecraft.joint_keys import written
 from posse_core._spacecraft.package import DESCRIPTION
 from posse_core._spacecraft.raw import RawMesh
 
@@ -86,9 +87,8 @@ def write_package(
         "scale_m_per_unit": scale_m_per_unit,
         "body_axes": body_axes,
         "centre_of_mass_m": [float(x) for x in centre_of_mass_m],
-        "keypoints": {
-            name: [round(float(x), 6) for x in point] for name, point in craft.keypoints_body_m.items()
-        },
+        "keypoints": _keypoints(craft),
+        **({"joints": joint_keys(craft)} if craft.joints else {}),
         "skeleton": [list(pair) for pair in craft.skeleton],
         "symmetries": [R.tolist() for R in craft.symmetries],
     }
@@ -107,8 +107,25 @@ def write_package(
         raise
 
 
+def joint_keys(craft: Spacecraft) -> dict[str, Any]:
+    """The joints by name, as the description has them."""
+    return {joint.name: written(joint, craft.parts) for joint in craft.joints}
+
+
+def _keypoints(craft: Spacecraft) -> dict[str, Any]:
+    points = {
+        name: [round(float(x), 6) for x in point] for name, point in craft.keypoints_body_m.items()
+    }
+    if not craft.joints:
+        return points
+    # At a hinge, a position alone would not tell which of two parts a keypoint is on.
+    return {
+        name: {"at": point, "joint": craft.keypoint_joints.get(name)} for name, point in points.items()
+    }
+
+
 def _description(record: Mapping[str, Any]) -> str:
-    """The description as YAML, with one line per keypoint."""
+    """The description as YAML, with one line per keypoint and joint."""
     lines = [
         "# A spacecraft package. Positions are in metres, body axes, relative to the centre of mass."
     ]

@@ -8,15 +8,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import trimesh
 from pydantic import Field, field_validator, model_validator
 
 from posse_core._arrays import FloatArray
 from posse_core._errors import InputError
+from posse_core._model.joints import Joint
 from posse_core._model.spacecraft import Part
 from posse_core._plugins.options import Options, nearest, validated
 from posse_core._scenario.yaml_lines import YamlText
+from posse_core._spacecraft.joint_keys import Triple
 
-Triple = tuple[float, float, float]
+_REACH = 0.01
+"""A keypoint that is given as a position belongs to the nearest part, if that is no farther than this
+share of the spacecraft's radius."""
 
 
 class Corner(Options):
@@ -29,17 +34,28 @@ class Corner(Options):
     )
 
 
+class OnJoint(Options):
+    """A keypoint on what a joint carries."""
+
+    at: Triple = Field(description="metres, body axes, with every joint at zero")
+    joint: str | None = Field(description="name of the joint that carries it; null is the body")
+
+
+Point = FloatArray | Corner | OnJoint
+"""A keypoint: a position (3,), m, body axes, or one of the other ways to give it."""
+
+
 @dataclass(frozen=True)
 class Keypoints:
     """The keypoints, skeleton and symmetries of a spacecraft.
 
     Attributes:
-        points: by name, a position (3,) in metres, body axes, or the corner of a part.
+        points: by name.
         skeleton: pairs of keypoint names.
         symmetries: rotations (3, 3).
     """
 
-    points: Mapping[str, FloatArray | Corner] = field(default_factory=dict)
+    points: Mapping[str, Point] = field(default_factory=dict)
     skeleton: tuple[tuple[str, str], ...] = ()
     symmetries: tuple[FloatArray, ...] = ()
 
@@ -47,10 +63,11 @@ class Keypoints:
 class KeypointModel(Options):
     """The keys that a keypoint file may have."""
 
-    keypoints: dict[str, Triple | Corner] = Field(
+    keypoints: dict[str, Triple | Corner | OnJoint] = Field(
         min_length=1,
-        description="name: [x, y, z] in metres, body axes, or {part: bus, corner: [1, 1, -1]}; names are"
-        " T (main body top), B (bottom), A (antenna) or S (solar panel) with a number",
+        description="name: [x, y, z] in metres, body axes, {part: bus, corner: [1, 1, -1]}, or"
+        " {at: [x, y, z], joint: wing}; names are T (main body top), B (bottom), A (antenna) or S (solar"
+        " panel) with a number",
     )
     skeleton: tuple[tuple[str, str], ...] = Field(
         (), description="pairs of keypoint names to draw lines between"
@@ -80,7 +97,7 @@ class KeypointModel(Options):
         """The same as arrays."""
         return Keypoints(
             {
-                name: point if isinstance(point, Corner) else np.array(point)
+                name: np.array(point) if isinstance(point, tuple) else point
                 for name, point in self.keypoints.items()
             },
             self.skeleton,
@@ -112,26 +129,58 @@ def read_mapping(path: Path) -> dict[str, Any]:
 
 
 def located(
-    points: Mapping[str, FloatArray | Corner], parts: Sequence[Part], path: Path
-) -> dict[str, FloatArray]:
-    """Positions (3,) of all keypoints, m, body axes.
+    points: Mapping[str, Point], parts: Sequence[Part], joints: Sequence[Joint], path: Path
+) -> tuple[dict[str, FloatArray], dict[str, str]]:
+    """Positions (3,) of all keypoints, m, body axes with every joint at zero, and the joint of each that
+    a joint carries.
+
+    The corner of a part is carried by the part's joint. A position belongs to the part whose surface is
+    nearest, and to the body if none is near.
 
     Raises:
-        InputError: a part does not exist, or a corner has no direction.
+        InputError: a part or a joint does not exist, or a corner has no direction.
     """
     by_name = {part.name: part for part in parts}
+    known = [joint.name for joint in joints]
     positions_m: dict[str, FloatArray] = {}
+    carriers: dict[str, str | None] = {}
     for name, point in points.items():
-        if not isinstance(point, Corner):
+        where = f"{path}: keypoints.{name}"
+        if isinstance(point, Corner):
+            if point.part not in by_name:
+                hint = nearest(point.part, by_name)
+                raise InputError(f"{where}: no part is named {point.part!r}{hint}")
+            if not any(point.corner):
+                raise InputError(f"{where}.corner: all zero; give it a direction")
+            part = by_name[point.part]
+            size = np.ptp(part.vertices_body_m, axis=0)
+            reach = part.vertices_body_m @ (np.array(point.corner) / np.where(size > 0.0, size, 1.0))
+            positions_m[name] = part.vertices_body_m[int(np.argmax(reach))].copy()
+            carriers[name] = part.joint
+        elif isinstance(point, OnJoint):
+            if point.joint is not None and point.joint not in known:
+                raise InputError(
+                    f"{where}.joint: no joint is named {point.joint!r}{nearest(point.joint, known)}"
+                )
+            positions_m[name], carriers[name] = np.array(point.at), point.joint
+        else:
             positions_m[name] = point
-            continue
-        if point.part not in by_name:
-            hint = nearest(point.part, by_name)
-            raise InputError(f"{path}: keypoints.{name}: no part is named {point.part!r}{hint}")
-        if not any(point.corner):
-            raise InputError(f"{path}: keypoints.{name}.corner: all zero; give it a direction")
-        vertices = by_name[point.part].vertices_body_m
-        size = np.ptp(vertices, axis=0)
-        reach = vertices @ (np.array(point.corner) / np.where(size > 0.0, size, 1.0))
-        positions_m[name] = vertices[int(np.argmax(reach))].copy()
-    return positions_m
+            carriers[name] = carrier_at(point, parts) if joints else None
+    return positions_m, {name: joint for name, joint in carriers.items() if joint is not None}
+
+
+def carrier_at(point_m: FloatArray, parts: Sequence[Part]) -> str | None:
+    """Name of the joint that carries the part at a position (3,), m, body axes; None for the body.
+
+    The part is the one whose surface is nearest, the first of several; none if it is farther than
+    :data:`_REACH` of the spacecraft's radius.
+    """
+    closest_point: Any = trimesh.triangles.closest_point
+    distances_m = []
+    for part in parts:
+        corners = part.vertices_body_m[part.faces]
+        near = closest_point(corners, np.broadcast_to(point_m, (len(corners), 3)))
+        distances_m.append(float(np.linalg.norm(near - point_m, axis=1).min()))
+    radius_m = max(float(np.linalg.norm(part.vertices_body_m, axis=1).max()) for part in parts)
+    first = int(np.argmin(distances_m))
+    return parts[first].joint if distances_m[first] <= _REACH * radius_m else None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,10 +11,12 @@ import numpy as np
 from posse_core._arrays import FloatArray
 from posse_core._errors import InputError
 from posse_core._interfaces.scene import SceneSource
+from posse_core._model.joints import Joint
 from posse_core._model.spacecraft import Part, Spacecraft
+from posse_core._spacecraft.joint_keys import JointKeys, carriers, joints_of
 from posse_core._spacecraft.keypoint_file import Keypoints, located, read_keypoints
 from posse_core._spacecraft.options import MeshOptions, R_body_from_mesh
-from posse_core._spacecraft.raw import RawMesh
+from posse_core._spacecraft.raw import RawJoint, RawMesh
 from posse_core._spacecraft.reader import read_mesh
 
 SMALLEST_M, LARGEST_M = 0.01, 1000.0
@@ -30,12 +34,24 @@ class MeshFile(SceneSource[MeshOptions]):
 
 
 def spacecraft_from_raw(
-    raw: RawMesh, options: MeshOptions, name: str, keypoints: Keypoints
+    raw: RawMesh,
+    options: MeshOptions,
+    name: str,
+    keypoints: Keypoints,
+    joints_in: Path | None = None,
 ) -> Spacecraft:
     """Make a spacecraft from a file's mesh: in metres, body axes, with the origin at the centre of mass.
 
+    Args:
+        raw: the contents of the file.
+        options: how it is scaled and turned, and its joints if they are not the file's.
+        name: of the spacecraft.
+        keypoints: its keypoints.
+        joints_in: the file that gives the options' joints, for messages; None: the mesh file.
+
     Raises:
-        InputError: the scale is missing or implausible, or a keypoint is far from the mesh.
+        InputError: the scale is missing or implausible, a keypoint is far from the mesh, or the joints
+            do not fit one another or the parts.
     """
     scale = stated_scale(raw, options.mesh, options.scale_m_per_unit)
     R = R_body_from_mesh(options.body_axes)
@@ -45,6 +61,10 @@ def spacecraft_from_raw(
         if options.centre_of_mass_m is None
         else np.asarray(options.centre_of_mass_m)
     )
+    joints = tuple(_placed(joint, scale, R, origin) for joint in raw.joints)
+    part_joints: Mapping[str, str | None] = {part.name: part.joint for part in raw.parts}
+    if options.joints is not None:
+        joints, part_joints = _given(options.joints, raw, joints, joints_in or options.mesh)
     parts = tuple(
         Part(
             part.name,
@@ -53,19 +73,60 @@ def spacecraft_from_raw(
             (part.normals @ R.T).astype(np.float32),
             part.uv,
             part.material,
+            part_joints.get(part.name),
         )
         for part in raw.parts
     )
+    points_m, point_joints = located(keypoints.points, parts, joints, options.keypoints or options.mesh)
     craft = Spacecraft(
         name=name,
         parts=parts,
         materials=raw.materials,
-        keypoints_body_m=located(keypoints.points, parts, options.keypoints or options.mesh),
+        keypoints_body_m=points_m,
         skeleton=keypoints.skeleton,
         symmetries=keypoints.symmetries,
+        joints=joints,
+        keypoint_joints=point_joints,
     )
     _check_keypoints(craft, options.keypoints or options.mesh)
     return craft
+
+
+def _placed(joint: RawJoint, scale: float, R: FloatArray, origin_m: FloatArray) -> Joint:
+    """The joint in metres and body axes."""
+    factor = scale if joint.kind == "prismatic" else 1.0
+    low, high = joint.limits
+    curves = joint.animations
+    if joint.kind == "prismatic":
+        curves = {name: curve.scaled(scale) for name, curve in curves.items()}
+    return Joint(
+        joint.name,
+        joint.kind,
+        scale * R @ joint.origin - origin_m,
+        R @ joint.axis,
+        joint.parent,
+        (factor * low, factor * high),
+        animations=curves,
+    )
+
+
+def _given(
+    keys: Mapping[str, JointKeys], raw: RawMesh, own: Sequence[Joint], path: Path
+) -> tuple[tuple[Joint, ...], dict[str, str]]:
+    """The joints that a user gives in place of the mesh file's own, and the parts that they carry.
+
+    A joint keeps the animations of the file's joint of the same name and kind.
+    """
+
+    def where(key: str) -> str:
+        return f"{path}: joints.{key}"
+
+    animations = {(joint.name, joint.kind): joint.animations for joint in own}
+    joints = tuple(
+        replace(joint, animations=animations.get((joint.name, joint.kind), {}))
+        for joint in joints_of(keys, where)
+    )
+    return joints, carriers(keys, [part.name for part in raw.parts], where)
 
 
 def stated_scale(raw: RawMesh, path: Path, scale_m_per_unit: float | None) -> float:

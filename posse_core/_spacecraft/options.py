@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +11,7 @@ from pydantic import AfterValidator, Field
 
 from posse_core._arrays import FloatArray
 from posse_core._plugins.options import Options
+from posse_core._spacecraft.joint_keys import JointKeys
 
 
 def R_body_from_mesh(axes: str) -> FloatArray:
@@ -99,6 +101,11 @@ class MeshOptions(Options):
     )
     keypoints: Path | None = Field(
         None, description="YAML or JSON file with keypoints: {T1: [x, y, z]}, in metres, body axes"
+    )
+    joints: Mapping[str, JointKeys] | None = Field(
+        None,
+        description="joints by name, each {kind, parts, origin_m, axis, parent, limits_deg, limits_m,"
+        " facing}; null: those that the file's animations move",
     )
 
 

@@ -12,7 +12,14 @@ from posse_core._interfaces.scene import SceneSource
 from posse_core._model.spacecraft import Spacecraft
 from posse_core._plugins.options import validated
 from posse_core._spacecraft.files import mesh_files
-from posse_core._spacecraft.keypoint_file import Corner, KeypointModel, Keypoints, Triple, read_mapping
+from posse_core._spacecraft.joint_keys import JointKeys, Triple
+from posse_core._spacecraft.keypoint_file import (
+    Corner,
+    KeypointModel,
+    Keypoints,
+    OnJoint,
+    read_mapping,
+)
 from posse_core._spacecraft.mesh import spacecraft_from_raw
 from posse_core._spacecraft.options import BodyAxes, MeshOptions, PackageOptions
 from posse_core._spacecraft.reader import read_mesh
@@ -28,8 +35,11 @@ class PackageModel(KeypointModel):
     scale_m_per_unit: float = Field(gt=0, description="metres per unit of the mesh file")
     body_axes: BodyAxes = Field(description="the mesh axis along each body axis, such as 'x -z y'")
     centre_of_mass_m: Triple = Field(description="in metres along body axes from the mesh file's origin")
-    keypoints: dict[str, Triple | Corner] = Field(
+    keypoints: dict[str, Triple | Corner | OnJoint] = Field(
         default_factory=dict, description="as in a keypoint file"
+    )
+    joints: dict[str, JointKeys] | None = Field(
+        None, description="by name; null: those that the mesh file's animations move"
     )
 
     @field_validator("mesh")
@@ -55,9 +65,10 @@ class Package(SceneSource[PackageOptions]):
             body_axes=model.body_axes,
             centre_of_mass_m=model.centre_of_mass_m,
             keypoints=description,
+            joints=model.joints,
         )
         points = model.records() if model.keypoints else Keypoints()
-        return spacecraft_from_raw(read_mesh(mesh), options, model.name, points)
+        return spacecraft_from_raw(read_mesh(mesh), options, model.name, points, joints_in=description)
 
 
 def package_files(folder: Path) -> dict[str, Path]:

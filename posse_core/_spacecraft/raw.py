@@ -14,6 +14,8 @@ from scipy.sparse import coo_matrix
 from posse_core._arrays import AnyArray, Float32Array, FloatArray, IntArray
 from posse_core._errors import InputError
 from posse_core._files.pictures import decoded_image
+from posse_core._model.joint_curve import JointCurve
+from posse_core._model.joints import JointKind
 from posse_core._model.spacecraft import Material
 from posse_core._model.srgb import linear_from_srgb
 
@@ -33,6 +35,7 @@ class RawPart:
         normals: (V, 3) float32 unit vectors.
         uv: (V, 2) float32, v pointing up.
         material: name of its material.
+        joint: name of the joint that carries it; None if the body does.
     """
 
     name: str
@@ -41,14 +44,40 @@ class RawPart:
     normals: Float32Array
     uv: Float32Array
     material: str
+    joint: str | None = None
+
+
+@dataclass(frozen=True)
+class RawJoint:
+    """A joint in the file's own units and axes.
+
+    Attributes:
+        name, kind, parent: as in :class:`Joint`.
+        origin: (3,) a point on its axis, with every joint at zero.
+        axis: (3,) unit vector.
+        limits: least and greatest value, rad or units.
+        animations: name of an animation of the file → the joint's value over time, rad or units.
+    """
+
+    name: str
+    kind: JointKind
+    origin: FloatArray
+    axis: FloatArray
+    parent: str | None
+    limits: tuple[float, float]
+    animations: Mapping[str, JointCurve]
 
 
 @dataclass(frozen=True)
 class RawMesh:
-    """All parts of a file, and their materials by name."""
+    """All parts of a file, their materials by name, and the joints, each after the one that carries it.
+
+    Parts are where they are with every joint at zero.
+    """
 
     parts: tuple[RawPart, ...]
     materials: Mapping[str, Material]
+    joints: tuple[RawJoint, ...] = ()
 
     @property
     def bounds(self) -> FloatArray:

@@ -16,7 +16,8 @@ import trimesh
 from posse_core._errors import InputError
 from posse_core._files.reading import read_bytes
 from posse_core._model.spacecraft import Material
-from posse_core._spacecraft.gltf import beside, read_gltf, within
+from posse_core._spacecraft.gltf import read_gltf
+from posse_core._spacecraft.gltf_file import beside, within
 from posse_core._spacecraft.raw import (
     RawMesh,
     RawPart,
@@ -63,7 +64,9 @@ def read_mesh(path: Path) -> RawMesh:
     if not parts:
         raise InputError(f"{path}: there are no triangles in the file; export it with its faces")
     used = {part.material for part in parts}
-    return RawMesh(parts, {name: m for name, m in raw.materials.items() if name in used})
+    return replace(
+        raw, parts=parts, materials={name: m for name, m in raw.materials.items() if name in used}
+    )
 
 
 def _without_degenerate(part: RawPart) -> RawPart:
@@ -72,7 +75,7 @@ def _without_degenerate(part: RawPart) -> RawPart:
     solid = np.linalg.norm(np.cross(b - a, c - a), axis=1) > 0.0
     if solid.all():
         return part
-    return RawPart(part.name, part.vertices, part.faces[solid], part.normals, part.uv, part.material)
+    return replace(part, faces=part.faces[solid])
 
 
 def _read_other(path: Path, kind: str) -> RawMesh:

@@ -8,10 +8,12 @@ import json
 import numpy as np
 import pytest
 import trimesh
+import yaml
 
 from posse_core._cli.main import main
 from posse_core._plugins.loading import load_plugins
 from posse_core._spacecraft.proposals import propose_keypoints, rotations, shape_symmetries
+from tests.support.animated_gltf import AnimatedScene, quaternion, turning
 
 
 def build(source, **options):
@@ -239,3 +241,55 @@ def test_the_packages_scenario_runs(posse, tmp_path):
     (line,) = (tmp_path / "d" / "labels").glob("*.jsonl").__next__().read_text().splitlines()
     assert json.loads(line)["spacecraft"] == "a"
     assert json.loads(line)["mask_area_px"] > 0
+
+
+def test_joints_of_a_file_are_listed_and_written(imported, tmp_path):
+    scene = AnimatedScene()
+    root = scene.add("root", scale=(0.01,) * 3, rotation=quaternion((1, 0, 0), -90))
+    base = scene.add("base", root, trimesh.creation.box((200.0,) * 3))
+    arm = scene.add("arm", base, trimesh.creation.box((30.0, 30.0, 300.0)), translation=(0, 0, 250))
+    claw = scene.add("claw", arm, trimesh.creation.box((20.0, 60.0, 20.0)), translation=(0, 0, 170))
+    scene.animate(arm, "rotation", [0, 5], turning((1, 0, 0), [-10, 70]))
+    scene.animate(claw, "translation", [0, 5], [(0, 0, 170), (0, 0, 250)])
+    mesh = scene.write(tmp_path / "a.glb")
+    arguments = ["--scale", 1, "--axes", "x -z y", "--keypoint-count", 12]
+    code, out, err = imported(mesh, "--out", tmp_path / "p", *arguments)
+    assert code == 0, err
+    rows = [line.split("  ") for line in out.splitlines() if line.startswith(("arm ", "claw "))]
+    listed = [[cell.strip() for cell in row if cell.strip()] for row in rows[-2:]]
+    assert listed == [
+        ["arm", "revolute", "-", "arm", "-10 … 70 deg", "move"],
+        ["claw", "prismatic", "arm", "claw", "0 … 0.8 m", "move"],
+    ]
+    # The package is the spacecraft of the mesh, but for the rounding of its description.
+    made = build("package", package=str(tmp_path / "p"))
+    options = {"scale_m_per_unit": 1.0, "body_axes": "x -z y"}
+    own = build("mesh", mesh=str(mesh), **options)
+    assert [part.joint for part in made.parts] == [part.joint for part in own.parts]
+    assert set(made.keypoint_joints.values()) == {"arm", "claw"}
+    for ours, theirs in zip(made.joints, own.joints, strict=True):
+        assert (ours.name, ours.kind, ours.parent) == (theirs.name, theirs.kind, theirs.parent)
+        np.testing.assert_allclose(ours.origin_body_m, theirs.origin_body_m, atol=1e-9)
+        np.testing.assert_allclose(ours.axis_body, theirs.axis_body, atol=1e-9)
+        assert ours.limits[0] <= theirs.limits[0] < theirs.limits[1] <= ours.limits[1]
+        np.testing.assert_allclose(ours.limits, theirs.limits, atol=2e-6)
+        assert list(ours.animations) == ["move"]
+
+
+def test_joints_of_a_file_can_be_left_out(imported, tmp_path):
+    scene = AnimatedScene()
+    arm = scene.add("arm", None, trimesh.creation.box((1.0, 2.0, 3.0)))
+    scene.animate(arm, "rotation", [0, 5], turning((1, 0, 0), [-10, 70]))
+    code, out, err = imported(
+        scene.write(tmp_path / "a.glb"), "--out", tmp_path / "p", "--scale", 1, "--json"
+    )
+    assert code == 0, err
+    assert json.loads(out)["joints"]["arm"]["animations"] == ["move"]
+    description = tmp_path / "p" / "spacecraft.yaml"
+    record = yaml.safe_load(description.read_text())
+    keypoints = {name: point["at"] for name, point in record["keypoints"].items()}
+    description.write_text(yaml.safe_dump({**record, "joints": {}, "keypoints": keypoints}))
+    craft = build("package", package=str(tmp_path / "p"))
+    assert craft.joints == ()
+    assert craft.keypoint_joints == {}
+    assert {part.joint for part in craft.parts} == {None}

@@ -60,6 +60,8 @@ from ._interfaces.executor import FrameMade as FrameMade
 from ._interfaces.executor import FrameResult as FrameResult
 from ._interfaces.executor import FrameWorker as FrameWorker
 from ._interfaces.executor import WorkerSetupError as WorkerSetupError
+from ._interfaces.joint_law import JointLaw as JointLaw
+from ._interfaces.joint_law import JointSurroundings as JointSurroundings
 from ._interfaces.look import Look as Look
 from ._interfaces.look import SensorLook as SensorLook
 from ._interfaces.navigator import Estimate as Estimate

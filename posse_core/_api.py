@@ -243,8 +243,8 @@ def create(kind: str, name: str, **options: Any) -> Any:
     """A component by its kind and name, as in ``create("renderer", "raster", samples_per_axis=2)``.
 
     Args:
-        kind: ``propagator``, ``attitude-law``, ``scene``, ``renderer``, ``annotator``, ``detector``,
-            ``navigator``, ``controller``, ``writer`` or ``executor``.
+        kind: ``propagator``, ``attitude-law``, ``joint-law``, ``scene``, ``renderer``, ``annotator``,
+            ``detector``, ``navigator``, ``controller``, ``writer`` or ``executor``.
         options: of the component; ``posse describe KIND NAME`` lists them.
 
     Raises:

@@ -34,6 +34,7 @@ ROOMS = (
     "_geometry",
     "_interfaces",
     "_attitude",
+    "_joints",
     "_propagators",
     "_annotators",
     "_spacecraft",

@@ -43,7 +43,7 @@ class Flight:
         config = problem.config
         self._problem, self._simulator, self._eye = problem, simulator, eye
         self._expecting = expecting
-        self._states = States(scenario, registry, None)
+        self._states = States(scenario, simulator.scene, registry, None)
         self._chaser = Chaser(problem.propagator, problem.motion, problem.start)
         self._watch = Watch(config.navigator, registry, problem.navigation)
         self._controller: Controller = create(registry, "controller", config.controller)

@@ -144,6 +144,42 @@ def posse_attitude_laws() -> list[ComponentSpec]:
 
 
 @hookimpl
+def posse_joint_laws() -> list[ComponentSpec]:
+    package = "posse_core._joints"
+    return [
+        ComponentSpec(
+            "fixed",
+            "the same value always",
+            f"{package}.laws:FixedLaw",
+            f"{package}.options:FixedOptions",
+        ),
+        ComponentSpec(
+            "random",
+            "a value drawn from a range, for each frame or for the run",
+            f"{package}.laws:RandomLaw",
+            f"{package}.options:RandomOptions",
+        ),
+        ComponentSpec(
+            "rate",
+            "a steady rate from a value at the epoch",
+            f"{package}.laws:RateLaw",
+            f"{package}.options:RateOptions",
+        ),
+        ComponentSpec(
+            "sun-tracking",
+            "turns what faces the Sun, such as a wing's cells, as near to it as axis and limits allow",
+            f"{package}.laws:SunTrackingLaw",
+        ),
+        ComponentSpec(
+            "table",
+            "values over time from a CSV or NPZ file",
+            f"{package}.laws:TableLaw",
+            f"{package}.options:TableOptions",
+        ),
+    ]
+
+
+@hookimpl
 def posse_scenes() -> list[ComponentSpec]:
     package = "posse_core._spacecraft"
     return [

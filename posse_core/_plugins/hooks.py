@@ -49,6 +49,11 @@ def posse_attitude_laws() -> Sequence[ComponentSpec]:  # type: ignore[empty-body
 
 
 @hookspec
+def posse_joint_laws() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
+    """Classes of :class:`posse_core.JointLaw`, which move joints of spacecraft. Since 0.1."""
+
+
+@hookspec
 def posse_scenes() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
     """Classes of :class:`posse_core.SceneSource`, which make spacecraft. Since 0.1."""
 

@@ -112,6 +112,13 @@ _KINDS = (
         "posse_core.testing:AttitudeLawConformance",
     ),
     Kind(
+        "joint-law",
+        "posse_joint_laws",
+        "posse_core:JointLaw",
+        "moves a joint of a spacecraft",
+        conformance="posse_core.testing:JointLawConformance",
+    ),
+    Kind(
         "scene",
         "posse_scenes",
         "posse_core:SceneSource",

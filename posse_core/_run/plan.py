@@ -13,6 +13,7 @@ from posse_core._plugins.registry import Registry
 from posse_core._scenario.model import Scenario
 from posse_core._simulator.scene import scene_of
 from posse_core._simulator.sensing import readings_s, sensor_infos
+from posse_core._simulator.states import States
 from posse_core._trajectory.build import make_trajectory
 
 
@@ -34,6 +35,7 @@ def make_plan(scenario: Scenario, registry: Registry) -> Plan:
     """
     scene = scene_of(scenario, registry)
     trajectory = make_trajectory(scenario, registry)
+    States(scenario, scene, registry, trajectory).check_joints()
     longest_s = _longest_s(trajectory)
     for name, choice in scenario.sensors.items():
         readings_s(name, choice, longest_s)

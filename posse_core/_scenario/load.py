@@ -116,8 +116,9 @@ def dump_scenario(scenario: Scenario) -> str:
     keys = scenario.model_dump(mode="json")
     if scenario.flight is None:
         del keys["flight"]
-    if not scenario.sensors:
-        del keys["sensors"]
+    for key in ("joints", "bodies", "sensors"):
+        if not keys[key]:
+            del keys[key]
     return yaml.safe_dump(keys, sort_keys=False, allow_unicode=True)
 
 
@@ -137,8 +138,8 @@ def _read(source: str) -> YamlText:
 def put(raw: dict[str, Any], path: tuple[str, ...], value: Any) -> None:
     """Set a nested key. A component given by its name alone becomes a mapping; naming another component
     drops the options of the former one."""
-    name_key = {"attitude": "law", "sensors": "type"}.get(path[0], "name")
-    is_below = path[0] in ("attitude", "sensors")
+    name_key = {"attitude": "law", "joints": "law", "sensors": "type"}.get(path[0], "name")
+    is_below = path[0] in ("attitude", "joints", "sensors")
     current = raw
     for step in path[:-1]:
         inner = current.get(step)
@@ -299,6 +300,10 @@ def _with_complete_options(scenario: Scenario, registry: Registry, where: Any) -
                     "camera": law("camera", scenario.attitude.camera, "attitude", "camera"),
                 }
             ),
+            "joints": {
+                name: complete("joint-law", choice, "joints", name)
+                for name, choice in scenario.joints.items()
+            },
             "bodies": {name: body(name, config) for name, config in scenario.bodies.items()},
             "renderer": complete("renderer", scenario.renderer, "renderer"),
             "sensors": {

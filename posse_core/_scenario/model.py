@@ -18,6 +18,7 @@ from posse_core._scenario.bodies import MOST_BODIES, BodyConfig
 from posse_core._scenario.camera import CameraConfig
 from posse_core._scenario.component import ComponentChoice, TargetChoice
 from posse_core._scenario.flight import FlightConfig
+from posse_core._scenario.joints import JointLawChoice
 from posse_core._scenario.orbit import OrbitConfig, RelativeConfig
 from posse_core._scenario.presets import with_preset
 from posse_core._scenario.sensor import SensorConfig
@@ -139,6 +140,11 @@ class Scenario(Options):
         description="model of the orbital motion: a name, or {name, options}",
     )
     attitude: AttitudeConfig = Field(AttitudeConfig(), description="attitude of target and camera")
+    joints: Mapping[str, JointLawChoice] = Field(
+        {},
+        description="laws of the target's joints: name of a joint → a law's name, or {law, options};"
+        " 'posse describe joint-law' lists laws. A joint without a law does not move",
+    )
     bodies: Mapping[str, BodyConfig] = Field(
         {},
         description="bodies beside the target, by names of your own, each {spacecraft, relative or"

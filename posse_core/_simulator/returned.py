@@ -30,6 +30,7 @@ from posse_core._model.reading import Reading
 from posse_core._model.scene import Radiance, RenderRequest, Scene
 from posse_core._model.spacecraft import Material, Part, Spacecraft
 from posse_core._plugins.component import failures_named
+from posse_core._simulator.returned_joints import check_joints
 
 T = TypeVar("T")
 
@@ -178,6 +179,7 @@ def checked_spacecraft(made: object, name: str) -> Spacecraft:
             raise ComponentError(f"{who}: the skeleton has {tuple(pair)!r}, not two of its keypoints")
     for R in craft.symmetries:
         _floats(R, (3, 3), f"{who}: a symmetry")
+    check_joints(craft, who)
     return craft
 
 

@@ -9,13 +9,15 @@ from posse_core._plugins.registry import Registry
 from posse_core._scenario.component import TargetChoice, create
 from posse_core._scenario.model import Scenario
 from posse_core._simulator.returned import built
+from posse_core._trajectory.joints import with_laws
 
 
 def scene_of(scenario: Scenario, registry: Registry) -> Scene:
-    """Build the spacecraft of a scenario.
+    """Build the spacecraft of a scenario, with those of its joints that laws move.
 
     Raises:
-        InputError: a file that the scenario names cannot be used.
+        InputError: a file that the scenario names cannot be used, or a law is given for a joint that
+            there is not or that does not move.
         ComponentError: what a scene source built is not a spacecraft.
     """
     known: list[tuple[TargetChoice, Spacecraft]] = []
@@ -31,9 +33,9 @@ def scene_of(scenario: Scenario, registry: Registry) -> Scene:
         known.append((choice, made))
         return made
 
-    target = spacecraft(scenario.target, "")
+    target = with_laws(spacecraft(scenario.target, ""), scenario.joints)
     others = tuple(
-        Body(member, spacecraft(choice, f"bodies.{name}.spacecraft: "))
+        Body(member, with_laws(spacecraft(choice, f"bodies.{name}.spacecraft: "), {}))
         for name, config in scenario.bodies.items()
         for member, choice in config.members(name)
     )

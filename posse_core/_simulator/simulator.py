@@ -26,6 +26,7 @@ from posse_core._simulator.reopening import chosen_renderer
 from posse_core._simulator.scene import scene_of
 from posse_core._simulator.sensing import Sensing, annotated_look, open_sensors
 from posse_core._simulator.states import States
+from posse_core._trajectory.joints import GivenJoints
 from posse_core._trajectory.problem import orbit_epoch
 
 
@@ -61,7 +62,7 @@ class Simulator:
         self.scenario = scenario
         camera = scenario.camera.camera()
         self.scene = scene_of(scenario, registry)
-        self._states = States(scenario, registry, trajectory)
+        self._states = States(scenario, self.scene, registry, trajectory)
         epoch = Epoch.from_iso(orbit_epoch(scenario.orbit).iso())  # as a trajectory's file has it
         self._annotation = Annotation(scenario.annotators, registry, epoch)
         self._image_sensor = ImageSensor(scenario.sensor, camera)
@@ -106,6 +107,8 @@ class Simulator:
         q_eci_from_camera: ArrayLike | None = None,
         omega_body_rad_s: ArrayLike | None = None,
         omega_camera_rad_s: ArrayLike | None = None,
+        joints: Mapping[str, float] | None = None,
+        joint_rates: Mapping[str, float] | None = None,
     ) -> FrameState:
         """A state to take a frame at. What is not given comes from the scenario.
 
@@ -123,11 +126,17 @@ class Simulator:
             q_eci_from_camera: (4,) attitude of the camera, likewise.
             omega_body_rad_s, omega_camera_rad_s: (3,) angular velocities against GCRF axes, in body and
                 in camera axes, beside a given attitude; zero if not given.
+            joints: name of a joint that the scenario's key ``joints`` moves → its value, rad or m, in
+                place of its law's.
+            joint_rates: name of a joint with a given value → its rate, rad/s or m/s; zero if not given.
 
         Raises:
             InputError: there is no such frame; a velocity without a position, a rate without an
-                attitude, or a shape that does not fit; a time that the propagator has no motion for.
+                attitude, or a shape that does not fit; a time that the propagator has no motion for; a
+                joint that no law moves, or a value beyond a joint's limits.
         """
+        given_joints = GivenJoints(joints or {}, joint_rates or {})
+        self._states.joint_laws.check_given(given_joints)
         row = self._states.row(
             index,
             t_s=t_s,
@@ -138,11 +147,15 @@ class Simulator:
             omega_body_rad_s=omega_body_rad_s,
             omega_camera_rad_s=omega_camera_rad_s,
         )
-        if any(given is not None for given in (r_rtn_m, q_eci_from_body, q_eci_from_camera)):
-            return self._states.of_row(row, index)
-        own_frame = t_s is None
-        state = self._states.own(index) if own_frame else self._states.of_row(row, index)
-        return self._states.onward(index, state, own_frame=own_frame)
+        by_scenario = all(given is None for given in (r_rtn_m, q_eci_from_body, q_eci_from_camera))
+        own_frame = by_scenario and t_s is None
+        if own_frame:
+            state = self._states.own(index, given_joints)
+        else:
+            state = self._states.of_row(row, index, given=given_joints)
+        if by_scenario and not joints:
+            return self._states.onward(index, state, own_frame=own_frame)
+        return state
 
     def frame(self, state: FrameState) -> Frame:
         """The frame that the camera takes at a state, and the readings of the sensors beside it.

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicHermiteSpline
 
-from posse_core._arrays import FloatArray, evenly_spread
+from posse_core._arrays import FloatArray, IntArray, evenly_spread
 from posse_core._errors import InputError
 from posse_core._interfaces.propagator import Propagator
-from posse_core._model.scene import FrameState, Onward
+from posse_core._model.scene import FrameState, Onward, Scene
 from posse_core._model.trajectory import Motion, Trajectory
 from posse_core._plugins.registry import Registry
 from posse_core._scenario.component import create
@@ -26,6 +26,7 @@ from posse_core._trajectory.build import (
     scenario_problem,
     trajectory_of,
 )
+from posse_core._trajectory.joints import BY_LAW, BodyMotion, GivenJoints, JointLaws
 from posse_core._trajectory.problem import orbit_epoch
 from posse_core._trajectory.returned import propagated
 from posse_core._trajectory.state import frame_state
@@ -37,9 +38,19 @@ _SAME_INSTANT_S = 1e-6
 class States:
     """The states of one scenario."""
 
-    def __init__(self, scenario: Scenario, registry: Registry, trajectory: Trajectory | None) -> None:
-        """trajectory: the scenario's, where it has been computed already."""
+    def __init__(
+        self, scenario: Scenario, scene: Scene, registry: Registry, trajectory: Trajectory | None
+    ) -> None:
+        """Keep what states are made of; nothing is computed yet.
+
+        Args:
+            scenario: whose states they are.
+            scene: of the scenario.
+            registry: the components that are installed.
+            trajectory: the scenario's, where it has been computed already.
+        """
         self._scenario = scenario
+        self._scene = scene
         self._registry = registry
         if trajectory is not None:
             self.trajectory = trajectory
@@ -124,7 +135,7 @@ class States:
             motion = self._motion_near(state.t_s + later_s, state.sequence)
             if motion is None:
                 return state.after(later_s)
-            drawn = self._index_among_all(index) if own_frame else index
+            drawn = int(self._indices_of_draws[index]) if own_frame else index
             return self.of_row(self._by_laws(motion, drawn), index, drawn=drawn)
 
         def next_frame() -> FrameState | None:
@@ -134,13 +145,14 @@ class States:
 
         return replace(state, onward=Onward(after_s, at, next_frame))
 
-    def _index_among_all(self, index: int) -> int:
-        """Index of a frame before the scenario's choice of ``frames``, which its random errors have."""
-        if self._scenario.frames is None:
-            return index
-        return int(evenly_spread(self._frames_of_all, self._scenario.frames)[index])
-
     @cached_property
+    def _indices_of_draws(self) -> IntArray:
+        """(F,) index of each frame before the scenario's choice of ``frames``, which its random errors
+        and its joints have."""
+        if self._scenario.frames is None:
+            return np.arange(len(self.trajectory))
+        return evenly_spread(self._frames_of_all(), self._scenario.frames)
+
     def _frames_of_all(self) -> int:
         """Number of frames that those of the scenario are chosen from."""
         name = self._scenario.propagator.name
@@ -156,24 +168,61 @@ class States:
                 return row
         return None
 
-    def own(self, index: int) -> FrameState:
-        """The state of the scenario's own frame ``index``, without how it goes on."""
-        row = self.trajectory.rows(np.array([index]))
-        drawn = self._index_among_all(index)
-        return self._of_row(row, index, drawn=drawn, every_t_s=self.trajectory.t_s)
+    def own(self, index: int, given: GivenJoints = BY_LAW) -> FrameState:
+        """The state of the scenario's own frame ``index``, without how it goes on.
 
-    def of_row(self, row: Trajectory, index: int, *, drawn: int | None = None) -> FrameState:
+        Args:
+            given: joints that are set in place of their laws.
+        """
+        row = self.trajectory.rows(np.array([index]))
+        drawn = int(self._indices_of_draws[index])
+        return self._of_row(row, index, drawn, given, every_t_s=self.trajectory.t_s)
+
+    def of_row(
+        self, row: Trajectory, index: int, *, drawn: int | None = None, given: GivenJoints = BY_LAW
+    ) -> FrameState:
         """The state of a trajectory's one row, at any time, as frame ``index``.
 
         Args:
             drawn: index of the frame whose random errors it has; None for ``index``.
+            given: joints that are set in place of their laws.
         """
-        return self._of_row(row, index, drawn=index if drawn is None else drawn, every_t_s=None)
+        return self._of_row(row, index, index if drawn is None else drawn, given, every_t_s=None)
+
+    @cached_property
+    def joint_laws(self) -> JointLaws:
+        """The laws of the target's joints."""
+        return JointLaws.of(
+            self._scene.spacecraft,
+            self._scenario.joints,
+            self._registry,
+            epoch=orbit_epoch(self._scenario.orbit),
+            seed=self._scenario.seed,
+        )
+
+    def check_joints(self) -> None:
+        """Ask for the target's joints at every frame of the scenario.
+
+        Raises:
+            InputError: A law cannot move its joint, or moves it beyond the limits.
+            ComponentError: A law failed.
+        """
+        if self._scenario.joints:
+            motion = BodyMotion.of_target(self.trajectory, self._indices_of_draws)
+            self.joint_laws.values_and_rates(motion)
 
     def _of_row(
-        self, row: Trajectory, index: int, *, drawn: int, every_t_s: FloatArray | None
+        self,
+        row: Trajectory,
+        index: int,
+        drawn: int,
+        given: GivenJoints,
+        *,
+        every_t_s: FloatArray | None,
     ) -> FrameState:
-        state = replace(frame_state(row, 0, self._scenario.constants), index=index)
+        motion = BodyMotion.of_target(row, np.array([drawn]))
+        joints = self.joint_laws.articulation(motion, given)
+        state = replace(frame_state(row, 0, self._scenario.constants, joints), index=index)
         if not self._scenario.bodies:
             return state
         others = self._others.states(row, drawn, every_t_s)

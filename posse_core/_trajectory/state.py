@@ -11,12 +11,15 @@ from posse_core._environment.eclipse import sun_angular_radius_rad
 from posse_core._environment.time import Epoch
 from posse_core._frames import R_eci_from_rtn, matrix_from_quaternion, rtn_rate_rad_s
 from posse_core._model.craft_state import Rates
+from posse_core._model.joints import RIGID, Articulation
 from posse_core._model.scene import FrameState
 from posse_core._model.trajectory import Trajectory
 
 
-def frame_state(trajectory: Trajectory, index: int, constants: Constants) -> FrameState:
-    """Return the state of frame ``index``, 0 … F−1."""
+def frame_state(
+    trajectory: Trajectory, index: int, constants: Constants, articulation: Articulation = RIGID
+) -> FrameState:
+    """Return the state of frame ``index``, 0 … F−1, with the target's joints."""
     t_s = trajectory.t_s[index]
     epoch = Epoch.from_iso(trajectory.epoch_utc)
     tt = epoch.tt(t_s)
@@ -46,6 +49,7 @@ def frame_state(trajectory: Trajectory, index: int, constants: Constants) -> Fra
             omega_body_rad_s=trajectory.omega_body_rad_s[index],
             omega_camera_rad_s=trajectory.omega_camera_rad_s[index],
         ),
+        articulation=articulation,
     )
 
 

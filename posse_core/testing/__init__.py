@@ -19,6 +19,7 @@ the kit's own tests, and can be used for further tests of a renderer.
 from posse_core.testing import closed_forms, scenes
 from posse_core.testing.attitude_laws import AttitudeLawConformance
 from posse_core.testing.controllers import ControllerConformance
+from posse_core.testing.joint_laws import JointLawConformance
 from posse_core.testing.navigators import NavigatorConformance
 from posse_core.testing.propagators import PropagatorConformance
 from posse_core.testing.renderers import RendererConformance
@@ -27,6 +28,7 @@ from posse_core.testing.sensors import SensorConformance
 __all__ = [
     "AttitudeLawConformance",
     "ControllerConformance",
+    "JointLawConformance",
     "NavigatorConformance",
     "PropagatorConformance",
     "RendererConformance",

@@ -22,11 +22,13 @@ from posse_core._plugins.loading import Plugins
 from posse_core.testing import (
     AttitudeLawConformance,
     ControllerConformance,
+    JointLawConformance,
     NavigatorConformance,
     SensorConformance,
     scenes,
 )
 from posse_core.testing.attitude_laws import surroundings
+from posse_core.testing.joint_laws import joint_surroundings
 
 TEXT = (Path(__file__).parents[2] / "docs" / "plugins.md").read_text(encoding="utf-8")
 EXAMPLES = {
@@ -96,6 +98,22 @@ def test_the_attitude_law_conforms_and_swings(load) -> None:
     # Body +z swings forward of the vertical by 10° times the sine of a turn in 400 s.
     swing = np.degrees(np.arcsin(np.sum(R[..., 2] * forward, axis=-1)))
     np.testing.assert_allclose(swing, 10 * np.array([0, 1, -np.sqrt(0.5), -1]), atol=1e-9)
+
+
+def test_the_joint_law_conforms_and_swings(load) -> None:
+    registry = load("posse_joint_laws").registry
+
+    class Swinging(JointLawConformance):
+        def law(self):
+            return registry.create("joint-law", "swinging")
+
+    for name in (name for name in vars(JointLawConformance) if name.startswith("test_")):
+        getattr(Swinging(), name)()
+    options = registry.options("joint-law", "swinging", {"amplitude_deg": 8, "period_s": 40})
+    values = registry.create("joint-law", "swinging", options).values(
+        joint_surroundings(np.array([0.0, 10.0, 25.0, 30.0]))
+    )
+    np.testing.assert_allclose(np.degrees(values), 8 * np.array([0, 1, -np.sqrt(0.5), -1]), atol=1e-9)
 
 
 def test_the_navigator_conforms(load) -> None:

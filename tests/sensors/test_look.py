@@ -9,10 +9,9 @@ from posse_core._geometry.raycast import RayCaster
 from posse_core._interfaces.look import Look, Standpoint
 from posse_core._model.camera import Camera
 from posse_core._model.mount import Mount
-from posse_core._model.scene import Scene
 from posse_core._plugins.loading import load_plugins
-from posse_core._scenario.component import create
 from posse_core._scenario.load import load_scenario
+from posse_core._simulator.scene import scene_of
 from posse_core._simulator.states import States
 
 CAMERA = Camera(96, 72, 90.0, 90.0, 47.5, 35.5, 0.01)
@@ -31,8 +30,8 @@ def world():
         "seed": SEED,
     }
     scenario = load_scenario("aqua", registry, overrides)
-    craft = create(registry, "scene", scenario.target).build()
-    return States(scenario, registry, None), Scene(craft, CAMERA)
+    scene = replace(scene_of(scenario, registry), camera=CAMERA)
+    return States(scenario, scene, registry, None), scene
 
 
 def look_of(world, index: int = 2, mount: Mount = MOUNT, who: str = "sensor a", **stand) -> Look:
@@ -69,7 +68,8 @@ def test_frames_that_are_chosen_from_more_go_on_with_their_own_errors():
     registry = load_plugins().registry
     jitter = {"law": "pointing-error", "jitter_deg": [1.0, 1.0, 1.0]}
     overrides = {"attitude.camera": jitter, "frames": 3}
-    states = States(load_scenario("fly-around", registry, overrides), registry, None)
+    scenario = load_scenario("fly-around", registry, overrides)
+    states = States(scenario, scene_of(scenario, registry), registry, None)
     state = state_of(states, 1)
     assert state.onward is not None
     soon, by_rates = state.onward.at(1e-3), state.after(1e-3)

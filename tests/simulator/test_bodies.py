@@ -25,7 +25,8 @@ TRACK = {"attitude": {"camera": {"law": "track"}, "target": {"law": "nadir"}}}
 
 def states(overrides: Mapping[str, Any], propagator: str = "roe") -> States:
     given = {**TRACK, "propagator": propagator, "times": {"t_s": [0.0, 700.0, 1900.0]}, **overrides}
-    return States(load_scenario("aqua", REGISTRY, given), REGISTRY, None)
+    scenario = load_scenario("aqua", REGISTRY, given)
+    return States(scenario, scene_of(scenario, REGISTRY), REGISTRY, None)
 
 
 def body(**keys: Any) -> dict[str, Any]:

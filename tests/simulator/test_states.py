@@ -12,6 +12,8 @@ from posse_core import InputError
 from posse_core._files.tables import write_table
 from posse_core._plugins.loading import load_plugins
 from posse_core._scenario.load import load_scenario
+from posse_core._scenario.model import Scenario
+from posse_core._simulator.scene import scene_of
 from posse_core._simulator.states import States
 from posse_core._trajectory.build import make_trajectory
 
@@ -32,7 +34,11 @@ NOTHING = dict.fromkeys(
 def states(**overrides: object) -> States:
     """Of the scenario ``aqua``, its camera looking straight at the target."""
     steady = {"times.count": 5, "attitude.camera": {"law": "track", "offset": 0.0}}
-    return States(load_scenario("aqua", REGISTRY, {**steady, **overrides}), REGISTRY, None)
+    return states_of(load_scenario("aqua", REGISTRY, {**steady, **overrides}))
+
+
+def states_of(scenario: Scenario) -> States:
+    return States(scenario, scene_of(scenario, REGISTRY), REGISTRY, None)
 
 
 AQUA = states()
@@ -143,13 +149,8 @@ def test_between_the_frames_of_a_file_the_motion_is_interpolated(tmp_path) -> No
     )
     path = tmp_path / "t.npz"
     write_table(path, exact.epoch_utc, exact.arrays())
-    filed = States(
-        load_scenario(
-            "aqua", REGISTRY, {"times": None, "propagator": {"name": "file", "path": str(path)}}
-        ),
-        REGISTRY,
-        None,
-    )
+    recorded = {"times": None, "propagator": {"name": "file", "path": str(path)}}
+    filed = states_of(load_scenario("aqua", REGISTRY, recorded))
     for t_s in (4.2, 155.0, 299.9):
         state, true = at(0, filed, t_s=t_s), at(0, t_s=t_s)
         np.testing.assert_allclose(state.r_target_eci_m, true.r_target_eci_m, atol=1e-3)
@@ -160,7 +161,7 @@ def test_between_the_frames_of_a_file_the_motion_is_interpolated(tmp_path) -> No
 
 
 def test_of_several_relative_orbits_one_must_be_named() -> None:
-    many = States(load_scenario("posse-v2", REGISTRY, None), REGISTRY, None)
+    many = states_of(load_scenario("posse-v2", REGISTRY, None))
     with pytest.raises(InputError, match="has 25 relative orbits at t_s = 0; give r_rtn_m"):
         at(0, many, t_s=0.0)
     assert at(0, many, t_s=0.0, r_rtn_m=[6, -22, 9]).craft.range_m == pytest.approx(np.sqrt(601))

@@ -16,15 +16,12 @@ from posse_core._arrays import FloatArray, evenly_spread
 from posse_core._errors import InputError
 from posse_core._model.camera import Camera
 from posse_core._model.scene import EnvironmentMap, FrameState, Scene
-from posse_core._model.trajectory import Trajectory
 from posse_core._plugins.loading import load_plugins
 from posse_core._randomness import random_generator
 from posse_core._scenario.model import Scenario
 from posse_core._simulator.scene import scene_of
 from posse_core._simulator.states import States
 from posse_core._sky.sky import Sky
-from posse_core._trajectory.build import make_trajectory
-from posse_core._trajectory.state import frame_state
 
 Poses = Literal["random", "trajectory"]
 FIELD_SHARE = 0.5
@@ -96,24 +93,24 @@ class ScenarioCase:
         registry = load_plugins().registry
         camera = replace(scenario.camera.camera(), line_time_s=0.0)  # a renderer draws an instant
         scene = replace(scene_of(scenario, registry), camera=camera)
-        trajectory = make_trajectory(scenario, registry)
+        states = States(scenario, scene, registry, None)
         if self.poses == "random":
             scene = replace(scene, others=())
-            frames = _random_frames(self, scene, trajectory)
+            frames = _random_frames(self, scene, states)
         else:
-            states = States(scenario, registry, trajectory)
-            chosen = evenly_spread(len(trajectory), self.count).tolist()
-            frames = tuple(replace(states.own(k), index=i) for i, k in enumerate(chosen))
+            chosen = evenly_spread(len(states.trajectory), self.count).tolist()
+            frames = tuple(replace(states.own(row), index=i) for i, row in enumerate(chosen))
         sky = Sky(scenario.sky, camera, scenario.seed)
         return Setting(self.name, scene, frames, scenario.seed, sky.environment)
 
 
-def _random_frames(case: ScenarioCase, scene: Scene, trajectory: Trajectory) -> tuple[FrameState, ...]:
-    """Frames of the trajectory's times and ranges alone.
+def _random_frames(case: ScenarioCase, scene: Scene, states: States) -> tuple[FrameState, ...]:
+    """Frames of the trajectory's times, ranges and joints alone.
 
     Attitudes of craft and camera are drawn evenly from all rotations, the latter so that Sun and
     Earth stand anywhere about the craft; the craft's origin lies in the middle of the image.
     """
+    trajectory = states.trajectory
     lit = np.flatnonzero(trajectory.sun_fraction_target >= SUNLIT_DISC_SHARE)
     if not len(lit):
         raise InputError(f"{case.name}: its target is never in full sunlight; take --poses trajectory")
@@ -124,7 +121,7 @@ def _random_frames(case: ScenarioCase, scene: Scene, trajectory: Trajectory) -> 
     for i in range(case.count):
         draw = random_generator(case.scenario.seed, i, "crosscheck pose")
         time = int(draw.choice(lit))
-        base = frame_state(trajectory, time, case.scenario.constants)
+        base = states.own(time)
         R_cam_from_eci = Rotation.random(random_state=draw).as_matrix()
         place_px = _middle_px(scene.camera) + (draw.uniform(size=2) - 0.5) * FIELD_SHARE * [
             scene.camera.width_px,
@@ -149,6 +146,7 @@ def _random_frames(case: ScenarioCase, scene: Scene, trajectory: Trajectory) -> 
                 sun_fraction_target=base.sun_fraction_target,
                 sun_fraction_camera=base.sun_fraction_target,
                 sun_angular_radius_rad=base.craft.sun_angular_radius_rad,
+                articulation=base.craft.articulation,
             )
         )
     return tuple(frames)

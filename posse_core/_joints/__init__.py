@@ -1,0 +1,1 @@
+"""The built-in laws that move joints."""

@@ -1,0 +1,309 @@
+"""The joints of a body at given instants: by the scenario's laws, or as a caller gives them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from posse_core._arrays import FloatArray, IntArray, array_fault
+from posse_core._environment.time import Epoch
+from posse_core._errors import ComponentError, InputError
+from posse_core._frames import matrix_from_quaternion, matrix_from_rotation_vector, rotated, unit
+from posse_core._interfaces.joint_law import JointLaw, JointSurroundings
+from posse_core._model.joints import RIGID, Articulation, Joint
+from posse_core._model.spacecraft import Spacecraft
+from posse_core._model.trajectory import Trajectory
+from posse_core._plugins.component import failures_named
+from posse_core._plugins.options import nearest
+from posse_core._plugins.registry import Registry
+from posse_core._scenario.component import create
+from posse_core._scenario.joints import JointLawChoice
+
+RATE_STEP_S = 1e-3
+"""Half the step of the differences that give rates; they are exact for a steady rate."""
+_BEYOND = 1e-9
+"""How far a value may be beyond a limit by rounding, rad or m."""
+
+
+def with_laws(
+    spacecraft: Spacecraft, choices: Mapping[str, JointLawChoice], where: str = "joints"
+) -> Spacecraft:
+    """The spacecraft with the joints that laws move; the others are welded at zero.
+
+    Args:
+        spacecraft: with all of its joints.
+        choices: name of a joint → its law.
+        where: the key of the choices, for messages.
+
+    Raises:
+        InputError: There is no such joint, or it does not move.
+    """
+    joints = {joint.name: joint for joint in spacecraft.joints}
+    for name in choices:
+        if name not in joints:
+            there = ", ".join(joints) or "none"
+            raise InputError(
+                f"{where}.{name}: {spacecraft.name} has no such joint{nearest(name, joints)}"
+                f" (its joints: {there})"
+            )
+        if joints[name].kind == "fixed":
+            raise InputError(
+                f"{where}.{name}: the joint of {spacecraft.name} is fixed, so no law can move it; leave"
+                " the key out"
+            )
+    return spacecraft.welded(choices)
+
+
+@dataclass(frozen=True)
+class BodyMotion:
+    """What the joints of a body may depend on, at F instants.
+
+    Attributes:
+        t_s: (F,) seconds after the epoch.
+        indices: (F,) index of the frame, 0 or more, on which random draws depend.
+        R_eci_from_body: (F, 3, 3) attitude of the body, GCRF axes from body axes.
+        omega_body_rad_s: (F, 3) its angular velocity relative to GCRF axes, body axes.
+        sun_direction_eci: (F, 3) unit vector from the body to the Sun, GCRF axes.
+    """
+
+    t_s: FloatArray
+    indices: IntArray
+    R_eci_from_body: FloatArray
+    omega_body_rad_s: FloatArray
+    sun_direction_eci: FloatArray
+
+    @classmethod
+    def of_target(cls, trajectory: Trajectory, indices: IntArray) -> BodyMotion:
+        """That of a trajectory's target, with the index of each frame."""
+        return cls(
+            trajectory.t_s,
+            indices,
+            matrix_from_quaternion(trajectory.q_eci_from_body),
+            trajectory.omega_body_rad_s,
+            unit(trajectory.r_sun_eci_m - trajectory.r_target_eci_m),
+        )
+
+    def after(self, after_s: float) -> BodyMotion:
+        """The motion moments later: the body turns by its angular velocity, the Sun stands still."""
+        if after_s == 0:
+            return self
+        turn = matrix_from_rotation_vector(after_s * self.omega_body_rad_s)
+        return replace(
+            self, t_s=self.t_s + after_s, R_eci_from_body=np.asarray(self.R_eci_from_body @ turn)
+        )
+
+
+@dataclass(frozen=True)
+class GivenJoints:
+    """Joints that a caller sets in place of their laws.
+
+    Attributes:
+        values: name of a joint → its value, rad or m.
+        rates: name of a joint that has a value → its rate, rad/s or m/s; at rest if it has none.
+    """
+
+    values: Mapping[str, float] = field(default_factory=dict)
+    rates: Mapping[str, float] = field(default_factory=dict)
+
+
+BY_LAW = GivenJoints()
+"""Every joint moves by its law."""
+
+
+class JointLaws:
+    """The laws that move the joints of one body."""
+
+    def __init__(
+        self,
+        joints: tuple[Joint, ...],
+        laws: Mapping[str, JointLaw],
+        epoch: Epoch,
+        seed: int,
+        where: str,
+    ) -> None:
+        """See :meth:`of`, which makes them.
+
+        Args:
+            joints: each after the one that carries it.
+            laws: name of each joint → its law, which checks its values.
+            epoch: the instant of t_s = 0.
+            seed: of the run.
+            where: the key of the scenario that chooses the laws; it sets the body's random draws apart.
+        """
+        self._joints, self._laws = joints, laws
+        self._epoch, self._seed, self._where = epoch, seed, where
+
+    @classmethod
+    def of(
+        cls,
+        spacecraft: Spacecraft,
+        choices: Mapping[str, JointLawChoice],
+        registry: Registry,
+        *,
+        epoch: Epoch,
+        seed: int,
+        where: str = "joints",
+    ) -> JointLaws:
+        """Make the laws that a scenario chooses for a body.
+
+        Args:
+            spacecraft: with the joints that the laws move and no others; see :func:`with_laws`.
+            choices: name of a joint → its law.
+            registry: the components that are installed.
+            epoch: the instant of t_s = 0.
+            seed: of the run.
+            where: the key of the choices; each body has one of its own.
+
+        Raises:
+            InputError: There is no such law, or an option is wrong.
+            ComponentError: A law cannot be made.
+        """
+        laws: dict[str, JointLaw] = {}
+        for joint in spacecraft.joints:
+            choice = choices[joint.name]
+            try:
+                law: JointLaw = create(registry, "joint-law", choice)
+            except InputError as error:
+                raise InputError(f"{where}.{joint.name}: {error}") from None
+            laws[joint.name] = CheckedJointLaw(law, choice.name, f"{where}.{joint.name}")
+        return cls(spacecraft.joints, laws, epoch, seed, where)
+
+    def articulation(self, motion: BodyMotion, given: GivenJoints = BY_LAW) -> Articulation:
+        """The joints at the motion's one instant; see :meth:`values_and_rates`."""
+        if not self._joints:
+            return RIGID
+        (values,), (rates,) = self.values_and_rates(motion, given)
+        return Articulation(self._joints, values, rates)
+
+    def values_and_rates(
+        self, motion: BodyMotion, given: GivenJoints = BY_LAW
+    ) -> tuple[FloatArray, FloatArray]:
+        """(F, J) values of the joints, rad or m, and (F, J) rates, rad/s or m/s, at F instants.
+
+        Each row depends on its own row of the motion alone.
+
+        Args:
+            motion: of the body.
+            given: joints that are set in place of their laws.
+
+        Raises:
+            InputError: A value is beyond the limits of its joint, or a law cannot move its joint.
+            ComponentError: A law failed, or did not return a number for each frame.
+        """
+        before, now, after = (
+            self._values(motion.after(after_s), given, after_s)
+            for after_s in (-RATE_STEP_S, 0.0, RATE_STEP_S)
+        )
+        change = after - before
+        turning = np.array([joint.kind == "revolute" for joint in self._joints], dtype=bool)
+        # A law may go on by whole turns less or more at any time.
+        turns = np.where(turning, np.round(change / (2 * np.pi)), 0.0)
+        rates = (change - 2 * np.pi * turns) / (2 * RATE_STEP_S)
+        for number, joint in enumerate(self._joints):
+            self._check_limits(joint, now[:, number], motion.indices)
+            if joint.name in given.values:
+                rates[:, number] = given.rates.get(joint.name, 0.0)
+        return now, rates
+
+    def check_given(self, given: GivenJoints) -> None:
+        """Check what a caller gives.
+
+        Raises:
+            InputError: A joint has no law, a rate has no value, or a number is not finite.
+        """
+        for key, numbers in (("joints", given.values), ("joint_rates", given.rates)):
+            for name, number in numbers.items():
+                if name not in self._laws:
+                    raise InputError(
+                        f"state: {key} has {name!r}{nearest(name, self._laws)}, and the joints that the"
+                        f" scenario's key {self._where} moves are: {', '.join(self._laws) or 'none'}"
+                    )
+                if not _is_number(number):
+                    raise InputError(f"state: {key}[{name!r}] is {number!r}; a finite number is needed")
+        for name in given.rates:
+            if name not in given.values:
+                raise InputError(f"state: joint_rates has {name!r}, and joints has not; give both")
+
+    def _values(self, motion: BodyMotion, given: GivenJoints, after_s: float) -> FloatArray:
+        """(F, J) the values of all joints."""
+        numbers: dict[str | None, int] = {None: 0}
+        sun_body = np.einsum("fji,fj->fi", motion.R_eci_from_body, motion.sun_direction_eci)
+        # The Sun in the axes of each link; the first is the body itself.
+        sun_links, values = [sun_body], np.empty((len(motion.t_s), len(self._joints)))
+        for number, joint in enumerate(self._joints):
+            sun = sun_links[numbers[joint.parent]]
+            if joint.name in given.values:
+                rate = given.rates.get(joint.name, 0.0)
+                values[:, number] = given.values[joint.name] + after_s * rate
+            else:
+                values[:, number] = self._laws[joint.name].values(
+                    JointSurroundings(
+                        joint=joint,
+                        purpose=f"{self._where}.{joint.name}",
+                        epoch=self._epoch,
+                        seed=self._seed,
+                        t_s=motion.t_s,
+                        indices=motion.indices,
+                        sun_direction_carrier=sun,
+                        R_eci_from_body=motion.R_eci_from_body,
+                    )
+                )
+            numbers[joint.name] = len(sun_links)
+            turns = joint.kind == "revolute"
+            sun_links.append(rotated(sun, joint.axis_body, -values[:, number]) if turns else sun)
+        return values
+
+    def _check_limits(self, joint: Joint, values: FloatArray, indices: IntArray) -> None:
+        low, high = joint.limits
+        beyond = (values < low - _BEYOND) | (values > high + _BEYOND)
+        if np.any(beyond):
+            row = int(np.argmax(beyond))
+            asked = _shown(joint, float(values[row]))
+            raise InputError(
+                f"{self._where}.{joint.name}: {asked} at frame {indices[row]} is beyond the joint's"
+                f" limits, {_shown(joint, low)} to {_shown(joint, high)}"
+            )
+
+
+class CheckedJointLaw(JointLaw):
+    """A joint's law whose values are checked; see :func:`checked_values`."""
+
+    def __init__(self, law: JointLaw, name: str, where: str) -> None:
+        """where: the key that chooses the law."""
+        super().__init__(law.options)
+        self._law, self._name, self._where = law, name, where
+
+    def values(self, around: JointSurroundings) -> FloatArray:
+        try:
+            with failures_named("joint-law", self._name):
+                made = self._law.values(around)
+        except InputError as error:
+            raise InputError(f"{self._where}: {error}") from None
+        return checked_values(made, len(around.t_s), self._name)
+
+
+def checked_values(made: object, frames: int, name: str) -> FloatArray:
+    """Check that a joint's law returned a number for each frame, and return them.
+
+    Args:
+        made: what it returned.
+        frames: their number.
+        name: of the law.
+
+    Raises:
+        ComponentError: The check failed; the message names the law.
+    """
+    fault = array_fault(made, (frames,), "float64")
+    if fault is not None:
+        raise ComponentError(f"joint-law {name!r}: the array of values {fault}")
+    return np.asarray(made)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float | np.number) and bool(np.isfinite(value))
+
+
+def _shown(joint: Joint, value: float) -> str:
+    return f"{np.degrees(value):.6g} deg" if joint.kind == "revolute" else f"{value:.6g} m"

@@ -214,6 +214,7 @@ class SensorLook(Look):
         geometry: Callable[[Camera], RayCaster],
         gather: Callable[[LightRequest], Light],
         earthshine: dict[tuple[float, bool], FrameState] | None = None,
+        image_light: Light | None = None,
     ) -> None:
         """Made by the core.
 
@@ -222,8 +223,11 @@ class SensorLook(Look):
             gather: collects the light of a camera.
             earthshine: states of this reading whose Earth-shine was asked for, by seconds after its
                 instant and whether its rates led there; None for none.
+            image_light: the light that the frame's image was made of; None where the look is not that
+                of the chaser's camera at the frame's instant.
         """
         super().__init__(standpoint, scene, geometry)
+        self.image_light = image_light
         self._gather = gather
         self._earthshine = {} if earthshine is None else earthshine
 

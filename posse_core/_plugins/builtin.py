@@ -291,6 +291,12 @@ def posse_sensors() -> list[ComponentSpec]:
             f"{package}.lidar.options:LidarOptions",
         ),
         ComponentSpec(
+            "radiance",
+            "the light that the image is made of: W m⁻² sr⁻¹ in every pixel and band",
+            f"{package}.radiance.radiance:RadianceSensor",
+            f"{package}.radiance.options:RadianceOptions",
+        ),
+        ComponentSpec(
             "stereo",
             "the right eye of a pair with the chaser's camera: image, labels, disparity",
             f"{package}.stereo.stereo:StereoSensor",

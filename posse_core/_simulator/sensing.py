@@ -17,6 +17,7 @@ from posse_core._interfaces.sensor import Sensor, SensorSetting
 from posse_core._model.craft_state import BodyState
 from posse_core._model.label_line import BodyReading, JointReading, ReadingLabels, first_fault
 from posse_core._model.labels import Labels
+from posse_core._model.light import Light
 from posse_core._model.mount import Mount
 from posse_core._model.reading import Reading
 from posse_core._model.scene import FrameState, Scene
@@ -123,9 +124,11 @@ class Sensing:
         self._seed = seed
 
     def of(
-        self, state: FrameState
+        self, state: FrameState, image_light: Light
     ) -> tuple[dict[str, tuple[Reading, ...]], dict[str, tuple[ReadingLabels, ...]]]:
         """The readings of a frame by sensor, and their labels, still without files.
+
+        image_light: that the frame's image was made of.
 
         Raises:
             InputError: a sensor would take too many readings until the next frame.
@@ -134,7 +137,8 @@ class Sensing:
         readings: dict[str, tuple[Reading, ...]] = {}
         labels: dict[str, tuple[ReadingLabels, ...]] = {}
         for sensor in self._sensors:
-            taken = [self._reading(sensor, state, stand) for stand in self._stands(sensor, state)]
+            stands = self._stands(sensor, state)
+            taken = [self._reading(sensor, stand, image_light) for stand in stands]
             readings[sensor.name] = tuple(reading for reading, _ in taken)
             labels[sensor.name] = tuple(label for _, label in taken)
         return readings, labels
@@ -157,9 +161,18 @@ class Sensing:
         ]
 
     def _reading(
-        self, sensor: OpenSensor, state: FrameState, stand: Standpoint
+        self, sensor: OpenSensor, stand: Standpoint, image_light: Light
     ) -> tuple[Reading, ReadingLabels]:
-        look = SensorLook(stand, sensor.scene, self._optics.geometry, self._optics.light)
+        at_image = (
+            stand.mount.is_none and stand.number == 0 and sensor.scene.camera == image_light.camera
+        )
+        look = SensorLook(
+            stand,
+            sensor.scene,
+            self._optics.geometry,
+            self._optics.light,
+            image_light=image_light if at_image else None,
+        )
         with failures_named("sensor", sensor.name):
             made = sensor.sensor.sense(look)
         reading = checked_reading(made, sensor.name, sensor.sensor.camera)

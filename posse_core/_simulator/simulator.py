@@ -180,7 +180,7 @@ class Simulator:
         )
         look = annotated_look(state, self.scene, self._optics, seed)
         labels = self._annotation.labels(look)
-        readings, beside = self._sensing.of(state)
+        readings, beside = self._sensing.of(state, photograph.light)
         line = self._annotation.line(look, labels, photograph.exposure_s, beside)
         return Frame(
             state,

@@ -28,6 +28,7 @@ sensors:
     mount: {position_m: [0.3, 0, 0], rotation_vector_deg: [0, 5, 0]}
     rate_hz: 0.01
     camera: {width_px: 48, height_px: 36, hfov_deg: 80, line_time_s: 0.0005}
+  light: {type: radiance, dtype: float16}
 """
 
 
@@ -78,7 +79,7 @@ def test_the_camera_is_as_without_sensors(whole, posse, sensor_scenario, tmp_pat
     assert posse("run", alone, "--out", "alone").returncode == 0
     for one, other in zip(Dataset(whole), Dataset(tmp_path / "alone"), strict=True):
         labels = one.as_json()
-        assert [*labels.pop("sensors")] == ["twin", "side"]
+        assert [*labels.pop("sensors")] == ["twin", "side", "light"]
         assert labels == other.as_json()
     ours, theirs = files_of(whole), files_of(tmp_path / "alone")
     assert theirs.keys() - ours.keys() == set()
@@ -97,6 +98,21 @@ def test_a_camera_in_the_same_place_sees_the_same(whole):
         (said,) = labels.sensors["twin"]
         assert said.q_sensor_from_body == labels.q_cam_from_body
         assert reading.labels["keypoints"] == json.loads(labels.to_json())["keypoints"]
+
+
+def test_the_light_of_every_image_is_kept_and_proven(whole, copy):
+    dataset = Dataset(whole)
+    for i in range(len(dataset)):
+        (reading,) = dataset.readings(i, "light")
+        radiance = reading.arrays["radiance_rgb"]
+        assert (radiance.dtype, radiance.shape) == (np.float16, (48, 64, 3))
+        bright = radiance.astype(float).sum(axis=2) > 1
+        assert bright[dataset.image(i) > 40].all()
+    path = copy / "sensors/light/000003.npz"
+    np.savez(path, radiance_rgb=np.full((48, 64, 3), np.nan, np.float16))
+    (result,) = [r for r in prove(copy).results if r.name == "sensor light"]
+    assert [fault.frame for fault in result.faults] == [3]
+    assert "radiance_rgb is negative or not finite" in result.faults[0].message
 
 
 def test_a_sensor_reads_at_its_own_rate_until_the_next_frame(whole):
@@ -124,8 +140,9 @@ def test_a_killed_run_with_sensors_is_resumed_to_the_bit(
             assert time.monotonic() < deadline
             time.sleep(0.005)
         process.send_signal(signal.SIGKILL)
-    damaged = sorted((out / "sensors" / "side").glob("*.png"))[0]
-    damaged.write_bytes(damaged.read_bytes()[:-1])
+    for kind in ("side/*.png", "light/*.npz"):
+        damaged = sorted((out / "sensors").glob(kind))[0]
+        damaged.write_bytes(damaged.read_bytes()[:-1])
     resumed = posse("run", "--resume", "--out", out)
     assert resumed.returncode == 0, resumed.stderr
     assert files_of(out) == files_of(whole)

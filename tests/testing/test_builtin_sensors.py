@@ -18,6 +18,17 @@ class TestWideCamera(SensorConformance):
         return REGISTRY.create("sensor", "camera", REGISTRY.options("sensor", "camera", keys))
 
 
+class TestRadiance(SensorConformance):
+    def sensor(self):
+        return REGISTRY.create("sensor", "radiance")
+
+
+class TestHalfRadiance(SensorConformance):
+    def sensor(self):
+        keys = {"dtype": "float16"}
+        return REGISTRY.create("sensor", "radiance", REGISTRY.options("sensor", "radiance", keys))
+
+
 def lidar(**keys):
     return REGISTRY.create("sensor", "lidar", REGISTRY.options("sensor", "lidar", keys))
 

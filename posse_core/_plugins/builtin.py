@@ -202,6 +202,12 @@ def posse_scenes() -> list[ComponentSpec]:
             f"{package}.cubesat:CubesatOptions",
         ),
         ComponentSpec(
+            "family",
+            "a random plausible craft for each seed: bus, wings, dishes, booms",
+            f"{package}.family.source:Family",
+            f"{package}.options:FamilyOptions",
+        ),
+        ComponentSpec(
             "mesh",
             "a mesh file of your own: glTF, OBJ, PLY, STL",
             f"{package}.mesh:MeshFile",

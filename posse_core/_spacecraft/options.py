@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, field_validator
 
 from posse_core._arrays import FloatArray
 from posse_core._plugins.options import Options
@@ -81,6 +81,33 @@ class AquaOptions(VariantOptions):
 
 class ClusterOptions(VariantOptions):
     """Options of the Cluster-like spacecraft, a spinning drum with booms."""
+
+
+class FamilyOptions(Options):
+    """Options of the family of random spacecraft."""
+
+    seed: int = Field(0, ge=0, description="each seed is another spacecraft")
+    size_m: tuple[float, float] = Field(
+        (1.5, 15.0), description="least and greatest length of its longest side, m"
+    )
+    bus: tuple[Literal["box", "hexagon", "octagon", "cylinder"], ...] = Field(
+        ("box", "box", "hexagon", "octagon", "cylinder"),
+        min_length=1,
+        description="shapes of the bus to choose from; one that is given twice is chosen twice as often",
+    )
+    wings: tuple[Literal[0, 1, 2, 4], ...] = Field(
+        (0, 1, 2, 2, 2, 4),
+        min_length=1,
+        description="numbers of solar wings to choose from; a hexagon has two at most",
+    )
+
+    @field_validator("size_m")
+    @classmethod
+    def _in_order(cls, size_m: tuple[float, float]) -> tuple[float, float]:
+        low, high = size_m
+        if not 0.1 <= low <= high <= 100.0:
+            raise ValueError("give the least size and then the greatest, within 0.1 … 100 m")
+        return size_m
 
 
 class MeshOptions(Options):

@@ -17,7 +17,7 @@ from posse_core._randomness import random_generator
 
 SHEET = Path(__file__).parent / "images" / "family.jpg"
 WIDTH_PX, HEIGHT_PX, COLUMNS, COUNT = 400, 300, 6, 24
-FOV_DEG, FILLED = 30, 1.15
+FOV_DEG, FILLED = 30, 1.05
 
 
 def main() -> None:
@@ -35,7 +35,11 @@ def picture(seed: int) -> AnyArray:
         "attitude": {"target": "nadir"},
         "camera": {"width_px": WIDTH_PX, "height_px": HEIGHT_PX, "hfov_deg": FOV_DEG},
         "sky": {"earth": True},
-        "sensor": {"auto_exposure": {"percentile": 97, "level": 0.75}, "color": "rgb", "response": "srgb"},
+        "sensor": {
+            "auto_exposure": {"percentile": 97, "level": 0.75},
+            "color": "rgb",
+            "response": "srgb",
+        },
         "renderer": {"name": "raster"},
         "annotators": ["box"],
         "writers": [],

@@ -22,8 +22,10 @@ BusKind = Literal["box", "hexagon", "octagon", "cylinder"]
 """A cuboid, a prism with six or eight sides, or a drum."""
 WINGED_AZIMUTHS = {0: (), 1: (270,), 2: (90, 270), 4: (0, 90, 180, 270)}
 """Number of wings → azimuths of the sides that carry them, degrees from X towards Y."""
-_COVERINGS = ("foil_gold",) * 4 + ("foil_amber", "foil_silver") * 3 + ("foil_black",) * 2
-_COVERINGS += ("white_paint",) * 2 + ("grey_paint",)
+_COVERINGS = (
+    *(("foil_gold",) * 4 + ("foil_amber", "foil_silver") * 3),
+    *("foil_black", "foil_black", "white_paint", "white_paint", "grey_paint"),
+)
 _DECKS = ("white_paint", "black_paint", "foil_silver", "aluminium", "mirror_tiles", "foil_black")
 _SEGMENTS = 48
 _CELL_GAP_RAD = 0.03
@@ -132,9 +134,7 @@ def drawn_bus(kind: BusKind, wings: int, unit_m: float, rng: np.random.Generator
     half = np.array([width, depth]) / 2.0
     if kind == "box":
         outline = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * half
-        sides = tuple(
-            Side(90 * k, float(half[k % 2]), 2.0 * float(half[(k + 1) % 2])) for k in range(4)
-        )
+        sides = tuple(Side(90 * k, float(half[k % 2]), 2.0 * float(half[(k + 1) % 2])) for k in range(4))
     else:
         count = {"hexagon": 6, "octagon": 8, "cylinder": 8}[kind]
         step = 360 // count

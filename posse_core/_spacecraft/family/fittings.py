@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from posse_core._arrays import FloatArray
-from posse_core._frames import R_about, R_from_z
+from posse_core._frames import R_about
 from posse_core._spacecraft import shapes
 from posse_core._spacecraft.assembly import Assembly
 from posse_core._spacecraft.family.bus import Bus, Side, picked
@@ -117,21 +117,18 @@ def _dish(
     """A reflector towards +Z above a foot, with its feed on three struts and keypoints on its rim."""
     u, craft = fitter.bus.unit_m, fitter.craft
     focal = float(rng.uniform(0.35, 0.5)) * diameter_m
-    vertex = foot_m + (0.0, 0.0, stand_m)
+    vertex = np.add(foot_m, (0.0, 0.0, stand_m))
     reflector = shapes.dish(diameter_m, focal, 0.0, 0.012 * u, 8, 48).at(vertex)
     craft.add(name, picked(rng, _WHITE), reflector)
     post = shapes.tube([foot_m - (0, 0, 0.02 * u), vertex - (0, 0, 0.005 * u)], 0.035 * u, 16)
     hub = shapes.frustum(0.06 * u, 0.16 * diameter_m, 0.08 * u, 24).at(vertex - (0, 0, 0.085 * u))
     craft.add(f"{name}_mount", picked(rng, _BOOMS), post, hub)
-    focus = vertex + (0.0, 0.0, focal)
+    focus = np.add(vertex, (0.0, 0.0, focal))
     radius = 0.37 * diameter_m
     struts = []
     for azimuth in np.radians((90.0, 210.0, 330.0)):
-        on_dish = vertex + (
-            radius * np.cos(azimuth),
-            radius * np.sin(azimuth),
-            radius**2 / (4.0 * focal),
-        )
+        around = (np.cos(azimuth), np.sin(azimuth), radius / (4.0 * focal))
+        on_dish = np.add(vertex, radius * np.array(around))
         struts.append(shapes.tube([on_dish, focus], 0.009 * u, 8))
     feed = shapes.frustum(0.05 * u, 0.03 * u, 0.1 * u, 20).at(focus - (0.0, 0.0, 0.05 * u))
     craft.add(f"{name}_feed", picked(rng, _BOOMS), feed, *struts)
@@ -170,7 +167,7 @@ def _omnis(fitter: Fitter, payload: str, rng: np.random.Generator) -> None:
         spike += [(0.5 * wide, 0.4 * length), (0, length)]
         mesh, place = fitter.on_slot(shapes.revolved(spike, 20), end)
         fitter.craft.add(name, picked(rng, _WHITE), mesh)
-        fitter.mark_antenna(name, place + (0.0, 0.0, end * length))
+        fitter.mark_antenna(name, np.add(place, (0.0, 0.0, end * length)))
 
 
 def _star_trackers(fitter: Fitter, rng: np.random.Generator) -> None:
@@ -196,18 +193,18 @@ def _on_end(fitter: Fitter, end: float, payload: str, rng: np.random.Generator) 
         name = "dish_fore" if end > 0 else "dish_aft"
         z = float(rng.uniform(0.15, 0.35)) * bus.height_m
         foot = np.array([end * (start + 0.1 * u + diameter / 2.0), 0.0, z])
-        path = [(end * 0.9 * start, 0.0, z), foot - (end * 0.03 * u, 0.0, 0.0)]
+        path = [np.array([end * 0.9 * start, 0.0, z]), foot - (end * 0.03 * u, 0.0, 0.0)]
         craft.add(f"{name}_boom", picked(rng, _BOOMS), shapes.tube(path, 0.03 * u, 14))
         _dish(fitter, name, foot, diameter, 0.14 * u, rng)
     elif what == "magnetometer" and "magnetometer" not in names:
         length, z = u * float(rng.uniform(0.9, 2.6)), -float(rng.uniform(0.1, 0.4)) * bus.height_m
         tip = np.array([end * (start + length), 0.0, z])
-        rod = shapes.tube([(end * 0.9 * start, 0.0, z), tip], 0.016 * u, 12)
+        rod = shapes.tube([np.array([end * 0.9 * start, 0.0, z]), tip], 0.016 * u, 12)
         craft.add("magnetometer_boom", picked(rng, _BOOMS), rod)
         head = shapes.box((0.12 * u, 0.08 * u, 0.08 * u))
         second = tip - (end * 0.35 * length, 0.0, 0.0)
         craft.add("magnetometer", picked(rng, _BOXES), head.at(tip), head.at(second))
-        fitter.mark_antenna("magnetometer", tip + (end * 0.06 * u, 0.0, 0.0))
+        fitter.mark_antenna("magnetometer", np.add(tip, (end * 0.06 * u, 0.0, 0.0)))
 
 
 def _on_side(fitter: Fitter, side: Side, number: int, rng: np.random.Generator) -> None:

@@ -40,8 +40,7 @@ class Family(SceneSource[FamilyOptions]):
         craft, bus, wings = self._assembled(size_m / longest)
         makers = self._finishes(bus, wings)
         materials = {
-            name: varied(makers[name](), self._random(f"finish {name}"))
-            for name in craft.material_names
+            name: varied(makers[name](), self._random(f"finish {name}")) for name in craft.material_names
         }
         return craft.finish(materials, _centre_of_mass_m(bus, wings), _skeleton(bus))
 

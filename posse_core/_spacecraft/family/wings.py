@@ -59,9 +59,7 @@ def drawn_wings(bus: Bus, rng: np.random.Generator) -> WingDesign:
     angle = float(rng.uniform(-np.pi, np.pi)) if count < 4 else 0.0
     z = float(rng.uniform(-0.2, 0.2)) * bus.height_m
     thick = 0.018 * u
-    return WingDesign(
-        panels, (length, chord, thick), 0.03 * u, yoke, bool(rng.integers(2)), angle, z
-    )
+    return WingDesign(panels, (length, chord, thick), 0.03 * u, yoke, bool(rng.integers(2)), angle, z)
 
 
 def add_wings(craft: Assembly, bus: Bus, design: WingDesign, rng: np.random.Generator) -> None:
@@ -131,7 +129,8 @@ def _frame(design: WingDesign, start_m: float, u: float) -> list[shapes.Mesh]:
     rib = 0.02 * u
     middle, behind = start_m + length / 2.0, -thick / 2.0 - 0.4 * rib
     meshes = [
-        shapes.box((0.97 * length, 1.5 * rib, rib)).at((middle, y * chord, behind)) for y in (-0.25, 0.25)
+        shapes.box((0.97 * length, 1.5 * rib, rib)).at((middle, y * chord, behind))
+        for y in (-0.25, 0.25)
     ]
     meshes += [
         shapes.box((2.6 * design.gap_m, 0.05 * u, 1.7 * thick)).at(

@@ -36,6 +36,8 @@ from ._errors import StoreError as StoreError
 from ._errors import WorkerLost as WorkerLost
 from ._evaluation.metrics import TrueBox as TrueBox
 from ._evaluation.metrics import coco_metrics as coco_metrics
+from ._evaluation.metrics import seen_bodies as seen_bodies
+from ._evaluation.metrics import true_box as true_box
 from ._evaluation.metrics import true_boxes as true_boxes
 from ._files.atomic import atomic_file as atomic_file
 from ._formats.poses import camera_beside as camera_beside

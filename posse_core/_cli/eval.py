@@ -68,7 +68,7 @@ def command(
         detector, finder = open_models(model, keypoints, registry, given)
     judged = evaluate(source, bar(indices, len(indices)), detector, finder)
     with phase("computing the metrics"):
-        result = groups(source, judged, poses=finder is not None)
+        result = groups(source, judged)
     digest = source.sha256
     if out is not None:
         models = " and ".join(path.name for path in (model, keypoints) if path is not None)

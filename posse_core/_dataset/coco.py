@@ -19,7 +19,7 @@ from posse_core._dataset.spacecraft import SpacecraftInfo, read_spacecraft
 from posse_core._errors import InputError
 from posse_core._files.atomic import sha256
 from posse_core._model.camera import Camera
-from posse_core._model.label_line import Keypoint, LabelLine, first_fault
+from posse_core._model.label_line import BodyLabels, Keypoint, LabelLine, first_fault
 from posse_core._model.labels import NOT_IN_FRAME
 
 
@@ -38,8 +38,9 @@ def open_dataset(path: str | Path) -> LabelledImages:
 def read_coco(path: Path) -> Iterator[LabelLine]:
     """Read the labels of every image of a COCO file, in its order, with indices from 0.
 
-    An image without an annotation has the box null and no spacecraft. Keypoints outside the image are
-    left out.
+    An image without an annotation has the box null and no spacecraft. Of several annotations, the first
+    without an ``instance`` is of the target; the others are of bodies beside it, each named by its
+    ``instance`` or its id. Keypoints outside the image are left out.
 
     Raises:
         InputError: The file cannot be read, or does not have the structure of COCO.
@@ -69,27 +70,45 @@ def _read(path: Path) -> _CocoFile:
 def _labels(value: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """Yield the fields of the :class:`LabelLine` of every image."""
     categories = {category["id"]: category for category in value["categories"]}
-    annotation_of = {annotation["image_id"]: annotation for annotation in value["annotations"]}
-    if len(annotation_of) < len(value["annotations"]):
-        raise ValueError("an image has several annotations, but POSSE reads one spacecraft per image")
+    annotations_of: dict[Any, list[Mapping[str, Any]]] = {}
+    ids = set()
+    for annotation in value["annotations"]:
+        if annotation["id"] in ids:
+            raise ValueError(f"two annotations have the id {annotation['id']!r}")
+        ids.add(annotation["id"])
+        annotations_of.setdefault(annotation["image_id"], []).append(annotation)
     for image in value["images"]:
         labels: dict[str, Any] = {"image": str(image["file_name"]), "box_visible_px": None}
-        annotation = annotation_of.get(image["id"])
-        if annotation is not None:
-            category = categories[annotation["category_id"]]
-            labels |= {"spacecraft": category["name"], "box_visible_px": annotation["bbox"]}
-            if isinstance(annotation.get("segmentation"), dict):
-                labels["mask_rle"] = annotation["segmentation"]
-                labels["mask_area_px"] = round(annotation["area"])
-            if "keypoints" in annotation:
-                flat = iter(annotation["keypoints"])
-                points = zip(category["keypoints"], zip(flat, flat, flat, strict=True), strict=True)
-                labels["keypoints"] = {name: p for name, p in points if p[2] != NOT_IN_FRAME}
+        bodies: dict[str, Any] = {}
+        for annotation in annotations_of.get(image["id"], ()):
+            fields = _fields(annotation, categories[annotation["category_id"]])
+            if annotation.get("instance") is None and "spacecraft" not in labels:
+                labels |= fields
+                continue
+            name = str(annotation.get("instance") or annotation["id"])
+            if name in bodies:
+                raise ValueError(f"image {image['id']!r} has two annotations of {name!r}")
+            bodies[name] = fields
+        if bodies:
+            labels["bodies"] = bodies
         yield labels
 
 
+def _fields(annotation: Mapping[str, Any], category: Mapping[str, Any]) -> dict[str, Any]:
+    """The labels of one body."""
+    labels: dict[str, Any] = {"spacecraft": category["name"], "box_visible_px": annotation["bbox"]}
+    if isinstance(annotation.get("segmentation"), dict):
+        labels["mask_rle"] = annotation["segmentation"]
+        labels["mask_area_px"] = round(annotation["area"])
+    if "keypoints" in annotation:
+        flat = iter(annotation["keypoints"])
+        points = zip(category["keypoints"], zip(flat, flat, flat, strict=True), strict=True)
+        labels["keypoints"] = {name: p for name, p in points if p[2] != NOT_IN_FRAME}
+    return labels
+
+
 class CocoDataset(LabelledImages):
-    """Images of one spacecraft each, with boxes and keypoints from COCO files.
+    """Images of spacecraft, with boxes and keypoints from COCO files.
 
     A folder has its parts in ``train.json``, ``valid.json`` and ``test.json``, of which the last two may
     be missing; a single file is a dataset of one part, ``all``. Image paths are relative to the folder.
@@ -133,18 +152,24 @@ class CocoDataset(LabelledImages):
         return read_spacecraft(path) if path.is_file() else SpacecraftInfo(name, (), {}, (), ())
 
     def _of_craft(self, index: int, line: LabelLine) -> LabelLine:
-        """Return a line with its index in the dataset and the keypoints of the spacecraft's file.
+        """Return a line with its index in the dataset and the keypoints of the spacecraft's files."""
+        labels = self._with_keypoints(line) | {"index": index}
+        if line.has("bodies"):
+            labels["bodies"] = {
+                name: BodyLabels(**self._with_keypoints(body)) for name, body in line.bodies.items()
+            }
+        return LabelLine(**labels)
 
-        Keypoints are in the order of that file, with None where COCO has none. Without the file they are
-        left out.
-        """
-        labels = {name: value for name, value in line if name not in ("index", "keypoints")}
-        if line.has("keypoints"):
+    def _with_keypoints(self, body: BodyLabels) -> dict[str, Any]:
+        """Return labels with their keypoints in the order of the spacecraft's file, and with None where
+        COCO has none. Without the file they are left out."""
+        labels = {name: value for name, value in body if name != "keypoints"}
+        if body.has("keypoints"):
             none = Keypoint(None, None, 0)
-            known = self.spacecraft_by_name[line.spacecraft].keypoints_body_m
+            known = self.spacecraft_by_name[body.spacecraft].keypoints_body_m
             if known:
-                labels["keypoints"] = {name: line.keypoints.get(name, none) for name in known}
-        return LabelLine(index=index, **labels)
+                labels["keypoints"] = {name: body.keypoints.get(name, none) for name in known}
+        return labels
 
     def __repr__(self) -> str:
         names = ", ".join(self.spacecraft_by_name)

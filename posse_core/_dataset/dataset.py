@@ -265,6 +265,17 @@ class Dataset(LabelledImages):
         name = self[i].truth
         return read_arrays(inside(self.folder, name)) if name else {}
 
+    @property
+    def classes(self) -> Mapping[str, SpacecraftInfo]:
+        return {**{info.name: info for info in self.bodies.values()}, **self.spacecraft_by_name}
+
+    def mesh(self, name: str | None = None) -> Mesh:
+        if name is not None and name not in self.spacecraft_by_name:
+            for body, info in self.bodies.items():
+                if info.name == name:
+                    return self.body_mesh(body)
+        return super().mesh(name)
+
     def body_mesh(self, body: str) -> Mesh:
         """Return the mesh of a body beside the target.
 

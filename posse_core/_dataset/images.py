@@ -17,7 +17,7 @@ from posse_core._model.label_line import LabelLine
 
 
 class LabelledImages(Sequence[LabelLine]):
-    """Images of one spacecraft each, with their labels: a sequence of label lines.
+    """Images of spacecraft, with their labels: a sequence of label lines.
 
     In all methods a position ``i`` counts the images from 0, or from the end if it is negative. The
     index of a frame, ``images[i].index``, differs from its position if frames are missing. The index
@@ -77,6 +77,12 @@ class LabelledImages(Sequence[LabelLine]):
     def scenario_sha256(self) -> str:
         """Hexadecimal SHA-256 of the scenario; empty if there is none."""
         return ""
+
+    @property
+    def classes(self) -> Mapping[str, SpacecraftInfo]:
+        """All spacecraft that the labels speak of, by name: the targets', and those of the bodies beside
+        them."""
+        return self.spacecraft_by_name
 
     @property
     def spacecraft(self) -> SpacecraftInfo:

@@ -11,7 +11,7 @@ from posse_core._dataset.images import LabelledImages
 from posse_core._detection.evaluate import evaluate
 from posse_core._detection.models import open_detector, open_keypoint_finder
 from posse_core._errors import InputError
-from posse_core._evaluation.metrics import coco_metrics, true_boxes
+from posse_core._evaluation.metrics import coco_metrics, seen_bodies, true_box
 from posse_core._interfaces.detector import Detection, KeypointFinder
 from posse_core._plugins.registry import Registry
 
@@ -28,9 +28,9 @@ def accuracy(
         return _of_keypoints(dataset, positions, open_keypoint_finder(path, registry, {}))
     judged = evaluate(dataset, positions, open_detector(path, registry, {}))
     metrics = coco_metrics(
-        [j.truths for j in judged], [j.detections for j in judged], sorted(dataset.spacecraft_by_name)
+        [j.truths for j in judged], [j.detections for j in judged], sorted(dataset.classes)
     )
-    overlap = float(np.mean([overlap for j in judged for overlap in j.overlaps]))
+    overlap = float(np.mean([body.overlap for j in judged for body in j.bodies]))
     return {"mAP": metrics["mAP"], "mAP50": metrics["mAP50"], "box IoU mean": overlap}
 
 
@@ -46,9 +46,12 @@ def _of_keypoints(
                 f"{dataset.folder}: the labels have no keypoints; make the dataset with the annotator"
                 " 'keypoints'"
             )
-        boxes = [Detection(truth.label, 1.0, truth.box_px) for truth in true_boxes(labels)]
-        known = np.array([point[:2] for point in labels.keypoints.values()], np.float64)
-        for found in finder.find(dataset.image(i), boxes):
+        for body in seen_bodies(labels):
+            if body.spacecraft not in finder.classes or not body.keypoints:
+                continue
+            box = Detection(body.spacecraft, 1.0, true_box(body).box_px)
+            known = np.array([point[:2] for point in body.keypoints.values()], np.float64)
+            (found,) = finder.find(dataset.image(i), [box])
             distance = np.linalg.norm(np.asarray(found.keypoints_px) - known, axis=1)
             away_px += distance[np.isfinite(distance)].tolist()
     return {"median keypoint error, px": float(np.median(away_px))}

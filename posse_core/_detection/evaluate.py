@@ -7,15 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posse_core._arrays import AnyArray
+from posse_core._arrays import AnyArray, FloatArray
 from posse_core._dataset.images import LabelledImages
 from posse_core._detection.pnp import solve_pose
 from posse_core._errors import InputError
-from posse_core._evaluation.metrics import TrueBox, best_overlaps, true_boxes
+from posse_core._evaluation.metrics import TrueBox, box_iou, matches, seen_bodies, true_box
 from posse_core._evaluation.poses import add_m, adi_m, pose_errors
 from posse_core._frames import matrix_from_quaternion
 from posse_core._interfaces.detector import Detection, Detector, KeypointFinder, PoseEstimate
-from posse_core._model.label_line import LabelLine
+from posse_core._model.label_line import BodyLabels, LabelLine
 
 
 @dataclass(frozen=True)
@@ -35,22 +35,43 @@ class PoseErrors:
 
 
 @dataclass(frozen=True)
+class JudgedBody:
+    """A craft that an image shows, and how it was found.
+
+    Attributes:
+        labels: its labels.
+        truth: its true box.
+        overlap: IoU with the detection that it is judged by (:func:`matches`), 0 if there is none.
+        is_posed: whether keypoints of its class were sought, from which a pose follows.
+        pose: errors of that pose, if the detection is among the best of the image, as many as it shows
+            craft, and its keypoints gave a pose.
+    """
+
+    labels: BodyLabels
+    truth: TrueBox
+    overlap: float
+    is_posed: bool
+    pose: PoseErrors | None
+
+
+@dataclass(frozen=True)
 class Judged:
     """The detections in one frame and their errors.
 
     Attributes:
         labels: the frame's label line.
-        truths: the true boxes.
+        bodies: the craft that it shows, of classes that the detector knows.
         detections: what was found, best first.
-        overlaps: IoU of each true box with the best detection of its class, 0 if there is none.
-        pose: errors of the best detection's pose, if its class is right and its keypoints gave a pose.
     """
 
     labels: LabelLine
-    truths: Sequence[TrueBox]
+    bodies: Sequence[JudgedBody]
     detections: Sequence[Detection]
-    overlaps: Sequence[float]
-    pose: PoseErrors | None
+
+    @property
+    def truths(self) -> list[TrueBox]:
+        """The true boxes."""
+        return [body.truth for body in self.bodies]
 
 
 def frames_of(dataset: LabelledImages, part: str) -> list[int]:
@@ -73,10 +94,11 @@ def evaluate(
 ) -> list[Judged]:
     """Compare what a detector finds in frames with their labels.
 
-    With a keypoint finder, the pose of the best detection is evaluated too if its class is right.
+    Bodies beside the target count if the detector knows their class. With a keypoint finder, poses are
+    evaluated too.
 
     Raises:
-        InputError: The labels lack what is measured, or a model does not know a class.
+        InputError: The labels lack what is measured, or a model does not know the class of a target.
     """
     for model in (detector, finder):
         missing = sorted(set(dataset.spacecraft_by_name) - set(model.classes)) if model else []
@@ -88,23 +110,40 @@ def evaluate(
     judged = []
     for i in positions:
         labels, image = dataset[i], dataset.image(i)
-        truths = true_boxes(labels)
-        found = [d for d in detector.predict([image])[0] if d.label in dataset.spacecraft_by_name]
-        pose = None
-        if (
-            finder is not None
-            and found
-            and labels.has("spacecraft")
-            and found[0].label == labels.spacecraft
-        ):
-            pose = _pose(dataset, labels, finder, image, found[0])
-        judged.append(Judged(labels, truths, found, best_overlaps(truths, found), pose))
+        seen = [body for body in seen_bodies(labels) if body.spacecraft in detector.classes]
+        found = [d for d in detector.predict([image])[0] if d.label in dataset.classes]
+        bodies = _judged(dataset, seen, found, image, finder)
+        judged.append(Judged(labels, bodies, found))
     return judged
+
+
+def _judged(
+    dataset: LabelledImages,
+    seen: Sequence[BodyLabels],
+    found: Sequence[Detection],
+    image: AnyArray,
+    finder: KeypointFinder | None,
+) -> list[JudgedBody]:
+    truths = [true_box(body) for body in seen]
+    bodies = []
+    for body, truth, place in zip(seen, truths, matches(truths, found), strict=True):
+        overlap = 0.0 if place is None else float(box_iou(found[place].box_px, truth.box_px))
+        posed = finder if finder is not None and len(_points(finder, truth.label)) else None
+        pose = None
+        if posed is not None and place is not None and place < len(seen):
+            pose = _pose(dataset, body, posed, image, found[place])
+        bodies.append(JudgedBody(body, truth, overlap, posed is not None, pose))
+    return bodies
+
+
+def _points(finder: KeypointFinder, label: str) -> FloatArray:
+    """(K, 3) keypoints of a class, none if the finder does not know it."""
+    return finder.keypoints_body_m[label] if label in finder.classes else np.zeros((0, 3))
 
 
 def _pose(
     dataset: LabelledImages,
-    labels: LabelLine,
+    labels: BodyLabels,
     finder: KeypointFinder,
     image: AnyArray,
     best: Detection,
@@ -117,7 +156,7 @@ def _pose(
     return None if pose is None else _errors(dataset, labels, pose)
 
 
-def _errors(dataset: LabelledImages, labels: LabelLine, pose: PoseEstimate) -> PoseErrors:
+def _errors(dataset: LabelledImages, labels: BodyLabels, pose: PoseEstimate) -> PoseErrors:
     if not labels.has("q_cam_from_body"):
         raise InputError(
             f"{dataset.folder}: the labels have no poses; make the dataset with the annotator 'pose'"
@@ -125,7 +164,7 @@ def _errors(dataset: LabelledImages, labels: LabelLine, pose: PoseEstimate) -> P
     name = labels.spacecraft
     R, t = matrix_from_quaternion(np.array(labels.q_cam_from_body)), np.array(labels.t_body_cam_m)
     estimated = pose.R_cam_from_body, pose.t_body_cam_m
-    e_t, e_q_rad = pose_errors(R, t, *estimated, dataset.spacecraft_by_name[name].symmetries)
+    e_t, e_q_rad = pose_errors(R, t, *estimated, dataset.classes[name].symmetries)
     mesh = dataset.mesh(name)
     points, diameter_m = mesh.vertices_body_m, mesh.diameter_m
     add, adi = (measure(points, R, t, *estimated) / diameter_m for measure in (add_m, adi_m))

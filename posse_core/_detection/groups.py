@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -11,10 +11,11 @@ import numpy as np
 from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.images import LabelledImages
 from posse_core._detection.background import BACKGROUNDS, backgrounds
-from posse_core._detection.evaluate import Judged
+from posse_core._detection.evaluate import Judged, JudgedBody
 from posse_core._detection.glossary import POSES
 from posse_core._evaluation.metrics import coco_metrics
 from posse_core._evaluation.poses import speed_score
+from posse_core._model.label_line import LabelLine
 
 _PHASES_DEG = (0, 30, 60, 90, 120, 180)
 _CORRECT_ADD_DIAMETERS = 0.1
@@ -30,27 +31,30 @@ class Group:
     metrics: Mapping[str, float]
 
 
-def groups(dataset: LabelledImages, judged: Sequence[Judged], poses: bool) -> list[Group]:
+def groups(dataset: LabelledImages, judged: Sequence[Judged]) -> list[Group]:
     """Return the metrics of all frames, then by class, quartile of range, phase angle and background.
+
+    A frame is in the group of each class of which a craft is in it, and there it counts with the craft
+    of that class alone. Range, phase angle and background are those of the target; there, a frame counts
+    with all craft that it shows. Where keypoints were sought, the metrics include the share of craft
+    whose pose was estimated, and the errors of these poses.
 
     Args:
         dataset: of the frames.
         judged: the evaluated frames.
-        poses: whether keypoints were sought. Then the metrics include the share of spacecraft whose pose
-            was estimated, and the errors of these poses.
     """
-    classes = sorted(dataset.spacecraft_by_name)
+    classes = sorted(dataset.classes)
     result = []
-    for name, members in _members(dataset, judged):
-        mine = [judged[i] for i in members]
+    for name, mine in _members(dataset, judged):
         metrics = coco_metrics([j.truths for j in mine], [j.detections for j in mine], classes)
-        overlaps = [overlap for j in mine for overlap in j.overlaps]
-        if overlaps:
-            metrics["box IoU mean"] = float(np.mean(overlaps))
-            metrics["box IoU median"] = float(np.median(overlaps))
-            if poses:
-                metrics |= _pose_metrics([j for j in mine if j.truths])
-        result.append(Group(name, len(members), metrics))
+        bodies = [body for j in mine for body in j.bodies]
+        if bodies:
+            metrics["box IoU mean"] = float(np.mean([body.overlap for body in bodies]))
+            metrics["box IoU median"] = float(np.median([body.overlap for body in bodies]))
+        posed = [body for body in bodies if body.is_posed]
+        if posed:
+            metrics |= _pose_metrics(posed)
+        result.append(Group(name, len(mine), metrics))
     return result
 
 
@@ -61,8 +65,8 @@ def columns(found: Sequence[Group]) -> tuple[list[str], list[str]]:
     return names[:first], names[first:]
 
 
-def _pose_metrics(shown: Sequence[Judged]) -> dict[str, float]:
-    found = [j.pose for j in shown if j.pose is not None]
+def _pose_metrics(shown: Sequence[JudgedBody]) -> dict[str, float]:
+    found = [body.pose for body in shown if body.pose is not None]
     metrics = {
         POSES: len(found) / len(shown),
         "ADD < 0.1 d": sum(pose.add < _CORRECT_ADD_DIAMETERS for pose in found) / len(shown),
@@ -83,28 +87,44 @@ def _pose_metrics(shown: Sequence[Judged]) -> dict[str, float]:
     }
 
 
-def _members(dataset: LabelledImages, judged: Sequence[Judged]) -> Iterator[tuple[str, list[int]]]:
-    everything = list(range(len(judged)))
+def _members(
+    dataset: LabelledImages, judged: Sequence[Judged]
+) -> Iterator[tuple[str, Sequence[Judged]]]:
     lines = [j.labels for j in judged]
-    yield "all", everything
-    names = sorted({line.spacecraft for line in lines if line.has("spacecraft")})
+    yield "all", judged
+    names = sorted(set().union(*map(_names, lines)))
     if len(names) > 1:
         for name in names:
-            yield (
-                name,
-                [i for i in everything if getattr(lines[i], "spacecraft", None) == name],
-            )
+            yield name, [_of_class(j, name) for j in judged if name in _names(j.labels)]
     if isinstance(dataset, Dataset) and lines[0].has("range_m"):
         ranges = np.array([line.range_m for line in lines])
         for quarter in np.array_split(np.argsort(ranges, kind="stable"), 4):
             if len(quarter):
-                yield f"{ranges[quarter[0]]:.3g}-{ranges[quarter[-1]]:.3g} m", quarter.tolist()
+                between = f"{ranges[quarter[0]]:.3g}-{ranges[quarter[-1]]:.3g} m"
+                yield between, [judged[i] for i in quarter.tolist()]
         phases = np.rad2deg([line.phase_angle_rad for line in lines])
         for low, high in pairwise(_PHASES_DEG):
-            members = np.flatnonzero((phases >= low) & (phases < high))
-            if len(members):
-                yield f"phase {low}-{high} deg", members.tolist()
+            members = [j for j, phase in zip(judged, phases, strict=True) if low <= phase < high]
+            if members:
+                yield f"phase {low}-{high} deg", members
         behind = backgrounds(dataset, lines)
         for background in BACKGROUNDS:
             if background in behind:
-                yield f"in front of {background}", [i for i in everything if behind[i] == background]
+                members = [
+                    j for j, is_behind in zip(judged, behind, strict=True) if is_behind == background
+                ]
+                yield f"in front of {background}", members
+
+
+def _names(labels: LabelLine) -> set[str]:
+    """The classes of a frame's bodies, seen or not."""
+    return {body.spacecraft for body in labels.instances.values() if body.has("spacecraft")}
+
+
+def _of_class(judged: Judged, name: str) -> Judged:
+    """A frame with the craft and the detections of one class alone."""
+    return replace(
+        judged,
+        bodies=[body for body in judged.bodies if body.truth.label == name],
+        detections=[found for found in judged.detections if found.label == name],
+    )

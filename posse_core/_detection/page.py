@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from posse_core._dataset.images import LabelledImages
 from posse_core._detection.draw import draw
-from posse_core._detection.evaluate import Judged, PoseErrors
+from posse_core._detection.evaluate import Judged, JudgedBody, PoseErrors
 from posse_core._detection.glossary import meanings
 from posse_core._detection.groups import Group, columns
 from posse_core._detection.square import to_grey
@@ -67,7 +67,7 @@ def _table(groups: Sequence[Group], names: Sequence[str]) -> Markup:
 
 def _precision(dataset: LabelledImages, judged: Sequence[Judged]) -> Iterator[Markup]:
     truths, detections = [j.truths for j in judged], [j.detections for j in judged]
-    curves = precision_by_recall(truths, detections, sorted(dataset.spacecraft_by_name))
+    curves = precision_by_recall(truths, detections, sorted(dataset.classes))
     recall = np.linspace(0, 1, 101).tolist()
     for name, by_overlap in curves.items():
         series = [
@@ -78,33 +78,31 @@ def _precision(dataset: LabelledImages, judged: Sequence[Judged]) -> Iterator[Ma
 
 
 def _by_range(judged: Sequence[Judged]) -> Iterator[Markup]:
-    ranges = Axis.over("range, m", [j.labels.range_m for j in judged])
-    shown = [j for j in judged if j.truths]
-    found = _by_class(shown, lambda j: j.overlaps[0])
+    bodies = [body for j in judged for body in j.bodies]
+    everyone = [body for j in judged for body in j.labels.instances.values()]
+    ranges = Axis.over("range, m", [body.range_m for body in everyone])
+    found = _by_class(bodies, lambda body: body.overlap)
     yield plot("box IoU with the best detection of the class", ranges, Axis("IoU", 0, 1), found)
     measures: dict[str, Callable[[PoseErrors], float]] = {
         "position error / range": lambda pose: pose.e_t,
         "attitude error, degrees": lambda pose: float(np.degrees(pose.e_q_rad)),
         "ADD / diameter": lambda pose: pose.add,
     }
-    posed = [j for j in shown if j.pose is not None]
+    posed = [body for body in bodies if body.pose is not None]
     for name, measure in measures.items() if posed else ():
 
-        def value(j: Judged, measure: Callable[[PoseErrors], float] = measure) -> float:
-            assert j.pose is not None
-            return max(measure(j.pose), 1e-6)  # so that errors of 0 appear on the logarithmic axis
+        def value(body: JudgedBody, measure: Callable[[PoseErrors], float] = measure) -> float:
+            assert body.pose is not None
+            return max(measure(body.pose), 1e-6)  # so that errors of 0 are on the logarithmic axis
 
         axis = Axis.over("", map(value, posed), log=True)
         yield plot(name, ranges, axis, _by_class(posed, value))
 
 
-def _by_class(judged: Sequence[Judged], value: Callable[[Judged], float]) -> list[Series]:
-    names = sorted({j.labels.spacecraft for j in judged})
+def _by_class(bodies: Sequence[JudgedBody], value: Callable[[JudgedBody], float]) -> list[Series]:
+    names = sorted({body.truth.label for body in bodies})
     return [
-        Series(
-            name,
-            [(j.labels.range_m, value(j)) for j in judged if j.labels.spacecraft == name],
-        )
+        Series(name, [(body.labels.range_m, value(body)) for body in bodies if body.truth.label == name])
         for name in names
     ]
 
@@ -113,9 +111,9 @@ def _worst(dataset: LabelledImages, judged: Sequence[Judged]) -> Iterator[Markup
     yield paragraph(
         "White: the label. Colour: the detection. Pictures show the square root of the grey values."
     )
-    shown = sorted((j for j in judged if j.truths), key=lambda j: min(j.overlaps))
-    yield _strip(dataset, "smallest overlap", shown[:_WORST], lambda j: f"IoU {min(j.overlaps):.2f}")
-    empty = [j for j in judged if not j.truths and j.detections]
+    shown = sorted((j for j in judged if j.bodies), key=_least_overlap)
+    yield _strip(dataset, "smallest overlap", shown[:_WORST], lambda j: f"IoU {_least_overlap(j):.2f}")
+    empty = [j for j in judged if not j.bodies and j.detections]
     empty.sort(key=lambda j: -j.detections[0].score)
     if empty:
         yield _strip(
@@ -124,12 +122,20 @@ def _worst(dataset: LabelledImages, judged: Sequence[Judged]) -> Iterator[Markup
             empty[:_WORST],
             lambda j: f"score {j.detections[0].score:.2f}",
         )
-    posed = [(j.pose.add, j) for j in judged if j.pose is not None]
-    posed.sort(key=lambda pair: -pair[0])
-    if posed:
-        adds = {j.labels.index: add for add, j in posed}
-        worst = [j for _, j in posed[:_WORST]]
-        yield _strip(dataset, "largest ADD", worst, lambda j: f"ADD {adds[j.labels.index]:.2g} d")
+    adds = {
+        j.labels.index: max(found)
+        for j in judged
+        if (found := [body.pose.add for body in j.bodies if body.pose is not None])
+    }
+    worst = sorted((j for j in judged if j.labels.index in adds), key=lambda j: -adds[j.labels.index])
+    if worst:
+        yield _strip(
+            dataset, "largest ADD", worst[:_WORST], lambda j: f"ADD {adds[j.labels.index]:.2g} d"
+        )
+
+
+def _least_overlap(judged: Judged) -> float:
+    return min(body.overlap for body in judged.bodies)
 
 
 def _strip(
@@ -144,8 +150,8 @@ def _thumbnail(dataset: LabelledImages, judged: Judged) -> bytes:
     scale = _THUMBNAIL_PX / max(light.shape)
     size = round(light.shape[1] * scale), round(light.shape[0] * scale)
     small = cv2.resize(light, size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_NEAREST)
-    best = [replace(d, box_px=d.box_px * scale) for d in judged.detections[:1]]
-    canvas = draw(np.round(255 * small).astype(np.uint8), best, sorted(dataset.spacecraft_by_name))
+    best = [replace(d, box_px=d.box_px * scale) for d in judged.detections[: max(1, len(judged.bodies))]]
+    canvas = draw(np.round(255 * small).astype(np.uint8), best, sorted(dataset.classes))
     for truth in judged.truths:
         x, y, width, height = np.round(truth.box_px * scale).astype(int).tolist()
         cv2.rectangle(canvas, (x, y), (x + width, y + height), _WHITE, 1)

@@ -28,7 +28,7 @@ def solve_pose(
     by its standard deviation, with Huber weights. Coplanar keypoints are handled like any others.
 
     Args:
-        points_body_m: (K, 3) points in body axes.
+        points_body_m: (K, 3) points in body axes; those that are NaN are left out.
         points_px: (K, 2) their pixels.
         sigma_px: (K,) standard deviation of each coordinate.
         camera: the camera.
@@ -77,7 +77,9 @@ def _start(
 ) -> tuple[FloatArray, FloatArray, BoolArray] | None:
     """Return an initial attitude and position, and which points (K,) agree with them."""
     straight_px, largest = _through_a_pinhole(points_px, camera)
-    seen = np.flatnonzero(np.isfinite(straight_px).all(axis=1))
+    seen = np.flatnonzero(
+        (np.isfinite(straight_px).all(axis=1)) & np.isfinite(points_body_m).all(axis=1)
+    )
     if len(seen) < MIN_POINTS:
         return None
     cv2.setRNGSeed(0)  # so that RANSAC gives the same pose for the same points

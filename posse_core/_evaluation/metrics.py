@@ -16,7 +16,7 @@ import numpy as np
 from posse_core._arrays import FloatArray
 from posse_core._errors import ComponentError, InputError
 from posse_core._interfaces.detector import Detection
-from posse_core._model.label_line import LabelLine
+from posse_core._model.label_line import BodyLabels, LabelLine
 
 
 @dataclass(frozen=True)
@@ -32,16 +32,30 @@ class TrueBox:
     box_px: FloatArray
 
 
-def true_boxes(labels: LabelLine) -> list[TrueBox]:
-    """What a frame shows, by its labels: a list of one, or an empty one where nothing is seen.
+def seen_bodies(labels: LabelLine) -> list[BodyLabels]:
+    """The labels of those bodies of a frame of which the image shows a pixel, the target first.
 
     Raises:
         InputError: it has no boxes.
     """
     if not labels.has("box_visible_px"):
         raise InputError("the labels have no boxes; make the dataset with the annotator 'box'")
-    box = labels.box_visible_px
-    return [] if box is None else [TrueBox(labels.spacecraft, np.array(box, np.float64))]
+    return [body for body in labels.instances.values() if body.box_visible_px is not None]
+
+
+def true_box(body: BodyLabels) -> TrueBox:
+    """The box of one of :func:`seen_bodies`."""
+    return TrueBox(body.spacecraft, np.array(body.box_visible_px, np.float64))
+
+
+def true_boxes(labels: LabelLine) -> list[TrueBox]:
+    """What a frame shows, by its labels: a box for each body of which the image shows a pixel, the
+    target's first.
+
+    Raises:
+        InputError: it has no boxes.
+    """
+    return [true_box(body) for body in seen_bodies(labels)]
 
 
 def box_iou(a_px: FloatArray, b_px: FloatArray) -> FloatArray:
@@ -87,16 +101,35 @@ def coco_metrics(
     return metrics
 
 
-def best_overlaps(truths: Sequence[TrueBox], detections: Sequence[Detection]) -> list[float]:
-    """Overlap of each craft of an image with the best detection of its class, 0 if there is none.
+def matches(truths: Sequence[TrueBox], detections: Sequence[Detection]) -> list[int | None]:
+    """Which detection each craft of an image is judged by: the best of its class, None without one.
+
+    Where the image shows several craft of a class, a detection belongs to the one that it overlaps most
+    or, if it overlaps none, to the one whose centre is nearest.
 
     Args:
+        truths: of the image.
         detections: best first.
+
+    Returns:
+        For each truth, an index into ``detections``.
     """
-    return [
-        next((float(box_iou(d.box_px, truth.box_px)) for d in detections if d.label == truth.label), 0.0)
-        for truth in truths
-    ]
+    found: list[int | None] = [None] * len(truths)
+    for place, detection in enumerate(detections):
+        alike = [i for i, truth in enumerate(truths) if truth.label == detection.label]
+        if not alike:
+            continue
+        boxes_px = np.stack([truths[i].box_px for i in alike])
+        overlap = box_iou(boxes_px, detection.box_px)
+        away_px = np.linalg.norm(_centre(boxes_px) - _centre(detection.box_px), axis=1)
+        mine = alike[int(np.lexsort((away_px, -overlap))[0])]
+        if found[mine] is None:
+            found[mine] = place
+    return found
+
+
+def _centre(box_px: FloatArray) -> FloatArray:
+    return np.asarray(box_px[..., :2] + box_px[..., 2:] / 2)
 
 
 def precision_by_recall(

@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from posse_core._arrays import AnyArray, FloatArray
+from posse_core._arrays import AnyArray, BoolArray, FloatArray
 from posse_core._detection.models import open_models
 from posse_core._detection.pnp import MIN_POINTS, solve_pose
 from posse_core._detection.pose_detector import PoseDetector
@@ -36,6 +36,9 @@ class Craft(Protocol):
 
     @property
     def keypoints_body_m(self) -> Mapping[str, FloatArray]: ...
+
+    @property
+    def keypoint_joints(self) -> Mapping[str, str]: ...
 
 
 @dataclass(frozen=True)
@@ -160,10 +163,11 @@ class NetEye(Eye):
     def _keypoints(self, detection: Detection) -> KeypointReading | None:
         if detection.keypoints_px is None or detection.keypoints_sigma_px is None:
             return None
+        fixed = _fixed(self._craft)
         return KeypointReading(
-            np.array(list(self._craft.keypoints_body_m.values())),
-            np.asarray(detection.keypoints_px, np.float64),
-            np.hypot(np.asarray(detection.keypoints_sigma_px, np.float64), self._config.sigma_px),
+            np.array(list(self._craft.keypoints_body_m.values()))[fixed],
+            np.asarray(detection.keypoints_px, np.float64)[fixed],
+            np.hypot(np.asarray(detection.keypoints_sigma_px, np.float64), self._config.sigma_px)[fixed],
         )
 
 
@@ -173,7 +177,13 @@ class TrueEye(Eye):
     def _look(self, labels: LabelLine, image: AnyArray) -> _Seen | None:
         if labels.sun_fraction_target == 0 or labels.box_visible_px is None:
             return None
-        names = [name for name, point in labels.keypoints.items() if point.visibility == 2]
+        names = [
+            name
+            for (name, point), is_fixed in zip(
+                labels.keypoints.items(), _fixed(self._craft), strict=True
+            )
+            if point.visibility == 2 and is_fixed
+        ]
         sigma_px = self._config.sigma_px
         noise = random_generator(self._seed, labels.index, "keypoint-noise").standard_normal(
             (len(labels.keypoints), 2)
@@ -218,9 +228,21 @@ def open_eye(
     if config.use != "line-of-sight":
         known = None if finder is None else finder.keypoints_body_m.get(craft.name)
         mine = np.array(list(craft.keypoints_body_m.values()))
-        if known is None or known.shape != mine.shape or not np.allclose(known, mine, atol=1e-6):
+        if known is None or known.shape != mine.shape or not _agree(known, mine, _fixed(craft)):
             raise InputError(
                 f"{where}.keypoints: the model does not find the keypoints of {craft.name!r};"
                 " name one that was trained on this spacecraft"
             )
     return NetEye(config, craft, camera, seed, PoseDetector(detector, finder, config.least_score))
+
+
+def _fixed(craft: Craft) -> BoolArray:
+    """(K,) whether the body itself carries a keypoint, which then has a place in body axes."""
+    return np.array([name not in craft.keypoint_joints for name in craft.keypoints_body_m], dtype=bool)
+
+
+def _agree(known_body_m: FloatArray, mine_body_m: FloatArray, fixed: BoolArray) -> bool:
+    """Whether keypoints (K, 3) that a model knows, NaN for those of joints, are a spacecraft's."""
+    placed = np.isfinite(known_body_m).all(axis=1)
+    is_same = np.allclose(known_body_m[placed], mine_body_m[placed], atol=1e-6)
+    return bool(is_same and not (placed & ~fixed).any())

@@ -141,7 +141,8 @@ class KeypointFinder(Model[OptionsT]):
     """Finds the keypoints of a spacecraft inside its box."""
 
     keypoints_body_m: Mapping[str, FloatArray]
-    """Class → (K, 3) keypoints in metres, body axes, in the order in which they are found.
+    """Class → (K, 3) keypoints in metres, body axes, in the order in which they are found; NaN for those
+    that a joint carries, which give no pose.
 
     It is available after :meth:`load`.
     """

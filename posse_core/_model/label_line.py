@@ -257,6 +257,15 @@ class LabelLine(BodyLabels):
         return values
 
     @property
+    def instances(self) -> dict[str | None, BodyLabels]:
+        """The labels of all bodies: those of the target under None, then those of the bodies beside it
+        under their names."""
+        instances: dict[str | None, BodyLabels] = {None: self}
+        if self.has("bodies"):
+            instances.update(self.bodies)
+        return instances
+
+    @property
     def files(self) -> tuple[str, ...]:
         """The files of the frame in the dataset's folder: image, arrays, and those of sensors."""
         own = [self.__dict__.get(name) for name in ("image", "truth")]

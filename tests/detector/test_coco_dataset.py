@@ -102,7 +102,7 @@ class Boxes(Detector):
 def test_a_file_or_a_folder_is_measured(folder, name):
     coco = open_dataset(folder / name)
     detector = Boxes([true_boxes(line) for line in coco])
-    whole, *others = groups(coco, evaluate(coco, frames_of(coco, "all"), detector), poses=False)
+    whole, *others = groups(coco, evaluate(coco, frames_of(coco, "all"), detector))
     assert whole.frames == 12
     assert whole.metrics["mAP"] == pytest.approx(1)
     assert [(g.name, g.frames) for g in others] == [("brick", 5), ("plate", 5)]
@@ -130,7 +130,7 @@ def change(folder, make):
     ("make", "words"),
     [
         (lambda v: v.clear(), "train.json: not valid COCO: KeyError"),
-        (lambda v: v["annotations"].append(v["annotations"][0]), "several annotations"),
+        (lambda v: v["annotations"].append(v["annotations"][0]), "two annotations have the id"),
         (lambda v: v["annotations"][0].update(category_id=9), "not valid COCO"),
     ],
 )

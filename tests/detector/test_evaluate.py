@@ -80,7 +80,7 @@ class Points(KeypointFinder):
 
 def measured(dataset, detector, finder=None):
     judged = evaluate(dataset, frames_of(dataset, "all"), detector, finder)
-    return groups(dataset, judged, poses=finder is not None)
+    return groups(dataset, judged)
 
 
 def test_the_labels_score_full_marks(dataset):
@@ -116,14 +116,14 @@ def test_a_turn_about_a_symmetry_counts_for_add_alone(dataset):
     for name, half in (("brick", cuboid.HALF), ("plate", PLATE)):
         indices = [i for i in range(12) if dataset[i].spacecraft == name]
         judged = evaluate(dataset, indices, Labels(dataset), Turned(dataset))
-        poses = [j.pose for j in judged if j.pose is not None]
+        poses = [body.pose for j in judged for body in j.bodies if body.pose is not None]
         assert len(poses) == 5
         across = np.linalg.norm(half[1:]) / np.linalg.norm(half)
         for pose in poses:
             assert pose.add == pytest.approx(across, rel=1e-4)
             assert pose.adi < 1e-4
             assert pose.e_q_rad < 1e-4  # the craft's symmetry is one of its package
-        metrics = groups(dataset, judged, poses=True)[0].metrics
+        metrics = groups(dataset, judged)[0].metrics
         assert (metrics["ADD < 0.1 d"], metrics["ADI < 0.1 d"]) == (0, 1)
 
 
@@ -196,7 +196,7 @@ def test_the_page_shows_what_was_measured(dataset):
             return [replace(told, keypoints_px=told.keypoints_px + random.normal(0, 1, (8, 2)))]
 
     judged = evaluate(dataset, frames_of(dataset, "all"), Labels(dataset, shift_px=3), Late(dataset))
-    found = groups(dataset, judged, poses=True)
+    found = groups(dataset, judged)
     text = make_page("a <model> on d", "summary", dataset, judged, found)
     assert "a &lt;model&gt; on d" in text
     assert not re.search(r'(?:src|href)="(?!data:)', text)
@@ -208,7 +208,7 @@ def test_the_page_shows_what_was_measured(dataset):
     assert [len(plot.findall(".//circle")) for plot in plots] == [0, 0, 10, 10, 10, 10]
     worst = re.findall(r"frame (\d+), IoU ([\d.]+)</figcaption>", text)
     assert [float(iou) for _, iou in worst] == sorted(float(iou) for _, iou in worst)
-    overlaps = {str(j.labels.index): j.overlaps[0] for j in judged if j.truths}
+    overlaps = {str(j.labels.index): j.bodies[0].overlap for j in judged if j.bodies}
     assert {index: f"{overlaps[index]:.2f}" for index, _ in worst} == dict(worst)
     for data in re.findall(r'src="data:image/jpeg;base64,([^"]+)"', text):
         picture = cv2.imdecode(np.frombuffer(base64.b64decode(data), np.uint8), cv2.IMREAD_COLOR)

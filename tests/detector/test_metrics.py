@@ -12,9 +12,9 @@ from pycocotools.cocoeval import COCOeval
 
 from posse_core._evaluation.metrics import (
     TrueBox,
-    best_overlaps,
     box_iou,
     coco_metrics,
+    matches,
     precision_by_recall,
 )
 from posse_core._interfaces.detector import Detection
@@ -91,8 +91,39 @@ def test_averages_are_those_of_pycocotools(seed):
 def test_nothing_found_scores_nothing():
     truths = [[TrueBox("aqua", np.array([1.0, 2, 30, 40]))]]
     assert coco_metrics(truths, [[]], CLASSES)["mAP"] == 0
-    assert best_overlaps(truths[0], []) == [0]
-    assert best_overlaps([], []) == []
+    assert matches(truths[0], []) == [None]
+    assert matches([], []) == []
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_the_only_craft_of_a_class_is_judged_by_its_best_detection(seed):
+    """However far off it is, as the single craft of an image always was."""
+    for truths, found in zip(*random_case(seed), strict=True):
+        labels = [truth.label for truth in truths]
+        for truth, place in zip(truths, matches(truths, found), strict=True):
+            if labels.count(truth.label) == 1:
+                assert place == next((i for i, d in enumerate(found) if d.label == truth.label), None)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_craft_of_one_class_are_told_apart_as_coco_does(seed):
+    """Boxes that do not overlap, found once each and within a few pixels: COCO's own matching."""
+    random = np.random.default_rng(seed)
+    corners = random.permutation([(x, y) for x in range(0, 400, 100) for y in range(0, 300, 100)])
+    boxes = [np.array([*corner, *random.integers(40, 60, 2)], float) for corner in corners[:5]]
+    truths = [TrueBox("aqua", box) for box in boxes]
+    order = random.permutation(5)
+    found = [Detection("aqua", 0.9, boxes[i] + random.normal(0, 2, 4)) for i in order]
+    missed = int(random.integers(5))
+    again = Detection("aqua", 0.1, boxes[missed] + 1)  # found twice: the better one counts
+    evaluation = by_pycocotools([truths], [[*found, again]])
+    (image,) = (
+        e
+        for e in evaluation.evalImgs
+        if e and e["category_id"] == 0 and e["aRng"][0] == 0 and e["aRng"][1] > 1e9
+    )
+    of_truth = image["gtMatches"][0]  # ids from 1, of the detections
+    assert matches(truths, [*found, again]) == [int(i) - 1 for i in of_truth]
 
 
 boxes = st.tuples(*[st.integers(0, 30)] * 2, *[st.integers(1, 30)] * 2)

@@ -12,7 +12,11 @@ from posse_core._scenario.flight import MeasurementConfig
 
 CAMERA = posse.Camera(512, 384, 800.0, 800.0, 255.5, 191.5, 0.01)
 POINTS_BODY_M = np.random.default_rng(3).uniform(-2, 2, (12, 3))
-CRAFT = SimpleNamespace(name="box", keypoints_body_m={f"K{i}": x for i, x in enumerate(POINTS_BODY_M)})
+CRAFT = SimpleNamespace(
+    name="box",
+    keypoints_body_m={f"K{i}": x for i, x in enumerate(POINTS_BODY_M)},
+    keypoint_joints={},
+)
 R_CAM_FROM_BODY = cv2.Rodrigues(np.array([0.4, -0.9, 0.2]))[0]
 T_BODY_CAM_M = np.array([0.5, -0.3, 25.0])
 TRUE_PX = cv2.projectPoints(POINTS_BODY_M, R_CAM_FROM_BODY, T_BODY_CAM_M, CAMERA.matrix, None)[0][:, 0]
@@ -53,6 +57,16 @@ def test_true_keypoints_have_noise_of_the_size_that_is_asked_for():
 def test_hidden_and_outside_keypoints_are_not_read():
     keypoints = true_eye().read(labels(), IMAGE, Q).keypoints
     np.testing.assert_array_equal(keypoints.points_body_m, POINTS_BODY_M[:10])
+
+
+def test_keypoints_that_a_joint_carries_are_not_read():
+    """They are not where the spacecraft's file puts them."""
+    craft = SimpleNamespace(**{**vars(CRAFT), "keypoint_joints": {"K0": "wing", "K9": "wing"}})
+    eye = TrueEye(MeasurementConfig(source="truth"), craft, CAMERA, 5)
+    keypoints = eye.read(labels(), IMAGE, Q).keypoints
+    np.testing.assert_array_equal(keypoints.points_body_m, POINTS_BODY_M[1:9])
+    whole = true_eye().read(labels(), IMAGE, Q).keypoints
+    np.testing.assert_array_equal(keypoints.points_px, whole.points_px[1:9])
 
 
 def test_the_noise_of_a_frame_depends_on_its_index_and_the_seed_alone():

@@ -327,6 +327,7 @@ def seal(folder: Path, frames: int) -> None:
         folder / "camera.json",
         folder / "trajectory.npz",
         *folder.glob("spacecraft/*"),
+        *folder.glob("bodies/*/*"),
         *folder.glob("sensors/*.json"),
         *folder.glob("labels/*"),
     ]

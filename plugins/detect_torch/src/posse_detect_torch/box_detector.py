@@ -34,7 +34,7 @@ from posse_detect_torch.export import Outputs, compare_detections, export
 from posse_detect_torch.int8 import write_int8
 from posse_detect_torch.learn import Lesson, device_of, first_net, learn
 from posse_detect_torch.options import BoxOptions
-from posse_detect_torch.pictures import Pictures, cut_pictures
+from posse_detect_torch.pictures import Cut, Pictures, cut_pictures
 
 OUTPUTS = ("boxes", "scores", "labels", "raw")
 _ZOOM, _SHIFT = (0.7, 1.4), 0.2
@@ -54,12 +54,14 @@ class BoxLesson(Lesson):
         self.classes, self.options = classes, options
         self.net = first_net(options, self.untrained)
         self.train, self.valid = (self._cut(dataset, folder, part) for part in ("train", "valid"))
+        self._most = max([1, *(len(true_boxes(line)) for line in self.train.labels)])
 
-    def _cut(self, dataset: LabelledImages, folder: Path, part: str) -> Pictures:
-        def whole(labels: LabelLine, height: int, width: int) -> Square:
-            return Square.of_image(height, width, self.options.input_px)
-
-        return cut_pictures(dataset, dataset.part(part), self.options.input_px, whole, folder, part)
+    def _cut(self, dataset: LabelledImages, folder: Path, part: str) -> Pictures[LabelLine]:
+        size = self.options.input_px
+        cuts = [
+            Cut(i, dataset[i], Square.of_image(*dataset.size_px(i), size)) for i in dataset.part(part)
+        ]
+        return cut_pictures(dataset, cuts, size, folder, part)
 
     @abstractmethod
     def untrained(self) -> nn.Module:
@@ -75,30 +77,37 @@ class BoxLesson(Lesson):
     def sample(self, position: int, random: np.random.Generator) -> dict[str, AnyArray]:
         size = self.options.input_px
         picture = self.train.linear(position)
-        box, label = self.target(self.train, position)
+        boxes, labels = self.target(self.train, position)
+        # Pictures of one batch have arrays of one shape.
+        missing = self._most - len(labels)
+        boxes = np.concatenate([boxes, np.zeros((missing, 4))])
+        labels = np.concatenate([labels, np.full(missing, -1)])
         if self.options.augment:
             angle = np.pi / 2 * random.integers(4) if self.options.turn else 0.0
             view = random_view(random, size, _ZOOM, _SHIFT, angle)
             picture = change_appearance(warp(picture, view), random)
-            box = move_boxes(box, view, size)
-            if (box[0, 2:] - box[0, :2]).min() < _LEAST_SIDE_PX:
-                label[:] = -1
+            boxes = move_boxes(boxes, view, size)
+            labels[(boxes[:, 2:] - boxes[:, :2]).min(axis=1) < _LEAST_SIDE_PX] = -1
         draw = np.array(random.integers(2**31), np.int64)  # a seed for the random choices of the losses
-        return {"picture": picture[None], "boxes": box.astype(np.float32), "labels": label, "draw": draw}
+        return {
+            "picture": picture[None],
+            "boxes": boxes.astype(np.float32),
+            "labels": labels,
+            "draw": draw,
+        }
 
-    def target(self, pictures: Pictures, position: int) -> tuple[FloatArray, AnyArray]:
-        """Return the box of a picture and its class, as the network learns them.
+    def target(self, pictures: Pictures[LabelLine], position: int) -> tuple[FloatArray, AnyArray]:
+        """Return the boxes of a picture and their classes, as the network learns them.
 
         Returns:
-            (1, 4) left, top, right, bottom in the picture, and the (1,) index of the class, −1 where no
-            spacecraft is visible.
+            (M, 4) left, top, right, bottom in the picture, and the (M,) int64 indices of the classes,
+            of the M bodies that it shows.
         """
         truths = true_boxes(pictures.labels[position])
-        if not truths:
-            return np.zeros((1, 4)), np.array([-1], np.int64)
-        x, y, width, height = pictures.squares[position].boxes_in(truths[0].box_px)
-        label = np.array([self.classes.index(truths[0].label)], np.int64)
-        return np.array([[x, y, x + width, y + height]]), label
+        boxes_px = np.array([truth.box_px for truth in truths]).reshape(-1, 4)
+        boxes = pictures.squares[position].boxes_in(boxes_px)
+        boxes[:, 2:] += boxes[:, :2]
+        return boxes, np.array([self.classes.index(truth.label) for truth in truths], np.int64)
 
     @torch.inference_mode()
     def judge(self, net: nn.Module) -> dict[str, float]:
@@ -112,9 +121,7 @@ class BoxLesson(Lesson):
         for position in range(len(self.valid)):
             box, label = self.target(self.valid, position)
             seen = np.concatenate([box[:, :2], box[:, 2:] - box[:, :2]], axis=1)
-            truths.append(
-                [TrueBox(self.classes[i], b) for i, b in zip(label, seen, strict=True) if i >= 0]
-            )
+            truths.append([TrueBox(self.classes[i], b) for i, b in zip(label, seen, strict=True)])
             outputs = decoded(torch.from_numpy(self.valid.linear(position))[None, None].to(device))
             boxes, scores, labels = (value[0].cpu().numpy() for value in outputs[:3])
             found.append(whole.detections_out(boxes, scores, labels, self.classes, size, size))

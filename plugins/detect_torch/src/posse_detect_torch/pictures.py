@@ -3,30 +3,40 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Generic, TypeVar
 
 import numpy as np
 from tqdm import tqdm
 
-from posse_core import AnyArray, Float32Array, LabelledImages, LabelLine, Square, to_grey
+from posse_core import AnyArray, BodyLabels, Float32Array, LabelledImages, Square, to_grey
 
-Choose = Callable[[LabelLine, int, int], Square]
-"""Takes the label line, height and width of an image and returns the square to cut out."""
+LabelsT = TypeVar("LabelsT", bound=BodyLabels)
+"""What a square is learned by: the label line of its frame, or the labels of one body in it."""
 
 
 @dataclass(frozen=True)
-class Pictures:
+class Cut(Generic[LabelsT]):
+    """A square to cut from the frame at a position."""
+
+    position: int
+    labels: LabelsT
+    square: Square
+
+
+@dataclass(frozen=True)
+class Pictures(Generic[LabelsT]):
     """Squares cut from frames.
 
     Attributes:
-        labels: the label line of each.
+        labels: what each is learned by.
         squares: the position of each in its image.
         coded: (N, S, S) uint8, the square root of linear grey values, which resolves dark shades better.
     """
 
-    labels: Sequence[LabelLine]
+    labels: Sequence[LabelsT]
     squares: Sequence[Square]
     coded: AnyArray
 
@@ -39,23 +49,18 @@ class Pictures:
 
 
 def cut_pictures(
-    dataset: LabelledImages,
-    positions: Sequence[int],
-    size_px: int,
-    choose: Choose,
-    folder: Path,
-    name: str,
-) -> Pictures:
+    dataset: LabelledImages, cuts: Sequence[Cut[LabelsT]], size_px: int, folder: Path, name: str
+) -> Pictures[LabelsT]:
     """Cut squares from frames, or map the file in ``folder`` if they were cut before."""
-    labels = [dataset[i] for i in positions]
-    squares = [choose(line, *dataset.size_px(i)) for line, i in zip(labels, positions, strict=True)]
-    made_of = f"{dataset.sha256} {size_px} {list(positions)} {squares}"
+    positions = [cut.position for cut in cuts]
+    labels, squares = [cut.labels for cut in cuts], [cut.square for cut in cuts]
+    made_of = f"{dataset.sha256} {size_px} {positions} {squares}"
     path = folder / f"{name}-{hashlib.sha256(made_of.encode()).hexdigest()[:12]}.npy"
-    if not labels:
+    if not cuts:
         return Pictures([], [], np.zeros((0, size_px, size_px), np.uint8))
     if not path.exists():
         unfinished = path.with_suffix(".part")
-        shape = (len(labels), size_px, size_px)
+        shape = (len(cuts), size_px, size_px)
         coded = np.lib.format.open_memmap(unfinished, mode="w+", dtype=np.uint8, shape=shape)
         for i, position in enumerate(tqdm(positions, f"{name}: cut", unit="frame", disable=None)):
             light = squares[i].cut(to_grey(dataset.image(position)))

@@ -20,7 +20,6 @@ from posse_core import (
     open_dataset,
     read_image,
     read_poses,
-    true_boxes,
 )
 
 TANGO = "tango"
@@ -29,6 +28,8 @@ TANGO = "tango"
 
 class PoseSample(NamedTuple):
     """One frame, whose fields PyTorch's default collate stacks into batches. Unknown values are NaN.
+
+    They are those of the target; bodies beside it are in the image alone.
 
     Pixel coordinates have the centre of the top-left pixel at (0, 0), as in OpenCV. P is the largest
     number of keypoints that a class has.
@@ -215,7 +216,7 @@ class _Posse:
 
     def labels(self, position: int) -> _Labels:
         line = self._dataset[self._positions[position]]
-        boxes = true_boxes(line) if line.has("box_visible_px") else []
+        box = line.box_visible_px if line.has("box_visible_px") else None
         keypoints = None
         if line.has("keypoints"):
             keypoints = np.array(list(line.keypoints.values()), np.float64).reshape(-1, 3)
@@ -225,7 +226,7 @@ class _Posse:
             q_cam_from_body=line.q_cam_from_body if line.has("q_cam_from_body") else None,
             t_body_cam_m=line.t_body_cam_m if line.has("t_body_cam_m") else None,
             keypoints=keypoints,
-            box_px=boxes[0].box_px if boxes else None,
+            box_px=None if box is None else np.array(box, np.float64),
         )
 
     def image(self, position: int) -> AnyArray:

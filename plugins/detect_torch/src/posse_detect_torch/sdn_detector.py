@@ -83,8 +83,7 @@ class SdnLesson(BoxLesson):
                 _, logits, deltas = net.features(picture)
                 boxes = proposals(logits, deltas, self.options.input_px, PROPOSALS, suppress)[0]
                 found.append(boxes[boxes[:, 2] > boxes[:, 0]].cpu())
-                box, label = self.target(self.valid, position)
-                true.append(torch.from_numpy(box[label >= 0]).float())
+                true.append(torch.from_numpy(self.target(self.valid, position)[0]).float())
             recall = proposal_recall(found, true)
             metrics |= {f"valid {name}{words}": value for name, value in recall.items()}
         return metrics
@@ -98,12 +97,15 @@ def proposal_recall(proposals: Sequence[Tensor], true: Sequence[Tensor]) -> dict
 
     Args:
         proposals: (K, 4) of each image, left, top, right, bottom, best first.
-        true: (1, 4) of each image, or (0, 4) where it shows no spacecraft.
+        true: (M, 4) of each image.
     """
-    shown = [(found, box) for found, box in zip(proposals, true, strict=True) if len(box)]
+    count = sum(map(len, true))
     return {
-        name: sum(bool((iou_matrix(found[:most], box) >= 0.5).any()) for found, box in shown)
-        / max(len(shown), 1)
+        name: sum(
+            int((iou_matrix(found[:most], boxes) >= 0.5).any(dim=0).sum())
+            for found, boxes in zip(proposals, true, strict=True)
+        )
+        / max(count, 1)
         for name, most in (("AR100", 100), ("AR1k", 1000))
     }
 

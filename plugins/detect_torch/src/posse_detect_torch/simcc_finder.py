@@ -13,17 +13,18 @@ from torch import Tensor, nn
 
 from posse_core import (
     AnyArray,
+    BodyLabels,
     Detection,
     Float32Array,
     FloatArray,
     InputError,
     KeypointFinder,
     LabelledImages,
-    LabelLine,
     ModelCard,
     Square,
+    seen_bodies,
     to_grey,
-    true_boxes,
+    true_box,
 )
 from posse_detect_torch.augment import change_appearance, move_points, random_view, warp
 from posse_detect_torch.checkpoint import read_weights
@@ -31,7 +32,7 @@ from posse_detect_torch.export import Outputs, difference, export, raw_differenc
 from posse_detect_torch.int8 import write_int8
 from posse_detect_torch.learn import Batch, Lesson, device_of, first_net, learn
 from posse_detect_torch.options import SimccOptions
-from posse_detect_torch.pictures import Pictures, cut_pictures
+from posse_detect_torch.pictures import Cut, Pictures, cut_pictures
 from posse_detect_torch.simcc import Decoded, SimCC, losses
 
 OUTPUTS = ("points", "sigma", "raw")
@@ -48,19 +49,15 @@ class SimccLesson(Lesson):
         self, dataset: LabelledImages, folder: Path, card: ModelCard, options: SimccOptions
     ) -> None:
         self.options = options
-        shown = {part: _shown(dataset, part) for part in ("train", "valid")}
+        size = options.input_px
+        shown = {part: _shown(dataset, part, size) for part in ("train", "valid")}
         self._ranges = card.keypoint_outputs
         self._points = sum(len(points) for points in card.keypoints_body_m.values())
         self.net = first_net(options, lambda: SimCC(self._points))
         self._train, self._valid = (
-            self._cut(dataset, indices, folder, f"keypoints-{part}") for part, indices in shown.items()
+            cut_pictures(dataset, cuts, size, folder, f"keypoints-{part}")
+            for part, cuts in shown.items()
         )
-
-    def _cut(self, dataset: LabelledImages, shown: Sequence[int], folder: Path, name: str) -> Pictures:
-        def of_box(labels: LabelLine, height: int, width: int) -> Square:
-            return Square.around(true_boxes(labels)[0].box_px, self.options.input_px)
-
-        return cut_pictures(dataset, shown, self.options.input_px, of_box, folder, name)
 
     def __len__(self) -> int:
         return len(self._train)
@@ -80,15 +77,15 @@ class SimccLesson(Lesson):
             "weights": np.asarray(inside[:, 0], np.float32),
         }
 
-    def _target(self, pictures: Pictures, position: int) -> AnyArray:
+    def _target(self, pictures: Pictures[BodyLabels], position: int) -> AnyArray:
         """Return (P, 2) pixels of the square; NaN for points of other classes and behind the camera.
 
         Hidden points are learned too, since the visible shape determines where they are.
         """
-        line = pictures.labels[position]
+        body = pictures.labels[position]
         points = np.full((self._points, 2), np.nan)
-        known = np.array([point[:2] for point in line.keypoints.values()], dtype=np.float64)
-        points[self._ranges[line.spacecraft]] = pictures.squares[position].points_in(known)
+        known = np.array([point[:2] for point in body.keypoints.values()], dtype=np.float64)
+        points[self._ranges[body.spacecraft]] = pictures.squares[position].points_in(known)
         return points
 
     def losses(self, batch: Batch) -> dict[str, Tensor]:
@@ -164,15 +161,23 @@ class SimccFinder(KeypointFinder[SimccOptions]):
         write_int8(path, out, pictures)
 
 
-def _shown(dataset: LabelledImages, part: str) -> Sequence[int]:
-    """Return the positions of a part's frames that show a spacecraft; check for keypoints."""
-    shown = [i for i in dataset.part(part) if true_boxes(dataset[i])]
-    if shown and not dataset[shown[0]].has("keypoints"):
-        raise InputError(
-            f"{dataset.folder}: the labels have no keypoints; make the dataset with the annotator"
-            " 'keypoints', or add spacecraft/NAME.json to a COCO folder"
-        )
-    return shown
+def _shown(dataset: LabelledImages, part: str, size_px: int) -> list[Cut[BodyLabels]]:
+    """Return the squares around the bodies that a part's frames show; check for keypoints.
+
+    A body whose class has no keypoints is left out.
+    """
+    cuts: list[Cut[BodyLabels]] = []
+    for position in dataset.part(part):
+        for body in seen_bodies(dataset[position]):
+            if not body.has("keypoints"):
+                raise InputError(
+                    f"{dataset.folder}: the labels have no keypoints; make the dataset with the"
+                    " annotator 'keypoints', or add spacecraft/NAME.json to a COCO folder"
+                )
+            if body.keypoints:
+                square = Square.around(true_box(body).box_px, size_px)
+                cuts.append(Cut(position, body, square))
+    return cuts
 
 
 def _picture(image: AnyArray, square: Square) -> Float32Array:

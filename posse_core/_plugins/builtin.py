@@ -208,6 +208,18 @@ def posse_scenes() -> list[ComponentSpec]:
             f"{package}.options:FamilyOptions",
         ),
         ComponentSpec(
+            "arm",
+            "a robotic arm with a gripper, 1.2 m, all of its limbs on joints",
+            f"{package}.arm:Arm",
+            f"{package}.arm:ArmOptions",
+        ),
+        ComponentSpec(
+            "fragment",
+            "a piece of a broken spacecraft, another one for every seed",
+            f"{package}.fragment:Fragment",
+            f"{package}.fragment:FragmentOptions",
+        ),
+        ComponentSpec(
             "mesh",
             "a mesh file of your own: glTF, OBJ, PLY, STL",
             f"{package}.mesh:MeshFile",

@@ -3,6 +3,7 @@ structure."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final
 
 from pydantic import Field, model_validator
@@ -10,6 +11,7 @@ from pydantic import Field, model_validator
 from posse_core._plugins.options import Options
 from posse_core._scenario.attitude import LawChoice
 from posse_core._scenario.component import ComponentChoice, TargetChoice
+from posse_core._scenario.joints import JointLawChoice
 from posse_core._scenario.orbit import RelativeConfig
 from posse_core._scenario.sensors import MountConfig
 
@@ -42,6 +44,7 @@ class BodyConfig(Options):
     attitude: LawChoice = Field(
         LawChoice(law="nadir"), description="its attitude law, as attitude.target; not with mount"
     )
+    joints: Mapping[str, JointLawChoice] = Field({}, description="laws of its joints, as joints")
     count: int = Field(
         1,
         ge=1,

@@ -273,6 +273,10 @@ def _with_complete_options(scenario: Scenario, registry: Registry, where: Any) -
         update: dict[str, Any] = {
             "spacecraft": complete("scene", config.spacecraft, *path, "spacecraft"),
             "attitude": law("target", config.attitude, *path, "attitude"),
+            "joints": {
+                joint: complete("joint-law", choice, *path, "joints", joint)
+                for joint, choice in config.joints.items()
+            },
         }
         if config.propagator is not None:
             update["propagator"] = complete("propagator", config.propagator, *path, "propagator")

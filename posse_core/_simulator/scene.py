@@ -35,7 +35,14 @@ def scene_of(scenario: Scenario, registry: Registry) -> Scene:
 
     target = with_laws(spacecraft(scenario.target, ""), scenario.joints)
     others = tuple(
-        Body(member, with_laws(spacecraft(choice, f"bodies.{name}.spacecraft: "), {}))
+        Body(
+            member,
+            with_laws(
+                spacecraft(choice, f"bodies.{name}.spacecraft: "),
+                config.joints,
+                f"bodies.{name}.joints",
+            ),
+        )
         for name, config in scenario.bodies.items()
         for member, choice in config.members(name)
     )

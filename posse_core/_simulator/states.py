@@ -230,7 +230,7 @@ class States:
 
     @cached_property
     def _others(self) -> OtherBodies:
-        return OtherBodies(self._scenario, self._registry)
+        return OtherBodies(self._scenario, self._scene, self._registry)
 
     def _motion(self, index: int, t_s: float | None, *, any_chaser: bool) -> Motion:
         """One row: the scenario's motion at a time, or at the time of its frame ``index``.

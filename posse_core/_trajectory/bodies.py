@@ -16,10 +16,13 @@ from posse_core._frames import (
     eci_from_rtn,
     matrix_from_quaternion,
     rtn_from_eci,
+    unit,
 )
 from posse_core._interfaces.attitude_law import AttitudeLaw, Surroundings
 from posse_core._interfaces.propagator import PropagationProblem, Propagator
 from posse_core._model.craft_state import BodyState, Rates
+from posse_core._model.scene import Scene
+from posse_core._model.spacecraft import Spacecraft
 from posse_core._model.trajectory import Trajectory
 from posse_core._plugins.registry import Registry
 from posse_core._randomness import derived_seed, random_generator
@@ -28,7 +31,8 @@ from posse_core._scenario.bodies import BodyConfig
 from posse_core._scenario.component import ComponentChoice, create
 from posse_core._scenario.model import Scenario
 from posse_core._trajectory.attitude import by_law
-from posse_core._trajectory.problem import resolve
+from posse_core._trajectory.joints import BodyMotion, JointLaws
+from posse_core._trajectory.problem import orbit_epoch, resolve
 from posse_core._trajectory.returned import CheckedLaw, propagated
 from posse_core._trajectory.state import seen_from_chaser
 
@@ -36,16 +40,22 @@ from posse_core._trajectory.state import seen_from_chaser
 class OtherBodies:
     """The bodies beside a scenario's target."""
 
-    def __init__(self, scenario: Scenario, registry: Registry) -> None:
+    def __init__(self, scenario: Scenario, scene: Scene, registry: Registry) -> None:
         """Make the laws and the propagators.
+
+        Args:
+            scenario: with its bodies.
+            scene: of the scenario; its bodies have the joints that laws move.
+            registry: the components that are installed.
 
         Raises:
             InputError: a law or a propagator cannot be used for a body.
         """
+        spacecraft = {body.name: body.spacecraft for body in scene.others}
         self._bodies = [
             body
             for name, config in scenario.bodies.items()
-            for body in _members(name, config, scenario, registry)
+            for body in _members(name, config, scenario, spacecraft, registry)
         ]
 
     def states(self, row: Trajectory, index: int, every_t_s: FloatArray | None) -> tuple[BodyState, ...]:
@@ -64,12 +74,27 @@ class OtherBodies:
 
 
 def _members(
-    name: str, config: BodyConfig, scenario: Scenario, registry: Registry
+    name: str,
+    config: BodyConfig,
+    scenario: Scenario,
+    spacecraft: Mapping[str, Spacecraft],
+    registry: Registry,
 ) -> Iterator[_Carried | _Flying]:
-    """The bodies of one key."""
+    """The bodies of one key, from their spacecraft by name."""
+
+    def joint_laws(member: str) -> JointLaws:
+        return JointLaws.of(
+            spacecraft[member],
+            config.joints,
+            registry,
+            epoch=orbit_epoch(scenario.orbit),
+            seed=scenario.seed,
+            where=f"bodies.{member}.joints",
+        )
+
     if config.mount is not None:
         mount = config.mount.mount()
-        yield _Carried(mount.R_camera_from_sensor, mount.position_m)
+        yield _Carried(mount.R_camera_from_sensor, mount.position_m, joint_laws(name))
         return
     where = f"bodies.{name}"
     check_law(registry, config.attitude, "target", f"{where}.attitude.law")
@@ -80,9 +105,10 @@ def _members(
             f"{where}.propagator: the scenario's propagator {choice.name!r} reads recorded motion;"
             " name one for this body, such as roe"
         )
-    for number, (member, _) in enumerate(config.members(name)):
+    for member, _ in config.members(name):
         law = CheckedLaw(create(registry, "attitude-law", config.attitude), config.attitude.name)
-        yield _Flying(member, number, where, config, scenario, propagator, choice, law, registry, {})
+        laws = law, joint_laws(member)
+        yield _Flying(member, where, config, scenario, propagator, choice, *laws, registry, {})
 
 
 @dataclass(frozen=True)
@@ -91,12 +117,23 @@ class _Carried:
 
     R_cam_from_body: FloatArray
     t_body_cam_m: FloatArray
+    joint_laws: JointLaws
 
     def state(self, row: Trajectory, index: int, every_t_s: FloatArray | None) -> BodyState:
         """See :meth:`OtherBodies.states`."""
-        at_rest = np.zeros(3)
-        rates = Rates(at_rest, at_rest, row.omega_camera_rad_s[0])
-        return BodyState(self.R_cam_from_body, self.t_body_cam_m, rates, is_carried=True)
+        at_rest, omega_camera_rad_s = np.zeros(3), row.omega_camera_rad_s[0]
+        R_eci_from_body = matrix_from_quaternion(row.q_eci_from_camera[0]) @ self.R_cam_from_body
+        articulation = self.joint_laws.articulation(
+            BodyMotion(
+                t_s=row.t_s,
+                indices=np.array([index]),
+                R_eci_from_body=R_eci_from_body[None],
+                omega_body_rad_s=(self.R_cam_from_body.T @ omega_camera_rad_s)[None],
+                sun_direction_eci=unit(row.r_sun_eci_m - row.r_chaser_eci_m),
+            )
+        )
+        rates = Rates(at_rest, at_rest, omega_camera_rad_s)
+        return BodyState(self.R_cam_from_body, self.t_body_cam_m, rates, articulation, is_carried=True)
 
 
 @dataclass(frozen=True)
@@ -105,19 +142,18 @@ class _Flying:
 
     Attributes:
         name: of the body, which its random draws have in their purpose.
-        number: among the bodies of its key, from 0.
         where: its key, for messages.
         known: time → RTN position (3,) and velocity (3,).
     """
 
     name: str
-    number: int
     where: str
     config: BodyConfig
     scenario: Scenario
     propagator: Propagator
     choice: ComponentChoice
     law: AttitudeLaw
+    joint_laws: JointLaws
     registry: Registry
     known: dict[float, tuple[FloatArray, FloatArray]]
 
@@ -126,12 +162,25 @@ class _Flying:
         t_s = float(row.t_s[0])
         r_rtn_m, v_rtn_m_s = self._motion(t_s, every_t_s)
         t_body_cam_m, v_body_cam_m_s = seen_from_chaser(row, 0, r_rtn_m, v_rtn_m_s)
-        R_eci_from_body, omega_body_rad_s = self._attitude(row, index, r_rtn_m, v_rtn_m_s)
+        r_eci_m, v_eci_m_s = eci_from_rtn(
+            row.r_target_eci_m, row.v_target_eci_m_s, r_rtn_m[None], v_rtn_m_s[None]
+        )
+        R_eci_from_body, omega_body_rad_s = self._attitude(row, index, r_eci_m, v_eci_m_s)
+        articulation = self.joint_laws.articulation(
+            BodyMotion(
+                t_s=row.t_s,
+                indices=np.array([index]),
+                R_eci_from_body=R_eci_from_body[None],
+                omega_body_rad_s=omega_body_rad_s[None],
+                sun_direction_eci=unit(row.r_sun_eci_m - r_eci_m),
+            )
+        )
         R_eci_from_cam = matrix_from_quaternion(row.q_eci_from_camera[0])
         return BodyState(
             R_cam_from_body=R_eci_from_cam.T @ R_eci_from_body,
             t_body_cam_m=t_body_cam_m,
             rates=Rates(v_body_cam_m_s, omega_body_rad_s, row.omega_camera_rad_s[0]),
+            articulation=articulation,
         )
 
     def _motion(self, t_s: float, every_t_s: FloatArray | None) -> tuple[FloatArray, FloatArray]:
@@ -177,11 +226,9 @@ class _Flying:
         return replace(problem, starts=tuple(_moved(each, dr_m, dv_m_s) for each in problem.starts))
 
     def _attitude(
-        self, row: Trajectory, index: int, r_rtn_m: FloatArray, v_rtn_m_s: FloatArray
+        self, row: Trajectory, index: int, r_eci_m: FloatArray, v_eci_m_s: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """R_eci_from_body (3, 3) and the angular velocity (3,), body axes."""
-        target = row.r_target_eci_m, row.v_target_eci_m_s
-        r_eci_m, v_eci_m_s = eci_from_rtn(*target, r_rtn_m[None], v_rtn_m_s[None])
+        """R_eci_from_body (3, 3) and the angular velocity (3,), body axes, at a state (1, 3)."""
         r_chaser_m, v_chaser_m_s = rtn_from_eci(
             r_eci_m, v_eci_m_s, row.r_chaser_eci_m, row.v_chaser_eci_m_s
         )

@@ -156,3 +156,20 @@ def test_a_body_of_several_relative_orbits_is_refused():
     design = {"name": "algorithm-3-1-repaired", "size_m": 30.0}
     with pytest.raises(InputError, match=r"bodies\.friend\.relative"):
         states(body(relative={"design": design})).own(0)
+
+
+def test_the_joints_of_bodies_have_laws_of_their_own():
+    joints = {
+        "shoulder": {"law": "fixed", "value_deg": 40.0},
+        "finger_left": {"law": "rate", "rate_m_s": 1e-5},
+    }
+    arm = {"spacecraft": {"name": "arm"}, "mount": {"position_m": [0, 0, 1]}, "joints": joints}
+    free = {"spacecraft": {"name": "arm"}, "relative": {"roe_m": ROE_M}, "joints": {"elbow": "random"}}
+    made = states({"bodies": {"arm": arm, "pair": {**free, "count": 2}}})
+    carried, one, two = made.own(2).craft.others
+    assert [joint.name for joint in carried.articulation.joints] == ["shoulder", "finger_left"]
+    np.testing.assert_allclose(carried.articulation.values, [np.radians(40.0), 1900e-5])
+    np.testing.assert_allclose(carried.articulation.rates, [0.0, 1e-5], atol=1e-12)
+    assert one.articulation.values != two.articulation.values
+    with pytest.raises(InputError, match=r"bodies\.arm\.joints\.elbo: .* did you mean 'elbow'"):
+        states({"bodies": {"arm": {**arm, "joints": {"elbo": "random"}}}})

@@ -13,6 +13,7 @@ import numpy as np
 
 from posse_core._arrays import FloatArray
 from posse_core._frames import R_about, R_from_z
+from posse_core._model.joints import Joint
 from posse_core._spacecraft import shapes, textures
 from posse_core._spacecraft.assembly import Assembly
 from posse_core._spacecraft.finishes import Finish, common_finishes
@@ -311,9 +312,16 @@ def _antennas(craft: Assembly) -> None:
 
 
 def _wing(craft: Assembly, angle_rad: float) -> None:
-    """The solar wing: drive, yoke and eleven panels on a spine; at angle zero the cells face +X."""
-    turn = R_about((0.0, 1.0, 0.0), angle_rad)
+    """The solar wing: drive, yoke and eleven panels on a spine; at angle zero the cells face +X.
+
+    The drive turns all but itself, by the joint ``wing``.
+    """
+    axis = np.array([0.0, 1.0, 0.0])
+    turn = R_about(axis, angle_rad)
     x_axis, z_axis = WING_AXIS
+    drive_end = np.array([x_axis, -HALF_WIDTH - 0.3, z_axis])
+    facing = turn @ np.array([1.0, 0.0, 0.0])
+    craft.hang(Joint("wing", "revolute", drive_end, axis, facing_body=facing))
 
     def turned(mesh: shapes.Mesh) -> shapes.Mesh:
         return mesh.at((x_axis, 0.0, z_axis), turn)
@@ -333,12 +341,13 @@ def _wing(craft: Assembly, angle_rad: float) -> None:
     face = R_from_z((1.0, 0.0, 0.0), (0.0, 0.0, -1.0))  # y stays
     yoke = shapes.prism(np.array(outline)[::-1], t).at((0.0, 0.0, 0.0), face)
     shaft = shapes.tube([(0.0, -HALF_WIDTH - 0.3, 0.0), (0.0, neck, 0.0)], 0.07, 20)
-    craft.add("yoke", "foil_amber", turned(yoke), turned(shaft))
+    craft.add("yoke", "foil_amber", turned(yoke), turned(shaft), joint="wing")
     pitch = (WING_ROOT - WING_TIP) / PANELS
     sheet = shapes.panel(2.0 * half, pitch - PANEL_GAP, t)
     for number in range(PANELS):
         middle = WING_ROOT - pitch * (number + 0.5) - PANEL_GAP / 2.0
-        craft.add(f"panel_{number + 1}", "solar_panel", turned(sheet.at((0.0, middle, 0.0), face)))
+        panel = turned(sheet.at((0.0, middle, 0.0), face))
+        craft.add(f"panel_{number + 1}", "solar_panel", panel, joint="wing")
     back = -t / 2.0
     ribs = [shapes.tube([(back - 0.03, neck, 0.0), (back - 0.03, WING_TIP + 0.1, 0.0)], 0.03, 8)]
     for number in range(PANELS):
@@ -349,10 +358,10 @@ def _wing(craft: Assembly, angle_rad: float) -> None:
         for number in range(PANELS)
         for z in ((-0.8, 0.8) if number == 0 else (-1.6, 0.0, 1.6))
     ]
-    craft.add("wing_frame", "aluminium", *(turned(mesh) for mesh in (*ribs, *hinges)))
+    craft.add("wing_frame", "aluminium", *map(turned, (*ribs, *hinges)), joint="wing")
     inner = WING_ROOT - PANEL_GAP
-    for number, (y, z, panel) in enumerate(
+    for number, (y, z, at) in enumerate(
         ((inner, -half, 1), (inner, half, 1), (WING_TIP, half, PANELS), (WING_TIP, -half, PANELS)),
         start=1,
     ):
-        craft.mark(f"S{number}", f"panel_{panel}", point((0.0, y, z)))
+        craft.mark(f"S{number}", f"panel_{at}", point((0.0, y, z)))

@@ -15,6 +15,7 @@ import numpy as np
 
 from posse_core._arrays import FloatArray
 from posse_core._frames import R_about, R_from_z
+from posse_core._model.joints import Joint
 from posse_core._spacecraft import shapes, textures
 from posse_core._spacecraft.assembly import Assembly
 from posse_core._spacecraft.finishes import Finish, common_finishes
@@ -204,18 +205,21 @@ def _instruments(craft: Assembly) -> None:
 
 def _booms(craft: Assembly) -> None:
     """Two opposite rigid booms with a hinge halfway; one carries magnetometers, the other search
-    coils."""
+    coils. Once they are deployed, their hinges are locked."""
     for k in (0, 1):
         turn = _around(BOOM_AZIMUTH + np.pi * k)
+        joint = f"boom_{k + 1}"
+        hinge = _ray(BOOM_AZIMUTH + np.pi * k, RADIUS_M + 0.05, BOOM_Y)
+        craft.hang(Joint(joint, "fixed", hinge, np.array([0.0, 1.0, 0.0])))
 
         def out(mesh: shapes.Mesh, turn: FloatArray = turn) -> shapes.Mesh:
             return mesh.at((0.0, 0.0, 0.0), turn)
 
         y, half = BOOM_Y, (RADIUS_M + BOOM_TIP) / 2.0
         rod = shapes.tube([(1.40, y, 0.0), (BOOM_TIP - 0.06, y, 0.0)], 0.025, 16)
-        craft.add(f"boom_{k + 1}", "grey_paint", out(rod))
+        craft.add(f"boom_{k + 1}", "grey_paint", out(rod), joint=joint)
         knuckles = [box((0.16, 0.09, 0.09)).at((x, y, 0.0)) for x in (RADIUS_M + 0.05, half)]
-        craft.add(f"boom_{k + 1}_hinges", "aluminium", *(out(mesh) for mesh in knuckles))
+        craft.add(f"boom_{k + 1}_hinges", "aluminium", *map(out, knuckles), joint=joint)
         # Two cradles on the top rim, in which the folded boom was stowed.
         cradles = [
             box((0.05, 0.07, 0.12)).at(_ray(BOOM_AZIMUTH + np.pi * k + turned, 1.36, TOP + 0.03))
@@ -226,13 +230,13 @@ def _booms(craft: Assembly) -> None:
         end = box((0.12, 0.12, 0.12)).at(tip)
         if k == 0:
             inner = box((0.12, 0.12, 0.12)).at((BOOM_TIP - 1.5, y, 0.0))
-            craft.add("magnetometers", "foil_gold", out(end), out(inner))
+            craft.add("magnetometers", "foil_gold", out(end), out(inner), joint=joint)
         else:
             rods = [
                 shapes.tube([tip - along, tip + along], 0.03, 16)
                 for along in 0.16 * np.array([(0.0, 1.0, 0.0), (0.0, 0.0, 1.0)])
             ]
-            craft.add("search_coils", "foil_gold", out(end), *(out(mesh) for mesh in rods))
+            craft.add("search_coils", "foil_gold", out(end), *map(out, rods), joint=joint)
         name = ("magnetometers", "search_coils")[k]
         craft.mark(f"A{3 + k}", name, _ray(BOOM_AZIMUTH + np.pi * k, BOOM_TIP, y))
 

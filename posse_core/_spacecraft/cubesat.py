@@ -14,6 +14,7 @@ from pydantic import Field
 
 from posse_core._arrays import FloatArray
 from posse_core._frames import R_a_from_b_by_directions, R_about, R_from_z
+from posse_core._model.joints import Joint
 from posse_core._model.spacecraft import Material
 from posse_core._spacecraft import shapes, textures
 from posse_core._spacecraft.assembly import Assembly
@@ -147,24 +148,38 @@ def _tapes(craft: Assembly) -> None:
 
 
 def _wings(craft: Assembly, fold_rad: float) -> None:
-    """Two wings hinged at the upper long edges; when flat, their cells face up (−Y)."""
+    """Two wings hinged at the upper long edges; when flat, their cells face up (−Y).
+
+    The joints ``wing_right`` and ``wing_left`` fold them from flat to the sides, where they are stowed.
+    """
     width, length, _ = PANEL_M
     hinge = HALF - 0.002
     for sign, name, first in ((1.0, "right", 1), (-1.0, "left", 3)):
         turn = R_about((0.0, 0.0, 1.0), sign * fold_rad)
         root = np.array([sign * (HALF + 0.002), -hinge, 0.0])
+        joint = f"wing_{name}"
+        craft.hang(
+            Joint(
+                joint,
+                "revolute",
+                origin_body_m=root,
+                axis_body=np.array([0.0, 0.0, sign]),
+                limits=(0.0 - float(fold_rad), max(np.pi / 2.0 - float(fold_rad), 0.0)),
+                facing_body=turn @ np.array([0.0, -1.0, 0.0]),
+            )
+        )
 
         def turned(mesh: shapes.Mesh, turn: FloatArray = turn, root: FloatArray = root) -> shapes.Mesh:
             return mesh.at(root, turn)
 
         flat = shapes.panel(*PANEL_M).at((0.0, 0.0, 0.0), _side(-np.pi / 2.0))
         wing = turned(flat.at((sign * (0.004 + width / 2.0), 0.0, 0.0)))
-        craft.add(f"wing_{name}", "solar_panel", wing)
+        craft.add(f"wing_{name}", "solar_panel", wing, joint=joint)
         hinges = [
             shapes.tube([(0.0, 0.0, z - 0.012), (0.0, 0.0, z + 0.012)], 0.003, 12) for z in (-0.1, 0.1)
         ]
         leaves = [box((0.010, 0.001, 0.020)).at((sign * 0.004, 0.002, z)) for z in (-0.1, 0.1)]
-        craft.add(f"hinges_{name}", "aluminium", *(turned(mesh) for mesh in (*hinges, *leaves)))
+        craft.add(f"hinges_{name}", "aluminium", *map(turned, (*hinges, *leaves)), joint=joint)
         for number, z in ((first, -length / 2.0), (first + 1, length / 2.0)):
             corner = turn @ (sign * (0.004 + width), 0.0, z) + root
             craft.mark(f"S{number}", f"wing_{name}", corner)

@@ -38,6 +38,7 @@ from posse_core._spacecraft.raw import (
 )
 
 
+@np.errstate(all="ignore")  # what overflows is refused where the results are checked
 def read_gltf(path: Path) -> RawMesh:
     """Read all triangles of the scene in a .gltf or .glb file, in its own units, with the transforms of
     its nodes applied.

@@ -150,6 +150,8 @@ def _in_scene(
         along = -along
     extremes = np.array([curve.extremes for curve in curves.values()])
     limits = (float(extremes[:, 0].min()), float(extremes[:, 1].max()))
+    if not np.isfinite([*origin, *limits]).all():
+        raise ValueError(f"the animations of {name} have numbers that are too large")
     return RawJoint(name, motion.kind, origin, unit(along), carrier, limits, curves)
 
 

@@ -46,8 +46,8 @@ class JointLaw(Component[OptionsT]):
 
     The rate of a frame is the difference of the values 1 ms before and after it, for which ``t_s``
     differs, the body is turned by its angular velocity, and all else is as at the frame. So a law has no
-    jumps in time; that of a revolute joint may jump by whole turns. A random value changes from one
-    index to the next and not with time.
+    jumps in time, unless it gives rates of its own; that of a revolute joint may jump by whole turns. A
+    random value changes from one index to the next and not with time.
     """
 
     @abstractmethod
@@ -64,3 +64,14 @@ class JointLaw(Component[OptionsT]):
             posse_core.InputError: The law cannot move such a joint, or is undefined at a frame; the
                 message says what to do instead. The scenario's key is put before it.
         """
+
+    def rates(self, around: JointSurroundings) -> FloatArray | None:
+        """Return the joint's rates, for a law that may jump; None: they are differences of its values.
+
+        Args:
+            around: of F frames, as for :meth:`values`.
+
+        Returns:
+            (F,) float64, rad/s of a revolute joint and m/s of a prismatic one.
+        """
+        return None

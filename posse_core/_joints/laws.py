@@ -14,10 +14,16 @@ from posse_core._files.reading import check_file
 from posse_core._files.tables import Table, read_table
 from posse_core._frames import unit
 from posse_core._interfaces.joint_law import JointLaw, JointSurroundings
-from posse_core._joints.options import FixedOptions, RandomOptions, RateOptions, TableOptions
+from posse_core._joints.options import (
+    AnimationOptions,
+    FixedOptions,
+    RandomOptions,
+    RateOptions,
+    TableOptions,
+)
 from posse_core._joints.units import given_for, in_radians, value_of
 from posse_core._model.joints import Joint
-from posse_core._plugins.options import NoOptions
+from posse_core._plugins.options import NoOptions, nearest
 from posse_core._randomness import random_generator
 
 _ALONG_THE_AXIS = 1e-9
@@ -83,6 +89,37 @@ class TableLaw(JointLaw[TableOptions]):
     def _table(self) -> Table:
         check_file(self.options.path)
         return read_table(self.options.path, ("t_s", "value_deg", "value_m"))
+
+
+class AnimationLaw(JointLaw[AnimationOptions]):
+    """The joint's motion in an animation of the spacecraft's file."""
+
+    def values(self, around: JointSurroundings) -> FloatArray:
+        """See :meth:`JointLaw.values`.
+
+        Raises:
+            InputError: The joint has no animation, or none of that name.
+        """
+        return self._played(around)[0]
+
+    def rates(self, around: JointSurroundings) -> FloatArray:
+        """See :meth:`JointLaw.rates`; the derivatives, as an animation may jump."""
+        return self._played(around)[1]
+
+    def _played(self, around: JointSurroundings) -> tuple[FloatArray, FloatArray]:
+        joint, name = around.joint, self.options.animation
+        if not joint.animations:
+            raise InputError(
+                f"animation: the joint {joint.name} has no animation; take the law fixed, rate or table"
+            )
+        if name is not None and name not in joint.animations:
+            hint = nearest(name, joint.animations) or f"; it has {', '.join(joint.animations)}"
+            raise InputError(f"animation: the joint {joint.name} has no animation {name!r}{hint}")
+        curve = joint.animations[name or next(iter(joint.animations))]
+        t_s = around.t_s - self.options.start_s
+        if self.options.repeat and curve.end_s > 0:
+            t_s = np.mod(t_s, curve.end_s)
+        return curve.at(t_s)
 
 
 class SunTrackingLaw(JointLaw[NoOptions]):

@@ -51,6 +51,18 @@ class TableOptions(Options):
     )
 
 
+class AnimationOptions(Options):
+    """Options of the law ``animation``."""
+
+    animation: str | None = Field(
+        None, description="name of an animation in the spacecraft's file; null: the joint's first"
+    )
+    start_s: float = Field(0.0, description="when it starts, seconds after the epoch")
+    repeat: bool = Field(
+        False, description="play it again and again, before its start too; else the joint rests there"
+    )
+
+
 class RandomOptions(Options):
     """Options of the law ``random``."""
 

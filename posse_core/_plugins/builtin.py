@@ -148,6 +148,12 @@ def posse_joint_laws() -> list[ComponentSpec]:
     package = "posse_core._joints"
     return [
         ComponentSpec(
+            "animation",
+            "the joint's motion in an animation of the spacecraft's file",
+            f"{package}.laws:AnimationLaw",
+            f"{package}.options:AnimationOptions",
+        ),
+        ComponentSpec(
             "fixed",
             "the same value always",
             f"{package}.laws:FixedLaw",

@@ -9,6 +9,7 @@ import numpy as np
 
 from posse_core._arrays import array_fault
 from posse_core._errors import ComponentError
+from posse_core._model.joint_curve import JointCurve
 from posse_core._model.joints import Joint, JointKind
 from posse_core._model.spacecraft import Spacecraft
 
@@ -55,6 +56,12 @@ def check_joints(craft: Spacecraft, who: str) -> None:
         low, high = joint.limits
         if not low <= high:  # also where one is NaN
             raise ComponentError(f"{where}: its limits {joint.limits} are not in order")
+        for animation, curve in joint.animations.items():
+            if not isinstance(curve, JointCurve):
+                what = type(curve).__name__
+                raise ComponentError(
+                    f"{where}: the animation {animation!r} is {what}, and must be JointCurve"
+                )
         known.add(joint.name)
     for kind, carriers in (
         ("part", {part.name: part.joint for part in craft.parts}),

@@ -139,9 +139,12 @@ def _description(record: Mapping[str, Any]) -> str:
 
 
 def _scenario(craft: Spacecraft) -> str:
-    """A scenario for the spacecraft: an inspection ellipse of about three radii in low Earth orbit."""
+    """A scenario for the spacecraft: an inspection ellipse of about three radii in low Earth orbit.
+
+    Where its file has animations, they are played once.
+    """
     reach = float(f"{3.0 * craft.radius_m:.2g}")
-    scenario = {
+    scenario: dict[str, Any] = {
         "target": {"package": "."},
         "orbit": {
             "elements": {
@@ -157,5 +160,10 @@ def _scenario(craft: Spacecraft) -> str:
         "relative": {"roe_m": [0, 0, -reach, -0.75 * reach, -reach, -0.75 * reach]},
         "times": {"duration_orbits": 1, "count": 24},
     }
+    animated = [joint for joint in craft.joints if joint.animations]
+    if animated:
+        scenario["joints"] = {joint.name: "animation" for joint in animated}
+        ends_s = [next(iter(joint.animations.values())).end_s for joint in animated]
+        scenario["times"] = {"duration_s": max(ends_s), "count": 24}
     head = "# Run it with: posse run scenario.yaml\n"
     return head + yaml.safe_dump(scenario, sort_keys=False, default_flow_style=None)

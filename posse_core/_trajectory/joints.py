@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -108,6 +109,13 @@ class GivenJoints:
     rates: Mapping[str, float] = field(default_factory=dict)
 
 
+class _Values(NamedTuple):
+    """Values (F, J) of joints, rad or m, and what each law that gave some got."""
+
+    values: FloatArray
+    around: Mapping[str, JointSurroundings]
+
+
 BY_LAW = GivenJoints()
 """Every joint moves by its law."""
 
@@ -196,16 +204,20 @@ class JointLaws:
             self._values(motion.after(after_s), given, after_s)
             for after_s in (-RATE_STEP_S, 0.0, RATE_STEP_S)
         )
-        change = after - before
+        change = after.values - before.values
         turning = np.array([joint.kind == "revolute" for joint in self._joints], dtype=bool)
         # A law may go on by whole turns less or more at any time.
         turns = np.where(turning, np.round(change / (2 * np.pi)), 0.0)
         rates = (change - 2 * np.pi * turns) / (2 * RATE_STEP_S)
         for number, joint in enumerate(self._joints):
-            self._check_limits(joint, now[:, number], motion.indices)
+            self._check_limits(joint, now.values[:, number], motion.indices)
             if joint.name in given.values:
                 rates[:, number] = given.rates.get(joint.name, 0.0)
-        return now, rates
+                continue
+            own = self._laws[joint.name].rates(now.around[joint.name])
+            if own is not None:
+                rates[:, number] = own
+        return now.values, rates
 
     def check_given(self, given: GivenJoints) -> None:
         """Check what a caller gives.
@@ -226,34 +238,34 @@ class JointLaws:
             if name not in given.values:
                 raise InputError(f"state: joint_rates has {name!r}, and joints has not; give both")
 
-    def _values(self, motion: BodyMotion, given: GivenJoints, after_s: float) -> FloatArray:
-        """(F, J) the values of all joints."""
+    def _values(self, motion: BodyMotion, given: GivenJoints, after_s: float) -> _Values:
+        """The values of all joints ``after_s`` after those that are given."""
         numbers: dict[str | None, int] = {None: 0}
         sun_body = np.einsum("fji,fj->fi", motion.R_eci_from_body, motion.sun_direction_eci)
         # The Sun in the axes of each link; the first is the body itself.
         sun_links, values = [sun_body], np.empty((len(motion.t_s), len(self._joints)))
+        around: dict[str, JointSurroundings] = {}
         for number, joint in enumerate(self._joints):
             sun = sun_links[numbers[joint.parent]]
             if joint.name in given.values:
                 rate = given.rates.get(joint.name, 0.0)
                 values[:, number] = given.values[joint.name] + after_s * rate
             else:
-                values[:, number] = self._laws[joint.name].values(
-                    JointSurroundings(
-                        joint=joint,
-                        purpose=f"{self._where}.{joint.name}",
-                        epoch=self._epoch,
-                        seed=self._seed,
-                        t_s=motion.t_s,
-                        indices=motion.indices,
-                        sun_direction_carrier=sun,
-                        R_eci_from_body=motion.R_eci_from_body,
-                    )
+                around[joint.name] = JointSurroundings(
+                    joint=joint,
+                    purpose=f"{self._where}.{joint.name}",
+                    epoch=self._epoch,
+                    seed=self._seed,
+                    t_s=motion.t_s,
+                    indices=motion.indices,
+                    sun_direction_carrier=sun,
+                    R_eci_from_body=motion.R_eci_from_body,
                 )
+                values[:, number] = self._laws[joint.name].values(around[joint.name])
             numbers[joint.name] = len(sun_links)
             turns = joint.kind == "revolute"
             sun_links.append(rotated(sun, joint.axis_body, -values[:, number]) if turns else sun)
-        return values
+        return _Values(values, around)
 
     def _check_limits(self, joint: Joint, values: FloatArray, indices: IntArray) -> None:
         low, high = joint.limits
@@ -268,7 +280,7 @@ class JointLaws:
 
 
 class CheckedJointLaw(JointLaw):
-    """A joint's law whose values are checked; see :func:`checked_values`."""
+    """A joint's law whose values and rates are checked; see :func:`checked_values`."""
 
     def __init__(self, law: JointLaw, name: str, where: str) -> None:
         """where: the key that chooses the law."""
@@ -282,6 +294,11 @@ class CheckedJointLaw(JointLaw):
         except InputError as error:
             raise InputError(f"{self._where}: {error}") from None
         return checked_values(made, len(around.t_s), self._name)
+
+    def rates(self, around: JointSurroundings) -> FloatArray | None:
+        with failures_named("joint-law", self._name):
+            made = self._law.rates(around)
+        return None if made is None else checked_values(made, len(around.t_s), self._name)
 
 
 def checked_values(made: object, frames: int, name: str) -> FloatArray:

@@ -84,8 +84,10 @@ class JointLawConformance(Conformance):
         """Over an orbit, with the random numbers of one frame; whole turns are none.
 
         A step with a jump differs from the mean rate times the step however short it is. So steps that
-        differ are divided until they are short.
+        differ are divided until they are short. A law with rates of its own may jump.
         """
+        if self.law().rates(joint_surroundings(np.zeros(1), self.joint)) is not None:
+            return
         start_s = np.arange(0.0, PERIOD_S, _STEPS_S[0])
         largest_rate = float(np.abs(self._rates(start_s)).max())
         for step_s in _STEPS_S:
@@ -99,6 +101,15 @@ class JointLawConformance(Conformance):
             found_s = float(start_s[0])
             start_s = (start_s[:, None] + step_s * np.arange(4) / 4).ravel()
         raise AssertionError(f"the value jumps near t_s = {found_s:.2f}")
+
+    def test_rates_of_its_own_are_those_of_its_values(self) -> None:
+        """At nine of ten instants, as there may be jumps and bends beside the others."""
+        t_s = np.sort(np.random.default_rng(1).uniform(0.0, PERIOD_S, 2000))
+        own = self.law().rates(joint_surroundings(t_s, self.joint))
+        if own is not None:
+            checked_values(own, len(t_s), type(self).__name__)
+            off = np.abs(own - self._rates(t_s))
+            assert np.mean(off > 1e-6 + 1e-3 * np.abs(own)) < 0.1, "the rates are not the values'"
 
     def _values(self, t_s: FloatArray) -> FloatArray:
         around = joint_surroundings(t_s, self.joint)

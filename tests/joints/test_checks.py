@@ -46,6 +46,7 @@ def wing(**changed: Any) -> dict[str, Any]:
         (wing(axis_body=np.array([0.0, 0.0, np.nan])), "axis_body has numbers that are not finite"),
         (wing(axis_body=np.array([0.0, 0.0, 2.0])), "axis_body is [0. 0. 2.], not of length one"),
         (wing(facing_body=np.zeros(3)), "facing_body is [0. 0. 0.], not of length one"),
+        (wing(animations={"open": [0.0, 1.0]}), "the animation 'open' is list, and must be JointCurve"),
         (wing(limits=(1.0, 0.0)), "its limits (1.0, 0.0) are not in order"),
         (wing(limits=(np.nan, 0.0)), "are not in order"),
         ({"joints": (TABLE,)}, "the part 'plate' is on the joint 'wing', not there"),

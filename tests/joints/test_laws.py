@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from scipy.interpolate import PchipInterpolator
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
-from posse_core import ComponentError, InputError, Joint, Spacecraft
+from posse_core import ComponentError, InputError, Joint, JointCurve, Spacecraft
 from posse_core._environment.time import Epoch
 from posse_core._plugins.loading import load_plugins
 from posse_core._scenario.joints import JointLawChoice
@@ -353,3 +354,52 @@ def test_a_laws_fault_is_named(returned, words: str) -> None:
         checked.values_and_rates(motion([0.0, 1.0]))
     assert str(told.value).startswith("joint-law 'loose'")
     assert words in str(told.value)
+
+
+# Animations
+
+
+def animated(**more: Any) -> Joint:
+    """A joint whose file has a jump after 2 s and a way of 6 s after that, in an animation of 20 s."""
+    curves = {
+        "jump": JointCurve.steps(np.array([0.0, 2.0, 5.0]), np.array([0.1, 0.5, -0.3]), 20.0),
+        "way": JointCurve.lines(np.array([2.0, 8.0]), np.array([0.0, 1.2]), 20.0),
+    }
+    return joint(**{"animations": curves, **more})
+
+
+def test_an_animation_is_played_once_from_its_start() -> None:
+    t_s = np.array([-5.0, 10.0, 12.5, 15.0, 18.0, 500.0])
+    law = {"law": "animation", "animation": "way", "start_s": 10.0}
+    made, rates = laws([animated()], {"wing": law}).values_and_rates(motion(t_s))
+    np.testing.assert_allclose(made[:, 0], [0, 0, 0.1, 0.6, 1.2, 1.2], atol=1e-12)
+    np.testing.assert_allclose(rates[:, 0], [0, 0, 0.2, 0.2, 0, 0], atol=1e-12)
+
+
+def test_an_animation_repeats_with_the_period_of_all_its_joints() -> None:
+    t_s = np.array([-15.0, 5.0, 25.0, 45.0, 59.0])
+    made = values(
+        [animated()], {"wing": {"law": "animation", "animation": "way", "repeat": True}}, motion(t_s)
+    )
+    np.testing.assert_allclose(made[:, 0], [0.6, 0.6, 0.6, 0.6, 1.2], atol=1e-12)
+
+
+def test_a_joint_rests_on_both_sides_of_a_jump_and_at_it() -> None:
+    """The first animation is the default; the difference across it would be 200 rad/s."""
+    t_s = np.array([1.9995, 2.0, 2.0005, 5.0])
+    made, rates = laws([animated()], {"wing": "animation"}).values_and_rates(motion(t_s))
+    np.testing.assert_array_equal(made[:, 0], [0.1, 0.5, 0.5, -0.3])
+    np.testing.assert_array_equal(rates[:, 0], 0)
+
+
+@pytest.mark.parametrize(
+    ("moved", "choice", "words"),
+    [
+        (joint(), "animation", "joints.wing: animation: the joint wing has no animation; take the law"),
+        (animated(), {"law": "animation", "animation": "wa"}, "no animation 'wa'; did you mean 'way'?"),
+        (animated(), {"law": "animation", "animation": "x"}, "no animation 'x'; it has jump, way"),
+    ],
+)
+def test_animations_that_are_not_there_are_told(moved: Joint, choice: Any, words: str) -> None:
+    with pytest.raises(InputError, match=re.escape(words)):
+        values([moved], {"wing": choice}, motion([0.0]))

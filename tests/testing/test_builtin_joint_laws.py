@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from posse_core import Joint, JointLaw
+from posse_core import Joint, JointCurve, JointLaw
 from posse_core._plugins.loading import load_plugins
 from posse_core._plugins.registry import Registry
 from posse_core.testing import JointLawConformance
@@ -83,6 +83,25 @@ class TestTable(BuiltIn):
 
 class TestLinearTable(TestTable):
     interpolation = "linear"
+
+
+class TestAnimation(BuiltIn):
+    name = "animation"
+    options: ClassVar = {"animation": "beat", "start_s": 30.0, "repeat": True}
+    joint = replace(
+        WING,
+        animations={
+            "rest": JointCurve.steps(np.zeros(1), np.zeros(1), 0.0),
+            "beat": JointCurve.spline(
+                np.array([0.0, 3.0, 40.0]),
+                np.exp(0.5j * np.array([0.1, 0.4, -0.2])),
+                np.array([0.0, 0.02j, 0.01 - 0.01j]),
+                np.array([0.03j, -0.02j, 0.0]),
+                np.array([0.1, 0.4, -0.2]),
+                60.0,
+            ),
+        },
+    )
 
 
 def test_all_are_here() -> None:

@@ -16,7 +16,8 @@ ROWS = "test_a_frame_does_not_depend_on_the_others"
 BITS = "test_the_same_frames_give_the_same_bits"
 UNTOUCHED = "test_the_surroundings_are_left_alone"
 JUMPS = "test_the_value_has_no_jumps"
-TESTS = {VALUES, ROWS, BITS, UNTOUCHED, JUMPS}
+RATES = "test_rates_of_its_own_are_those_of_its_values"
+TESTS = {VALUES, ROWS, BITS, UNTOUCHED, JUMPS, RATES}
 
 
 def sweeping(around: JointSurroundings) -> FloatArray:
@@ -30,6 +31,9 @@ def spoiled(wrong: str) -> type[JointLaw[NoOptions]]:
 
         def values(self, around: JointSurroundings) -> FloatArray:
             return FAULTS[wrong](self, around)
+
+        def rates(self, around: JointSurroundings) -> object:
+            return RATE_FAULTS[wrong](around) if wrong in RATE_FAULTS else None
 
     return Spoiled
 
@@ -60,6 +64,12 @@ FAULTS: dict[str, Callable[[JointLaw, JointSurroundings], object]] = {
     "one step": lambda law, around: 0.001 * (around.t_s > 1234.5),
     "half turns": lambda law, around: np.mod(around.t_s / 3, np.pi),
 }
+RATE_FAULTS: dict[str, Callable[[JointSurroundings], object]] = {
+    "jumps with rates": lambda around: np.full(len(around.t_s), 0.1),
+    "wrong rates": lambda around: np.full(len(around.t_s), 0.2),
+    "one rate": lambda around: np.full(1, 0.1),
+}
+FAULTS |= dict.fromkeys(RATE_FAULTS, lambda law, around: np.mod(around.t_s / 10, 1.0))
 CAUGHT: dict[str, set[str]] = {
     "none": set(),
     "triangular": set(),
@@ -74,6 +84,9 @@ CAUGHT: dict[str, set[str]] = {
     "modifies": {UNTOUCHED},
     "one step": {JUMPS},
     "half turns": {JUMPS},
+    "jumps with rates": set(),
+    "wrong rates": {RATES},
+    "one rate": {RATES},
 }
 
 

@@ -8,6 +8,7 @@ import trimesh
 import yaml
 from scipy.spatial.transform import Rotation
 
+import posse_core
 from posse_core import Dataset
 from tests.support.animated_gltf import AnimatedScene, quaternion, turning
 
@@ -166,3 +167,21 @@ def test_keypoints_move_with_their_links(made):
             x_cam = in_camera(line, now[np.argmin(distance)])
             u, v = (K @ x_cam)[:2] / x_cam[2]
             assert np.hypot(line.keypoints[name].u_px - u, line.keypoints[name].v_px - v) < 0.01
+
+
+def test_the_rasteriser_draws_the_arm_where_the_labels_are(made):
+    pytest.importorskip("posse_render_raster")
+    _, _, dataset = made
+    scenario = dataset.folder.parent / "craft" / "scenario.yaml"
+    size = {"camera.width_px": 320, "camera.height_px": 240, "sky.earth": False, "times.count": 5}
+    with posse_core.open(scenario, renderer="raster", overrides=size) as simulator:
+        shapes = []
+        for index in range(5):
+            frame = simulator.frame(simulator.state(index))
+            drawn = np.zeros((240, 320), dtype=bool)
+            drawn[frame.light.craft.box.slices] = frame.light.craft.coverage > 0.5
+            labelled = frame.labels.mask_rle.mask()
+            # A pixel that is half covered may fall to either side.
+            assert np.sum(drawn ^ labelled) < 0.1 * labelled.sum()
+            shapes.append(labelled)
+        assert np.sum(shapes[0] ^ shapes[2]) > 0.3 * labelled.sum()

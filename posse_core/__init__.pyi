@@ -93,6 +93,7 @@ from ._model.craft_state import BodyState as BodyState
 from ._model.craft_state import CraftState as CraftState
 from ._model.craft_state import LinkPoses as LinkPoses
 from ._model.craft_state import Rates as Rates
+from ._model.craft_state import WorldPoses as WorldPoses
 from ._model.distortion import BrownConrady as BrownConrady
 from ._model.distortion import Distortion as Distortion
 from ._model.distortion import Fisheye as Fisheye

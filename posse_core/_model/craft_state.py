@@ -168,6 +168,28 @@ class LinkPoses(NamedTuple):
     t_link_cam_m: FloatArray
 
 
+class WorldPoses(NamedTuple):
+    """Where the camera and every link are in axes that suit renderers of single precision.
+
+    The axes are parallel to the target's body axes. Their origin is the target's, so that what is small
+    on the target is not lost at a large range; beside other bodies it is the camera's, so that nothing
+    is lost in any direction of view. The target's own link stays where it is, to the bit, if there are
+    no other bodies.
+
+    Attributes:
+        R_cam_from_world: (3, 3): x_cam = R_cam_from_world x_world + t_world_cam_m.
+        t_world_cam_m: (3,).
+        R_world_from_link: (L, 3, 3): x_world = R_world_from_link x_link + t_link_world_m; the links are
+            numbered as in :class:`LinkPoses`.
+        t_link_world_m: (L, 3).
+    """
+
+    R_cam_from_world: FloatArray
+    t_world_cam_m: FloatArray
+    R_world_from_link: FloatArray
+    t_link_world_m: FloatArray
+
+
 @dataclass(frozen=True)
 class CraftState(BodyState):
     """The target, the bodies beside it and their sunlight at one instant, in camera axes.
@@ -225,15 +247,19 @@ class CraftState(BodyState):
             ]
         return LinkPoses(np.concatenate(R_cam_from_link), np.concatenate(t_link_cam_m))
 
-    def link_poses_body(self) -> tuple[FloatArray, FloatArray]:
-        """R_body_from_link (L, 3, 3) and t_link_body_m (L, 3) of the links of :meth:`link_poses`, in the
-        target's body axes. The target's own link has the identity there, to the bit."""
+    def world_poses(self) -> WorldPoses:
+        """Where the camera and every link are in axes that suit single precision."""
+        R_world_from_cam = self.R_cam_from_body.T
+        t_world_cam_m = np.zeros(3) if self.others else self.t_body_cam_m
         R_own, t_own_m = self.articulation.poses()
         R_cam_from_link, t_link_cam_m = self.link_poses()
         links = self.articulation.links
-        R = self.R_cam_from_body.T @ R_cam_from_link[links:]
-        t_m = (t_link_cam_m[links:] - self.t_body_cam_m) @ self.R_cam_from_body
-        return np.concatenate([R_own, R]), np.concatenate([t_own_m, t_m])
+        return WorldPoses(
+            self.R_cam_from_body,
+            t_world_cam_m,
+            np.concatenate([R_own, R_world_from_cam @ R_cam_from_link[links:]]),
+            (t_link_cam_m - t_world_cam_m) @ self.R_cam_from_body if self.others else t_own_m,
+        )
 
     def about(self, number: int) -> CraftState:
         """The same state with body ``number`` in the target's place; see

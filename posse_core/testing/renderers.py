@@ -1,4 +1,5 @@
-"""The conformance class for renderers: light, geometry and sky against closed forms, and behaviour."""
+"""The conformance class for renderers: light, geometry and sky against closed forms, bodies
+that move, and behaviour."""
 
 from __future__ import annotations
 
@@ -6,7 +7,10 @@ from posse_core.testing.geometry import GeometryConformance
 from posse_core.testing.light import LightConformance
 from posse_core.testing.manners import MannersConformance
 from posse_core.testing.sky import SkyConformance
+from posse_core.testing.worlds import WorldsConformance
 
 
-class RendererConformance(LightConformance, GeometryConformance, SkyConformance, MannersConformance):
+class RendererConformance(
+    LightConformance, GeometryConformance, WorldsConformance, SkyConformance, MannersConformance
+):
     """What every renderer must do; see :class:`posse_core.testing.stage.RendererStage`."""

@@ -24,6 +24,7 @@ from posse_core.testing import (
     ControllerConformance,
     JointLawConformance,
     NavigatorConformance,
+    RendererConformance,
     SensorConformance,
     scenes,
 )
@@ -75,8 +76,22 @@ def test_the_renderer_and_the_scene_render(load) -> None:
     renderer = load("posse_renderers").registry.create("renderer", "plain")
     renderer.open(Scene(craft, scenes.camera()))
     frame = scenes.frame(t_body_cam_m=(0, 0, 5), sun_direction_body=(0, 0, 1))
-    image = renderer.render(RenderRequest(frame.craft, PixelBox(1, 2, 3, 4), None, 0))
+    image = renderer.render(RenderRequest(frame.craft, PixelBox(46, 34, 3, 4), None, 0))
     np.testing.assert_array_equal(image.radiance_rgb, np.ones((4, 3, 3)))
+
+
+def test_the_renderer_draws_links_and_bodies_where_they_are(load) -> None:
+    registry = load("posse_renderers").registry
+
+    class Plain(RendererConformance):
+        iou_min = 0.92  # it fills whole pixels, those that an edge touches too
+
+        def renderer(self):
+            return registry.create("renderer", "plain")
+
+    Plain().test_silhouette_is_the_ray_casts()
+    Plain().test_joints_move_what_they_carry()
+    Plain().test_bodies_are_where_they_are()
 
 
 def test_the_attitude_law_conforms_and_swings(load) -> None:

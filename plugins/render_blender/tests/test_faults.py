@@ -175,7 +175,8 @@ def test_an_exception_in_the_worker_is_reported_and_survived(
 ) -> None:
     renderer = opened(plate())
     good = request()
-    bad = RenderRequest(replace(good.craft, t_body_cam_m=np.zeros(2)), good.box, None, seed=1)
+    bad_light = replace(good.craft, sun_irradiance_rgb_w_m2=np.ones(2))
+    bad = RenderRequest(bad_light, good.box, None, seed=1)
     with pytest.raises(ComponentError, match="rendering frame 0 failed: ValueError"):
         renderer.render(bad)
     assert renderer.render(request()).coverage.max() == 1.0

@@ -5,13 +5,12 @@ from __future__ import annotations
 import pytest
 
 from posse_core.testing import RendererConformance
-from posse_core.testing.worlds import WorldsConformance
 from posse_render_raster.options import RasterOptions
 from posse_render_raster.renderer import RasterRenderer
 
 
 @pytest.mark.usefixtures("opengl")
-class TestRaster(RendererConformance, WorldsConformance):
+class TestRaster(RendererConformance):
     capabilities = frozenset({"deterministic", "environment"})
     radiance_tolerance = 0.03
     edge_tolerance_px = 0.5

@@ -42,8 +42,7 @@ class Crooked(Renderer):
             camera.sensor_width_m,
         )
         self.camera = camera
-        materials = scene.spacecraft.materials
-        colours = [materials[part.material].base_color for part in scene.spacecraft.parts]
+        colours = [piece.material.base_color for piece in scene.pieces]
         self.colours = np.array([*colours, (0, 0, 0)])
         self.caster, self.fine = RayCaster(scene), RayCaster(replace(scene, camera=fine))
 
@@ -57,7 +56,7 @@ class Crooked(Renderer):
         shape = (self.camera.height_px, self.camera.width_px)
         radiance = np.zeros((shape[0] * FINE, shape[1] * FINE, 3))
         covered = np.zeros(radiance.shape[:2])
-        radiance[view.box.slices], covered[view.box.slices] = light, view.mask
+        radiance[view.box.slices], covered[view.box.slices] = light, view.hit
         radiance = radiance.reshape(shape[0], FINE, shape[1], FINE, 3).mean(axis=(1, 3))
         coverage = covered.reshape(shape[0], FINE, shape[1], FINE).mean(axis=(1, 3))
         depth = np.full(shape, np.nan, np.float32)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from posse_core import AnyArray, ComponentError, Radiance, Renderer, RenderRequest, Scene
+from posse_core import AnyArray, ComponentError, FloatArray, Radiance, Renderer, RenderRequest, Scene
 from posse_render_blender.child import Child
 from posse_render_blender.interpreter import find_interpreter
 from posse_render_blender.options import BlenderOptions
@@ -28,7 +28,7 @@ class BlenderRenderer(Renderer[BlenderOptions]):
     def __init__(self, options: BlenderOptions) -> None:
         super().__init__(options)
         self._child: Child | None = None
-        self._radius_m = 0.0
+        self._radii_m: FloatArray = np.zeros(0)
         self._described: dict[str, str] = {}
 
     def open(self, scene: Scene) -> None:
@@ -45,7 +45,7 @@ class BlenderRenderer(Renderer[BlenderOptions]):
         except BaseException:
             self.close()
             raise
-        self._radius_m = scene.spacecraft.radius_m
+        self._radii_m = scene.link_radii_m
         self._described = {
             "blender": self._child.blender_version,
             "interpreter": interpreter.path,
@@ -63,7 +63,7 @@ class BlenderRenderer(Renderer[BlenderOptions]):
         if self._child is None:
             raise ComponentError("blender: the renderer is not open")
         answer = self._child.ask(
-            frame_message(request, self._radius_m, self.options.adaptive_threshold),
+            frame_message(request, self._radii_m, self.options.adaptive_threshold),
             f"rendering frame {request.index}",
         )
         return Radiance(
@@ -115,51 +115,61 @@ class BlenderRenderer(Renderer[BlenderOptions]):
 def scene_message(scene: Scene, options: BlenderOptions) -> Message:
     """The request ``open``.
 
-    Its values are the options, the camera, and lists of materials and parts. Its arrays are named
-    ``part0.vertices_body_m``, ``material0.base_color_texture`` and so on, after the attributes of
+    Its values are the options, the camera, lists of materials and parts, and the list of pieces, each as
+    the index of its part and the number of its link. Pieces that are the same share a part. Its arrays
+    are named ``part0.vertices_m``, ``material0.base_color_texture`` and so on, after the attributes of
     :class:`~posse_core.Part` and :class:`~posse_core.Material`.
     """
-    craft, camera = scene.spacecraft, scene.camera
-    names = list(craft.materials)
+    camera = scene.camera
     arrays: dict[str, AnyArray] = {}
     materials: list[dict[str, Any]] = []
-    for i, material in enumerate(craft.materials.values()):
-        keys = ("name", "base_color", "metallic", "roughness", "specular")
-        materials.append({key: getattr(material, key) for key in keys})
-        for key in TEXTURES:
-            texture = getattr(material, key)
-            if texture is not None:
-                arrays[f"material{i}.{key}"] = texture
     parts: list[dict[str, Any]] = []
-    for i, part in enumerate(craft.parts):
-        parts.append({"name": part.name, "material": names.index(part.material)})
-        arrays[f"part{i}.vertices_body_m"] = part.vertices_body_m.astype(np.float32)
-        arrays[f"part{i}.faces"] = part.faces.astype(np.int32)
-        arrays[f"part{i}.normals_body"] = part.normals_body.astype(np.float32)
-        arrays[f"part{i}.uv"] = part.uv.astype(np.float32)
+    pieces: list[tuple[int, int]] = []
+    numbers: dict[tuple[int, ...], int] = {}
+    for piece in scene.pieces:
+        material, part = piece.material, piece.part
+        key = (id(material),)
+        if key not in numbers:
+            i = numbers[key] = len(materials)
+            names = ("name", "base_color", "metallic", "roughness", "specular")
+            materials.append({name: getattr(material, name) for name in names})
+            for name in TEXTURES:
+                texture = getattr(material, name)
+                if texture is not None:
+                    arrays[f"material{i}.{name}"] = texture
+        both = (id(material), id(part))
+        if both not in numbers:
+            i = numbers[both] = len(parts)
+            parts.append({"name": part.name, "material": numbers[key]})
+            arrays[f"part{i}.vertices_m"] = part.vertices_body_m.astype(np.float32)
+            arrays[f"part{i}.faces"] = part.faces.astype(np.int32)
+            arrays[f"part{i}.normals"] = part.normals_body.astype(np.float32)
+            arrays[f"part{i}.uv"] = part.uv.astype(np.float32)
+        pieces.append((numbers[both], piece.link))
     intrinsics = ("width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px")
     values = {
         **options.model_dump(exclude={"python", "executable", "adaptive_threshold"}),
         "camera": {key: getattr(camera, key) for key in intrinsics},
         "materials": materials,
         "parts": parts,
+        "pieces": pieces,
     }
     return Message("open", values, arrays)
 
 
-def frame_message(request: RenderRequest, radius_m: float, adaptive_threshold: float) -> Message:
-    """The request ``render``; ``radius_m`` is the radius of a sphere that contains the spacecraft.
+def frame_message(request: RenderRequest, radii_m: FloatArray, adaptive_threshold: float) -> Message:
+    """The request ``render``; ``radii_m`` are those of :attr:`posse_core.Scene.link_radii_m`.
 
     Cycles stops sampling a pixel of radiance L when the error of L, divided by √L, is below a threshold.
     This threshold has the unit of √L. The option's value is meant for a white plate of radiance 1, so it
     is multiplied by the square root of a white plate's radiance in the light of this frame.
     """
     craft, box = request.craft, request.box
-    nearest_m = craft.range_m - CLIP_RADII * radius_m
+    ranges_m = np.linalg.norm(craft.link_poses().t_link_cam_m, axis=1)[radii_m > 0]
+    reach_m = CLIP_RADII * radii_m[radii_m > 0]
     arrays: dict[str, AnyArray] = {
-        "R_cam_from_body": craft.R_cam_from_body,
-        "t_body_cam_m": craft.t_body_cam_m,
-        "sun_direction_body": craft.sun_direction_body,
+        **craft.world_poses()._asdict(),
+        "sun_direction_world": craft.sun_direction_body,
         "sun_irradiance_rgb_w_m2": craft.sun_irradiance_rgb_w_m2,
     }
     if request.environment is not None:
@@ -169,8 +179,8 @@ def frame_message(request: RenderRequest, radius_m: float, adaptive_threshold: f
         "seed": request.seed % 2**31,
         "adaptive_threshold": adaptive_threshold * math.sqrt(_white(request)),
         "sun_angular_radius_rad": craft.sun_angular_radius_rad,
-        # Half the nearest distance keeps the near plane in front of the spacecraft at any angle of view.
-        "clip_m": [max(1e-3, nearest_m / 2), craft.range_m + CLIP_RADII * radius_m],
+        # Half the nearest distance keeps the near plane in front of all bodies at any angle of view.
+        "clip_m": [max(1e-3, float((ranges_m - reach_m).min()) / 2), float((ranges_m + reach_m).max())],
     }
     return Message("render", values, arrays)
 

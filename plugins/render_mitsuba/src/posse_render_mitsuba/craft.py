@@ -1,4 +1,4 @@
-"""A spacecraft as Mitsuba meshes and materials. The variant must be set before this module is
+"""The bodies of a scene as Mitsuba meshes and materials. The variant must be set before this module is
 imported."""
 
 from __future__ import annotations
@@ -8,13 +8,43 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
-from posse_core import AnyArray, Float32Array, Material, Part, Spacecraft, linear_from_srgb
+from posse_core import AnyArray, Float32Array, Material, Part, Piece, Scene, linear_from_srgb
 
 
-def craft_shapes(craft: Spacecraft) -> dict[str, Any]:
-    """Scene entries of all parts; the world axes are the body axes."""
-    materials = {name: _bsdf(material) for name, material in craft.materials.items()}
-    return {f"part_{i}": _mesh(part, materials[part.material]) for i, part in enumerate(craft.parts)}
+def fixed_shapes(scene: Scene) -> dict[str, Any]:
+    """Scene entries of all parts where their vertices are."""
+    materials = _bsdfs(scene)
+    return {
+        f"part_{i}": _mesh(piece.part, materials[id(piece.material)])
+        for i, piece in enumerate(scene.pieces)
+    }
+
+
+def link_shapes(scene: Scene) -> dict[str, Any]:
+    """Scene entries of all links with parts: the instance ``link_0`` and so on, of a group of meshes.
+    Bodies that are the same spacecraft share the groups."""
+    materials = _bsdfs(scene)
+    links: dict[int, list[Piece]] = {}
+    for piece in scene.pieces:
+        links.setdefault(piece.link, []).append(piece)
+    entries: dict[str, Any] = {}
+    groups: dict[tuple[tuple[int, int], ...], str] = {}
+    for number, pieces in links.items():
+        key = tuple((id(piece.part), id(piece.material)) for piece in pieces)
+        if key not in groups:
+            groups[key] = f"group_{len(groups)}"
+            meshes = [_mesh(piece.part, materials[id(piece.material)]) for piece in pieces]
+            parts = {f"part_{i}": mesh for i, mesh in enumerate(meshes)}
+            entries[groups[key]] = {"type": "shapegroup", **parts}
+        reference = {"type": "ref", "id": groups[key]}
+        entries[f"link_{number}"] = {"type": "instance", "group": reference}
+    return entries
+
+
+def _bsdfs(scene: Scene) -> dict[int, Any]:
+    """The materials of all pieces, by identity."""
+    materials = {id(piece.material): piece.material for piece in scene.pieces}
+    return {key: _bsdf(material) for key, material in materials.items()}
 
 
 def _mesh(part: Part, bsdf: Any) -> Any:

@@ -20,22 +20,23 @@ from scipy.ndimage import maximum_filter
 
 from posse_core import (
     BoolArray,
-    Camera,
     CraftState,
     Float32Array,
     FloatArray,
     PixelBox,
     R_with_z,
     RenderRequest,
+    Scene,
     random_generator,
 )
 from posse_render_mitsuba.options import MitsubaOptions
 from posse_render_mitsuba.samples import MAX_ROUNDS_FACTOR, allot, mean_of_samples
 from posse_render_mitsuba.world import (
     MITSUBA_FROM_CAM,
+    Place,
     World,
     homogeneous,
-    near_plane_m,
+    is_one_link,
 )
 
 SAMPLES_PER_PASS = 16
@@ -58,23 +59,23 @@ class Passes:
     }
     """Scene entries that :meth:`draw` needs: the Sun as a directional light."""
 
-    def __init__(self, camera: Camera, radius_m: float, options: MitsubaOptions) -> None:
+    def __init__(self, scene: Scene, options: MitsubaOptions) -> None:
         import mitsuba as mi
 
-        self._camera = camera
-        self._radius_m = radius_m
+        self._camera = scene.camera
         self._sampler = options.sampler
         self._count = -(-options.spp // SAMPLES_PER_PASS)
         self._integrator = mi.load_dict(
             {
-                "type": "path",
+                # In the scalar variant, "path" with hidden emitters crashes at the first instance.
+                "type": "path" if is_one_link(scene) else "volpath",
                 "max_depth": options.max_depth,
                 "hide_emitters": True,
                 "block_size": BLOCK_PX,
             }
         )
 
-    def draw(self, world: World, request: RenderRequest) -> FloatArray:
+    def draw(self, world: World, place: Place, request: RenderRequest) -> FloatArray:
         """(h, w, 4) radiance in three bands, W m⁻² sr⁻¹, and coverage of the request's box."""
         craft, box = request.craft, request.box
         sun_w_m2 = float(craft.sun_irradiance_rgb_w_m2.sum())
@@ -82,13 +83,13 @@ class Passes:
             world.set({"sky.sampling_weight": 0.0 if sun_w_m2 > 0 else SKY_WEIGHT})
         random = random_generator(request.seed, request.index, "mitsuba")
         shift = random.uniform(size=2)
-        total = first = self._pass(world, request, 0, [box], shift, random)
+        total = first = self._pass(world, place, request, 0, [box], shift, random)
         tiles = _tiles(first[..., 3] > 0, box)
         passes = np.full(len(tiles), min(self._count, 2))
         index = 1
         while (more := passes > index).any():
             image = self._pass(
-                world, request, index, [tiles[i] for i in np.flatnonzero(more)], shift, random
+                world, place, request, index, [tiles[i] for i in np.flatnonzero(more)], shift, random
             )
             total = total + image
             if index == 1:
@@ -101,6 +102,7 @@ class Passes:
     def _pass(
         self,
         world: World,
+        place: Place,
         request: RenderRequest,
         index: int,
         tiles: Iterable[PixelBox],
@@ -128,7 +130,7 @@ class Passes:
             image = mi.render(
                 world.scene,
                 integrator=self._integrator,
-                sensor=self._sensor(craft, tile),
+                sensor=self._sensor(place, tile),
                 seed=mi.UInt32(int(random.integers(2**31))),
                 spp=SAMPLES_PER_PASS,
             )
@@ -137,14 +139,15 @@ class Passes:
             result[tile.within(box)] = np.where(finite, values, 0)
         return result
 
-    def _sensor(self, craft: CraftState, box: PixelBox) -> Any:
+    def _sensor(self, place: Place, box: PixelBox) -> Any:
         """A Mitsuba sensor whose film is the box."""
         import mitsuba as mi
 
         camera = self._camera
-        rotation = craft.R_cam_from_body.T
-        near_m, far_m = _clip_distances_m(float(craft.t_body_cam_m[2]), self._radius_m)
-        to_world: Float32Array = homogeneous(rotation @ MITSUBA_FROM_CAM, -rotation @ craft.t_body_cam_m)
+        rotation = place.poses.R_cam_from_world.T
+        to_world: Float32Array = homogeneous(
+            rotation @ MITSUBA_FROM_CAM, -rotation @ place.poses.t_world_cam_m
+        )
         return mi.load_dict(
             {
                 "type": "perspective",
@@ -152,8 +155,8 @@ class Passes:
                 "fov": float(np.degrees(2 * np.arctan(box.width / (2 * camera.fx_px)))),
                 "principal_point_offset_x": _offset(camera.cx_px - box.x0, box.width),
                 "principal_point_offset_y": _offset(camera.cy_px - box.y0, box.height),
-                "near_clip": near_m,
-                "far_clip": far_m,
+                "near_clip": place.near_m,
+                "far_clip": place.far_m,
                 "to_world": mi.ScalarTransform4f(to_world),
                 "sampler": {"type": self._sampler, "sample_count": SAMPLES_PER_PASS},
                 "film": {
@@ -212,8 +215,3 @@ def sun_direction_body(craft: CraftState, index: int, shift: FloatArray) -> Floa
 
 def _offset(principal_px: float, size_px: int) -> float:
     return -((principal_px + 0.5) / size_px - 0.5)
-
-
-def _clip_distances_m(z_m: float, radius_m: float) -> tuple[float, float]:
-    """Depths of planes in front of and behind a spacecraft whose origin is at planar depth ``z_m``."""
-    return near_plane_m(z_m, radius_m), max(z_m, 0.0) + 1.01 * radius_m

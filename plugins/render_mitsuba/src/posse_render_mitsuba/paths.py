@@ -16,7 +16,7 @@ import mitsuba as mi
 import numpy as np
 
 from posse_core import Camera, CraftState, R_with_z
-from posse_render_mitsuba.world import near_plane_m
+from posse_render_mitsuba.world import Place
 
 FAR_M = 1e4
 """Length of a shadow ray to the Sun."""
@@ -31,12 +31,12 @@ class Sun:
 
     Attributes:
         irradiance: on a plate that faces the Sun, W/m² in three bands.
-        R_body_from_sun: rotation whose third column points to the centre of the disc.
+        R_world_from_sun: rotation whose third column points to the centre of the disc.
         tangent: tangent of the disc's angular radius.
     """
 
     irradiance: mi.Color3f
-    R_body_from_sun: mi.Matrix3f
+    R_world_from_sun: mi.Matrix3f
     tangent: mi.Float
 
     @classmethod
@@ -51,37 +51,37 @@ class Sun:
         return sun
 
     def direction(self, sample: Any) -> Any:
-        """Unit vector, body axes, to a random point of the disc; ``sample`` is in the unit square."""
+        """Unit vector, world axes, to a random point of the disc; ``sample`` is in the unit square."""
         point = mi.warp.square_to_uniform_disk_concentric(sample) * self.tangent
-        return dr.normalize(self.R_body_from_sun @ mi.Vector3f(point.x, point.y, 1))
+        return dr.normalize(self.R_world_from_sun @ mi.Vector3f(point.x, point.y, 1))
 
 
 @dataclass
 class CameraRays:
-    """The camera rays of one frame, body axes. They start in the plane at the planar depth ``near``.
+    """The camera rays of one frame, world axes. They start in the plane at the planar depth ``near``.
 
     Attributes:
         centre: where the optical axis crosses the plane, m.
-        R_body_from_cam: rotation from camera to body axes.
+        R_world_from_cam: rotation from camera to world axes.
         near: planar depth of the plane, m.
         pixel: side of a pixel at depth 1.
     """
 
     centre: mi.Point3f
-    R_body_from_cam: mi.Matrix3f
+    R_world_from_cam: mi.Matrix3f
     near: mi.Float
     pixel: mi.Float
 
     @classmethod
-    def of(cls, craft: CraftState, camera: Camera, radius_m: float) -> CameraRays:
-        """The camera rays of a frame, as opaque values. The plane is just in front of the spacecraft, so
-        that single precision suffices at large ranges."""
-        R_body_from_cam = craft.R_cam_from_body.T
-        near_m = near_plane_m(float(craft.t_body_cam_m[2]), radius_m)
+    def of(cls, place: Place, camera: Camera) -> CameraRays:
+        """The camera rays of a frame, as opaque values. The plane is just in front of all links, so that
+        single precision suffices at large ranges."""
+        R_world_from_cam = place.poses.R_cam_from_world.T
+        centre_m = R_world_from_cam @ ([0.0, 0.0, place.near_m] - place.poses.t_world_cam_m)
         rays = cls(
-            mi.Point3f(*map(float, R_body_from_cam @ ([0.0, 0.0, near_m] - craft.t_body_cam_m))),
-            mi.Matrix3f(R_body_from_cam),
-            mi.Float(near_m),
+            mi.Point3f(*map(float, centre_m)),
+            mi.Matrix3f(R_world_from_cam),
+            mi.Float(place.near_m),
             mi.Float(1 / camera.fx_px),
         )
         dr.make_opaque(rays)
@@ -93,7 +93,7 @@ class CameraRays:
         across: Any = mi.Vector3f(x + sample.x * self.pixel, y + sample.y * self.pixel, 0)
         direction = dr.normalize(across + mi.Vector3f(0, 0, 1))
         return mi.Ray3f(
-            self.centre + self.R_body_from_cam @ (across * self.near), self.R_body_from_cam @ direction
+            self.centre + self.R_world_from_cam @ (across * self.near), self.R_world_from_cam @ direction
         )
 
 

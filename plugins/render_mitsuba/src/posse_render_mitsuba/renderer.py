@@ -14,7 +14,7 @@ from posse_render_mitsuba.options import MitsubaOptions
 from posse_render_mitsuba.passes import Passes
 from posse_render_mitsuba.variants import Choice, choose, load_library
 from posse_render_mitsuba.wavefront import Wavefront
-from posse_render_mitsuba.world import World
+from posse_render_mitsuba.world import Place, World
 
 DARKEST_W_M2_SR = 1e-20
 """A sky that is darker than this everywhere is left out: Mitsuba divides by the map's total light in
@@ -22,7 +22,7 @@ single precision, which would overflow."""
 
 
 class MitsubaRenderer(Renderer[MitsubaOptions]):
-    """Path tracing with Mitsuba 3, in body axes: see :mod:`posse_render_mitsuba.world`."""
+    """Path tracing with Mitsuba 3: see :mod:`posse_render_mitsuba.world`."""
 
     def __init__(self, options: MitsubaOptions) -> None:
         super().__init__(options)
@@ -44,7 +44,7 @@ class MitsubaRenderer(Renderer[MitsubaOptions]):
         self._scene = scene
         self._activate()
         painter = Passes if self._choice.variant == "scalar_rgb" else Wavefront
-        self._painter = painter(camera, scene.spacecraft.radius_m, self.options)
+        self._painter = painter(scene, self.options)
 
     def render(self, request: RenderRequest) -> Radiance:
         if self._scene is None or self._painter is None:
@@ -55,11 +55,13 @@ class MitsubaRenderer(Renderer[MitsubaOptions]):
         environment = request.environment
         kind = None if environment is None else environment.radiance_rgb.shape
         if kind not in self._worlds:
-            self._worlds[kind] = World(self._scene.spacecraft, self._painter.LAMPS, environment)
+            self._worlds[kind] = World(self._scene, self._painter.LAMPS, environment)
         world = self._worlds[kind]
+        place = Place.of(request.craft, self._scene.link_radii_m)
+        world.move(place.poses)
         if environment is not None:
-            world.set_environment(environment, request.craft)
-        image = self._painter.draw(world, request)
+            world.set_environment(environment, place.poses)
+        image = self._painter.draw(world, place, request)
         if not np.isfinite(image).all():
             raise ComponentError(
                 f"mitsuba: frame {request.index} has radiance that is not finite, probably because of a"

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from posse_core import Camera, FloatArray, RenderRequest, random_generator
+from posse_core import FloatArray, RenderRequest, Scene, random_generator
 from posse_render_mitsuba.options import MitsubaOptions
 from posse_render_mitsuba.samples import further_rounds, mean_of_samples
-from posse_render_mitsuba.world import World
+from posse_render_mitsuba.world import Place, World
 
 ROUND_SPP = 32
 SAMPLES_PER_CALL = 1 << 20
@@ -34,14 +34,13 @@ class Wavefront:
     LAMPS: Mapping[str, Any] = {}
     """Empty: the Sun is not an emitter of the scene, see :mod:`posse_render_mitsuba.paths`."""
 
-    def __init__(self, camera: Camera, radius_m: float, options: MitsubaOptions) -> None:
+    def __init__(self, scene: Scene, options: MitsubaOptions) -> None:
         import drjit as dr
         import mitsuba as mi
 
         from posse_render_mitsuba.paths import sample_pixels
 
-        self._camera = camera
-        self._radius_m = radius_m
+        self._camera = scene.camera
         # When the samples per pixel allow more than one round, those after the first go to noisy pixels.
         self._rounds = max(1.0, options.spp / ROUND_SPP)
         spp = min(options.spp, ROUND_SPP)
@@ -54,7 +53,7 @@ class Wavefront:
         # often with small boxes.
         self._sample_pixels = dr.freeze(sample_pixels, limit=MAX_KERNELS, warn_after=NEVER)
 
-    def draw(self, world: World, request: RenderRequest) -> FloatArray:
+    def draw(self, world: World, place: Place, request: RenderRequest) -> FloatArray:
         """(h, w, 4) radiance in three bands, W m⁻² sr⁻¹, and coverage of the request's box."""
         import drjit as dr
         import mitsuba as mi
@@ -68,7 +67,7 @@ class Wavefront:
         sample_pixels = partial(
             self._sample_pixels,
             world.scene,
-            CameraRays.of(craft, self._camera, self._radius_m),
+            CameraRays.of(place, self._camera),
             Sun.of(craft),
             dr.opaque(mi.Float, white),
             self._max_depth,

@@ -1,20 +1,54 @@
 """The Mitsuba scene, which is kept from frame to frame, and the parameters that each frame sets.
 
-Mitsuba's world axes are the body axes, so only the camera, the Sun and the sky move between frames and
-nothing is compiled again.
+Mitsuba's world axes are those of :class:`posse_core.WorldPoses`, so for a rigid target only the camera,
+the Sun and the sky move between frames. Where there are joints or other bodies, each link is an instance
+whose transform is set. Nothing is loaded or compiled again.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from posse_core import CraftState, EnvironmentMap, Float32Array, FloatArray, Spacecraft
+from posse_core import CraftState, EnvironmentMap, Float32Array, FloatArray, Scene, WorldPoses
 
 MITSUBA_FROM_CAM: FloatArray = np.diag([-1.0, -1.0, 1.0])
 """Rotates OpenCV camera axes to Mitsuba's (x left, y up, z forward); it is its own inverse."""
+
+
+def is_one_link(scene: Scene) -> bool:
+    """Whether nothing in the scene moves on its own."""
+    return len(scene.link_radii_m) == 1
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where the camera and the links are in one frame.
+
+    Attributes:
+        poses: of the camera and the links, in the world's axes.
+        near_m, far_m: planar depth of planes in front of and behind all links that may be in view; the
+            first is in front of the camera.
+    """
+
+    poses: WorldPoses
+    near_m: float
+    far_m: float
+
+    @classmethod
+    def of(cls, craft: CraftState, radii_m: FloatArray) -> Place:
+        """The places of a frame; ``radii_m`` are those of the links, see
+        :attr:`posse_core.Scene.link_radii_m`."""
+        z_m = craft.link_poses().t_link_cam_m[:, 2]
+        seen = (radii_m > 0) & (z_m + 1.01 * radii_m > 0)
+        if not seen.any():
+            seen[:] = True
+        near_m = np.maximum(z_m - 1.01 * radii_m, 1e-3 * radii_m)
+        far_m = np.maximum(z_m, 0.0) + 1.01 * radii_m
+        return cls(craft.world_poses(), float(near_m[seen].min()), float(far_m[seen].max()))
 
 
 class World:
@@ -26,17 +60,32 @@ class World:
     """
 
     def __init__(
-        self, craft: Spacecraft, lamps: Mapping[str, Any], environment: EnvironmentMap | None
+        self, scene: Scene, lamps: Mapping[str, Any], environment: EnvironmentMap | None
     ) -> None:
         import mitsuba as mi
 
-        from posse_render_mitsuba.craft import craft_shapes
+        from posse_render_mitsuba.craft import fixed_shapes, link_shapes
 
-        entries: dict[str, Any] = {"type": "scene", **lamps, **craft_shapes(craft)}
+        shapes = fixed_shapes(scene) if is_one_link(scene) else link_shapes(scene)
+        entries: dict[str, Any] = {"type": "scene", **lamps, **shapes}
         if environment is not None:
             entries["sky"] = {"type": "envmap", "bitmap": mi.Bitmap(environment.radiance_rgb.copy())}
         self.scene = mi.load_dict(entries)
         self._parameters = mi.traverse(self.scene)
+        self._links = [i for i in range(len(scene.link_radii_m)) if f"link_{i}" in shapes]
+
+    def move(self, poses: WorldPoses) -> None:
+        """Put the links in their places."""
+        import mitsuba as mi
+
+        transforms = {
+            f"link_{i}.to_world": mi.Transform4f(
+                homogeneous(poses.R_world_from_link[i], poses.t_link_world_m[i])
+            )
+            for i in self._links
+        }
+        if transforms:
+            self.set(transforms)
 
     def set(self, values: Mapping[str, Any]) -> None:
         """Set parameters of the scene as opaque values; Dr.Jit would compile constants into the
@@ -48,7 +97,7 @@ class World:
             self._parameters[name] = value
         self._parameters.update()
 
-    def set_environment(self, environment: EnvironmentMap, craft: CraftState) -> None:
+    def set_environment(self, environment: EnvironmentMap, poses: WorldPoses) -> None:
         """Set the sky of a frame.
 
         Mitsuba stores each row padded for wrap-around: its last column is repeated at the beginning and
@@ -58,19 +107,13 @@ class World:
 
         rows = environment.radiance_rgb
         padded = np.concatenate([rows[:, -1:], rows, rows[:, :1]], axis=1)
-        rotation = craft.R_cam_from_body.T @ MITSUBA_FROM_CAM
+        rotation = poses.R_cam_from_world.T @ MITSUBA_FROM_CAM
         self.set(
             {
                 "sky.data": mi.TensorXf(np.ascontiguousarray(padded, dtype=np.float32)),
                 "sky.to_world": mi.Transform4f(homogeneous(rotation, np.zeros(3))),
             }
         )
-
-
-def near_plane_m(z_m: float, radius_m: float) -> float:
-    """Planar depth of a plane just in front of a spacecraft whose origin is at planar depth ``z_m``; at
-    least a thousandth of the radius, so that the plane is in front of the camera."""
-    return max(z_m - 1.01 * radius_m, 1e-3 * radius_m)
 
 
 def homogeneous(rotation: FloatArray, translation: FloatArray) -> Float32Array:

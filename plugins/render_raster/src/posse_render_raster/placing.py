@@ -65,15 +65,15 @@ class Shade:
     widest_m: float
 
 
-def shades(links: Sequence[Link], craft: CraftState, poses: LinkPoses) -> list[Shade]:
+def shades(links: Sequence[Link], craft: CraftState) -> list[Shade]:
     """The shadow maps of the bodies, in their order."""
     axes = (R_with_z(craft.sun_direction_body) * [1.0, 1.0, -1.0]).T
-    R_body_from_link, t_link_body_m = craft.link_poses_body()
-    cam_from_body = _homogeneous(craft.R_cam_from_body, craft.t_body_cam_m)
-    from_link = [_homogeneous(R_body_from_link[e.number], t_link_body_m[e.number]) for e in links]
+    R_cam_from_world, t_world_cam_m, R_world_from_link, t_link_world_m = craft.world_poses()
+    world_from_cam = np.linalg.inv(_homogeneous(R_cam_from_world, t_world_cam_m))
+    from_link = [_homogeneous(R_world_from_link[e.number], t_link_world_m[e.number]) for e in links]
     along = [
-        (axes @ R_body_from_link[each.number]) @ each.vertices_m
-        + (axes @ t_link_body_m[each.number])[:, None]
+        (axes @ R_world_from_link[each.number]) @ each.vertices_m
+        + (axes @ t_link_world_m[each.number])[:, None]
         for each in links
     ]
     low, high = (np.array([ends(x, axis=1) for x in along]) for ends in (np.min, np.max))
@@ -84,18 +84,18 @@ def shades(links: Sequence[Link], craft: CraftState, poses: LinkPoses) -> list[S
         radius_m = max(each.radius_m for each in links if each.body == body)
         # The margin keeps the border texels empty, so that there is no shadow outside the map.
         half_m = np.maximum((most - least) / 2, 1e-6) * SPHERE_RADII + 1e-3 * radius_m
-        shadow_from_body = np.eye(4)
-        shadow_from_body[:3, :3] = axes / half_m[:, None]
-        shadow_from_body[:3, 3] = -(least + most) / 2 / half_m
+        shadow_from_world = np.eye(4)
+        shadow_from_world[:3, :3] = axes / half_m[:, None]
+        shadow_from_world[:3, 3] = -(least + most) / 2 / half_m
         beside = (high[:, :2] >= least[:2]) & (low[:, :2] <= most[:2])
         casts = beside.all(axis=1) & (low[:, 2] <= most[2])
         out.append(
             Shade(
-                shadow_from_cam=shadow_from_body @ np.linalg.inv(cam_from_body),
+                shadow_from_cam=shadow_from_world @ world_from_cam,
                 casters=[
-                    (links[k], shadow_from_body @ from_link[k]) for k in np.flatnonzero(casts).tolist()
+                    (links[k], shadow_from_world @ from_link[k]) for k in np.flatnonzero(casts).tolist()
                 ],
-                widest_m=float(2 / np.linalg.norm(shadow_from_body[:2, :3], axis=1).min()),
+                widest_m=float(2 / np.linalg.norm(shadow_from_world[:2, :3], axis=1).min()),
             )
         )
     return out

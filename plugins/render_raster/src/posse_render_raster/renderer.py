@@ -158,9 +158,7 @@ class RasterRenderer(Renderer[RasterOptions]):
         """Draw the shadow maps, and set the uniforms and textures that all tiles of a frame share."""
         craft, radiance = request.craft, stage.craft.radiance
         poses = craft.link_poses()
-        drawing = _Drawing(
-            poses, shades(stage.craft.links, craft, poses), layers(stage.craft.links, poses)
-        )
+        drawing = _Drawing(poses, shades(stage.craft.links, craft), layers(stage.craft.links, poses))
         stage.context.enable_only(moderngl.DEPTH_TEST)
         stage.context.enable_direct(GL_DEPTH_CLAMP)
         for shade, shadow in zip(drawing.shades, stage.shadows, strict=True):

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A spacecraft in Blender: built once, updated for each frame and rendered by Cycles into float arrays.
+"""The bodies of a scene in Blender: built once, updated for each frame and rendered by Cycles into float
+arrays.
 
-Blender's world axes are the body axes, so only the camera, the Sun and the sky move between frames.
+Blender's world axes are those of ``posse_core.WorldPoses``, so for a rigid target only the camera, the
+Sun and the sky move between frames. Where there are joints or other bodies, objects get new matrices.
 """
 
 from __future__ import annotations
@@ -93,10 +95,16 @@ class CyclesScene:
             _material(material, arrays, f"material{i}.")
             for i, material in enumerate(values["materials"])
         ]
+        meshes = []
         for i, part in enumerate(values["parts"]):
             mesh = _mesh(part["name"], arrays, f"part{i}.")
             mesh.materials.append(materials[part["material"]])
-            self._scene.collection.objects.link(bpy.data.objects.new(part["name"], mesh))
+            meshes.append(mesh)
+        self._pieces: list[tuple[bpy.types.Object, int]] = []
+        for i, link in values["pieces"]:
+            piece = bpy.data.objects.new(meshes[i].name, meshes[i])
+            self._scene.collection.objects.link(piece)
+            self._pieces.append((piece, link))
 
     def render(self, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Render the frame of the message ``render``.
@@ -104,14 +112,15 @@ class CyclesScene:
         Returns:
             Of the message's box: ``radiance_rgb`` (h, w, 3), ``coverage`` (h, w) and ``depth_m`` (h, w).
         """
-        R_cam_from_body = arrays["R_cam_from_body"]
+        R_cam_from_world = arrays["R_cam_from_world"]
         camera_from_world = np.eye(4)
-        camera_from_world[:3, :3] = BLENDER_FROM_CV @ R_cam_from_body
-        camera_from_world[:3, 3] = BLENDER_FROM_CV @ arrays["t_body_cam_m"]
+        camera_from_world[:3, :3] = BLENDER_FROM_CV @ R_cam_from_world
+        camera_from_world[:3, 3] = BLENDER_FROM_CV @ arrays["t_world_cam_m"]
         self._camera.matrix_world = Matrix(np.linalg.inv(camera_from_world).tolist())
         self._camera.data.clip_start, self._camera.data.clip_end = values["clip_m"]
-        self._point_sun(arrays["sun_direction_body"], arrays["sun_irradiance_rgb_w_m2"], values)
-        self._set_sky(arrays.get("environment"), R_cam_from_body)
+        self._move(arrays["R_world_from_link"], arrays["t_link_world_m"])
+        self._point_sun(arrays["sun_direction_world"], arrays["sun_irradiance_rgb_w_m2"], values)
+        self._set_sky(arrays.get("environment"), R_cam_from_world)
         self._crop(*values["box"])
         settings = self._scene.cycles
         settings.seed = values["seed"]
@@ -129,6 +138,14 @@ class CyclesScene:
             "coverage": combined[..., 3],
             "depth_m": np.where(depth_m < BACKGROUND_DEPTH_M, depth_m, np.float32(np.nan)),
         }
+
+    def _move(self, R_world_from_link: np.ndarray, t_link_world_m: np.ndarray) -> None:
+        """Put the pieces where their links are. A rigid target stays where it is built."""
+        if len(t_link_world_m) == 1:
+            return
+        for piece, link in self._pieces:
+            turn = Matrix(R_world_from_link[link].tolist()).to_4x4()
+            piece.matrix_world = Matrix.Translation(t_link_world_m[link]) @ turn
 
     def _set_up_cycles(self, values: dict[str, Any]) -> None:
         render, settings = self._scene.render, self._scene.cycles
@@ -180,16 +197,16 @@ class CyclesScene:
         return sun
 
     def _point_sun(
-        self, direction_body: np.ndarray, irradiance: np.ndarray, values: dict[str, Any]
+        self, direction_world: np.ndarray, irradiance: np.ndarray, values: dict[str, Any]
     ) -> None:
         strongest = float(irradiance.max())
         self._sun.data.energy = strongest  # W/m² on a plate that faces it
         self._sun.data.color = irradiance / strongest if strongest > 0 else (1.0, 1.0, 1.0)
         self._sun.data.angle = 2 * values["sun_angular_radius_rad"]
         self._sun.rotation_mode = "QUATERNION"
-        self._sun.rotation_quaternion = Vector(direction_body).to_track_quat("Z", "Y")
+        self._sun.rotation_quaternion = Vector(direction_world).to_track_quat("Z", "Y")
 
-    def _set_sky(self, radiance_rgb: np.ndarray | None, R_cam_from_body: np.ndarray) -> None:
+    def _set_sky(self, radiance_rgb: np.ndarray | None, R_cam_from_world: np.ndarray) -> None:
         if radiance_rgb is None:
             self._scene.world = self._dark
             return
@@ -202,7 +219,7 @@ class CyclesScene:
         nodes["Environment Texture"].image = _image("sky", radiance_rgb, "Non-Color")
         if old is not None:
             bpy.data.images.remove(old)
-        turn = Matrix((ENVIRONMENT_FROM_CAM @ R_cam_from_body).tolist())
+        turn = Matrix((ENVIRONMENT_FROM_CAM @ R_cam_from_world).tolist())
         # Size of the table for importance sampling of the sky; the automatic size costs 3 CPU-s per
         # frame.
         self._sky.cycles.sampling_method = "MANUAL"
@@ -223,7 +240,7 @@ class CyclesScene:
 
 
 def _mesh(name: str, arrays: dict[str, np.ndarray], prefix: str) -> bpy.types.Mesh:
-    vertices, faces = arrays[prefix + "vertices_body_m"], arrays[prefix + "faces"]
+    vertices, faces = arrays[prefix + "vertices_m"], arrays[prefix + "faces"]
     mesh = bpy.data.meshes.new(name)
     mesh.vertices.add(len(vertices))
     mesh.vertices.foreach_set("co", vertices.ravel())
@@ -238,7 +255,7 @@ def _mesh(name: str, arrays: dict[str, np.ndarray], prefix: str) -> bpy.types.Me
     mesh.loops.foreach_get("vertex_index", corners)
     uv = np.ascontiguousarray(arrays[prefix + "uv"][corners])
     mesh.uv_layers.new(name="uv").data.foreach_set("uv", uv.ravel())
-    mesh.normals_split_custom_set_from_vertices(arrays[prefix + "normals_body"])
+    mesh.normals_split_custom_set_from_vertices(arrays[prefix + "normals"])
     return mesh
 
 

@@ -20,7 +20,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-PROTOCOL = 2
+PROTOCOL = 3
 """Version of the messages, which must be the same at both ends."""
 
 MAGIC = b"POSSEBL" + bytes([PROTOCOL])

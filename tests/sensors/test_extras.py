@@ -15,6 +15,7 @@ from posse_core._scenario.load import load_scenario
     [
         ("lidar", {"formats": ["las"]}, "laspy"),
         ("lidar", {"formats": ["ply", "pcd"]}, "pypcd4"),
+        ("radiance", {"formats": ["exr"]}, "OpenEXR"),
         ("events", {"formats": ["h5"]}, "h5py"),
         ("events", {"formats": ["aedat4"]}, "dv_processing"),
     ],

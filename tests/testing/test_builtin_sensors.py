@@ -25,7 +25,7 @@ class TestRadiance(SensorConformance):
 
 class TestHalfRadiance(SensorConformance):
     def sensor(self):
-        keys = {"dtype": "float16"}
+        keys = {"dtype": "float16", "formats": ["exr"]}
         return REGISTRY.create("sensor", "radiance", REGISTRY.options("sensor", "radiance", keys))
 
 

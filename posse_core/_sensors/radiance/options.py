@@ -17,3 +17,6 @@ class RadianceOptions(Options):
         description="of the array; float16 takes half the space, has three digits, and ends at 65504"
         " W m⁻² sr⁻¹, which only the Sun's disc exceeds",
     )
+    formats: tuple[Literal["exr"], ...] = Field(
+        (), description="files of the same numbers, beside the array: exr or none"
+    )

@@ -9,6 +9,7 @@ import numpy as np
 from posse_core._interfaces.look import SensorLook
 from posse_core._interfaces.sensor import Sensor, SensorSetting, StoredReading
 from posse_core._model.reading import Reading
+from posse_core._sensors.radiance.exr import exr, library
 from posse_core._sensors.radiance.options import RadianceOptions
 
 ARRAY = "radiance_rgb"
@@ -24,6 +25,8 @@ class RadianceSensor(Sensor[RadianceOptions]):
 
     def open(self, setting: SensorSetting) -> None:
         self.camera = setting.scene.camera
+        if self.options.formats:
+            library()
 
     def sense(self, look: SensorLook) -> Reading:
         light = look.image_light
@@ -31,7 +34,9 @@ class RadianceSensor(Sensor[RadianceOptions]):
             light = look.light()
         dtype = np.dtype(self.options.dtype)
         most = np.float32(np.finfo(dtype).max)
-        return Reading(arrays={ARRAY: np.minimum(light.radiance_rgb(), most).astype(dtype)})
+        radiance = np.minimum(light.radiance_rgb(), most).astype(dtype)
+        files = {".exr": exr(radiance)} if self.options.formats else {}
+        return Reading(arrays={ARRAY: radiance}, files=files)
 
     def faults(self, stored: StoredReading) -> Iterator[str]:
         if [*stored.reading.arrays] != [ARRAY]:

@@ -21,19 +21,20 @@ from posse_core._randomness import random_generator
 @click.command()
 @click.argument("first", type=int)
 @click.argument("count", type=int)
-def main(first: int, count: int) -> None:
+@click.option("--damage", is_flag=True, help="Damage every craft.")
+def main(first: int, count: int, damage: bool) -> None:
     """Make and validate the datasets of COUNT craft from the seed FIRST on."""
     start_s, sound = time.perf_counter(), 0
     with tempfile.TemporaryDirectory() as folder:
         for seed in range(first, first + count):
-            faults = faults_of(seed, Path(folder) / str(seed))
+            faults = faults_of(seed, Path(folder) / str(seed), damage)
             sound += not faults
             for fault in faults:
                 click.echo(f"seed {seed}: {fault}")
     click.echo(f"{sound} of {count} without a fault, {time.perf_counter() - start_s:.0f} s")
 
 
-def faults_of(seed: int, folder: Path) -> list[str]:
+def faults_of(seed: int, folder: Path, damage: bool) -> list[str]:
     """The faults that validation finds in a dataset of the seed."""
     rng = random_generator(seed, -1, "place")
     direction = rng.standard_normal(3)
@@ -48,6 +49,8 @@ def faults_of(seed: int, folder: Path) -> list[str]:
         "annotators": ["albedo", "box", "depth", "keypoints", "mask", "normals", "parts", "pose"],
         "seed": seed,
     }
+    if damage:
+        changes["damage"] = {"missing_parts": 2, "torn_parts": 3, "bent_parts": 2}
     dataset = posse_core.run("aqua", folder, overrides=changes)
     report = validate(dataset, lambda positions, _: positions)
     return [f"{result.name}: {fault.message}" for result in report.results for fault in result.faults]

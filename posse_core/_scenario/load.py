@@ -114,8 +114,9 @@ def parse_override(text: str) -> tuple[str, Any]:
 def dump_scenario(scenario: Scenario) -> str:
     """YAML of the whole scenario with its defaults. Loading it gives the same scenario."""
     keys = scenario.model_dump(mode="json")
-    if scenario.flight is None:
-        del keys["flight"]
+    for key in ("damage", "flight"):
+        if keys[key] is None:
+            del keys[key]
     for key in ("joints", "bodies", "sensors"):
         if not keys[key]:
             del keys[key]

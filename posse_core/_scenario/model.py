@@ -17,6 +17,7 @@ from posse_core._scenario.attitude import AttitudeConfig
 from posse_core._scenario.bodies import MOST_BODIES, BodyConfig
 from posse_core._scenario.camera import CameraConfig
 from posse_core._scenario.component import ComponentChoice, TargetChoice
+from posse_core._scenario.damage import DamageConfig
 from posse_core._scenario.flight import FlightConfig
 from posse_core._scenario.joints import JointLawChoice
 from posse_core._scenario.orbit import OrbitConfig, RelativeConfig
@@ -122,6 +123,7 @@ class Scenario(Options):
         description="the spacecraft: {name: aqua}, {mesh: model.glb, scale_m_per_unit: 0.0385,"
         ' body_axes: "x y z"} or {package: folder}'
     )
+    damage: DamageConfig | None = Field(None, description="random damage to the target")
     orbit: OrbitConfig = Field(description="the target's orbit: one of tle, elements, state_eci")
     relative: RelativeConfig = Field(
         RelativeConfig(roe_m=(0.0, 0.0, 20.0, 0.0, 20.0, 0.0)),

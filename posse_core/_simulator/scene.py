@@ -9,11 +9,13 @@ from posse_core._plugins.registry import Registry
 from posse_core._scenario.component import TargetChoice, create
 from posse_core._scenario.model import Scenario
 from posse_core._simulator.returned import built
+from posse_core._spacecraft.damage import damaged
 from posse_core._trajectory.joints import with_laws
 
 
 def scene_of(scenario: Scenario, registry: Registry) -> Scene:
-    """Build the spacecraft of a scenario, with those of its joints that laws move.
+    """Build the spacecraft of a scenario, damaged where it says so, with those of its joints that laws
+    move.
 
     Raises:
         InputError: a file that the scenario names cannot be used, or a law is given for a joint that
@@ -33,7 +35,9 @@ def scene_of(scenario: Scenario, registry: Registry) -> Scene:
         known.append((choice, made))
         return made
 
-    target = with_laws(spacecraft(scenario.target, ""), scenario.joints)
+    target = spacecraft(scenario.target, "")
+    if scenario.damage is not None:
+        target = damaged(target, scenario.damage, scenario.seed)
     others = tuple(
         Body(
             member,
@@ -46,4 +50,4 @@ def scene_of(scenario: Scenario, registry: Registry) -> Scene:
         for name, config in scenario.bodies.items()
         for member, choice in config.members(name)
     )
-    return Scene(target, scenario.camera.camera(), others)
+    return Scene(with_laws(target, scenario.joints), scenario.camera.camera(), others)

@@ -97,6 +97,35 @@ class Pixels:
 
 
 @dataclass(frozen=True)
+class _Hits:
+    """N rays that hit a solid.
+
+    Attributes:
+        number: of the solid.
+        pixel: (N,) index of each ray's pixel in the box, row by row.
+        triangle: (N,) index of the triangle.
+        z_m: (N,) planar depth.
+        directions: (3, N) of the rays, axes of the solid.
+    """
+
+    number: int
+    pixel: IntArray
+    triangle: IntArray
+    z_m: FloatArray
+    directions: FloatArray
+
+    def chosen(self, rays: IntArray) -> _Hits:
+        """Some of them, by their indices."""
+        return _Hits(
+            self.number,
+            self.pixel[rays],
+            self.triangle[rays],
+            self.z_m[rays],
+            np.take(self.directions, rays, axis=1),
+        )
+
+
+@dataclass(frozen=True)
 class InstantCaster:
     """Casts rays from the camera at one instant.
 
@@ -113,48 +142,53 @@ class InstantCaster:
     def pixels(self, box: PixelBox, bodies: int) -> Pixels:
         """What the pixels of a box show, of a scene with a number of bodies."""
         pixels = Pixels.empty((box.height, box.width), bodies)
-        for rows in _row_blocks(box.height, box.width):
-            block = PixelBox(box.x0, box.y0 + rows.start, box.width, rows.stop - rows.start)
-            self._fill(pixels, rows, block)
+        if len(self.solids) == 1:
+            for hits in self._hits(0, box):
+                pixels.covered_px[self.solids[0].placed.solid.body] += len(hits.pixel)
+                self._shade(pixels, hits)
+            return pixels
+        every = [hits for number in range(len(self.solids)) for hits in self._hits(number, box)]
+        size = box.height * box.width
+        nearest_m, owner = np.full(size, np.inf), np.full(size, -1)
+        covered = np.zeros((bodies, size), dtype=np.bool_)
+        for hits in every:
+            covered[self.solids[hits.number].placed.solid.body, hits.pixel] = True
+            nearer = hits.z_m < nearest_m[hits.pixel]
+            pixel = hits.pixel[nearer]
+            nearest_m[pixel], owner[pixel] = hits.z_m[nearer], hits.number
+        pixels.covered_px[:] = covered.sum(axis=1)
+        for hits in every:
+            self._shade(pixels, hits.chosen(np.flatnonzero(owner[hits.pixel] == hits.number)))
         return pixels
 
-    def _fill(self, pixels: Pixels, rows: slice, block: PixelBox) -> None:
-        """Cast the rays of a block of rows, which are ``rows`` of the pixels."""
-        u_px = np.arange(block.x0, block.x0 + block.width, dtype=np.float64)
-        v_px = block.y0 + np.arange(block.height, dtype=np.float64)
-        size = block.height * block.width
-        nearest_m, owner = np.full(size, np.inf), np.full(size, -1)
-        covered = np.zeros((len(pixels.covered_px), size), dtype=np.bool_)
-        casts = []
-        for number, solid in enumerate(self.solids):
-            own = _common(solid.box, block)
-            if own.is_empty:
-                continue
-            across = slice(own.x0 - block.x0, own.x0 - block.x0 + own.width)
-            down = slice(own.y0 - block.y0, own.y0 - block.y0 + own.height)
-            ray = np.arange(size).reshape(block.height, block.width)[down, across].reshape(-1)
-            directions = self.directions(solid.placed, u_px[across], v_px[down]).reshape(3, -1)
+    def _hits(self, number: int, box: PixelBox) -> Iterator[_Hits]:
+        """Where the rays of a box hit a solid, whatever is in front of it, some rows at a time."""
+        solid = self.solids[number]
+        own = _common(solid.box, box)
+        u_px = np.arange(own.x0, own.x0 + own.width, dtype=np.float64)
+        for rows in _row_blocks(own.height, own.width):
+            v_px = own.y0 + np.arange(rows.start, rows.stop, dtype=np.float64)
+            directions = self.directions(solid.placed, u_px, v_px).reshape(3, -1)
             triangle, z_m = solid.first(directions)
-            covered[solid.placed.solid.body, ray] |= triangle >= 0
-            nearer = z_m < nearest_m[ray]
-            nearest_m[ray[nearer]], owner[ray[nearer]] = z_m[nearer], number
-            casts.append((number, ray, directions, triangle, z_m))
-        pixels.covered_px[:] += covered.sum(axis=1)
-        for number, ray, directions, triangle, z_m in casts:
-            first = np.flatnonzero(owner[ray] == number)
-            solid, mine, hit = self.solids[number], ray[first], triangle[first]
-            pixels.part_id[rows].reshape(-1)[mine] = np.take(solid.placed.solid.part_id, hit)
-            pixels.triangle[rows].reshape(-1)[mine] = np.take(solid.placed.solid.face, hit)
-            pixels.depth_m[rows].reshape(-1)[mine] = z_m[first]
-            pixels.normal_cam[rows].reshape(-1, 3)[mine] = np.take(solid.normals_cam, hit, axis=0)
-            bright = np.flatnonzero(np.take(solid.sunny, hit))
-            chosen = first[bright]
-            point_m = solid.camera_m[:, None] + z_m[chosen] * np.take(directions, chosen, axis=1)
-            normal = np.take(solid.normal, hit[bright], axis=1)
-            placed = [each.placed for each in self.solids]
-            sun = self.craft.sun_direction_cam[:, None]
-            dark = shadowed(placed, number, point_m, normal, sun)
-            pixels.lit[rows].reshape(-1)[mine[bright]] = ~dark
+            hit = np.flatnonzero(triangle >= 0)
+            row, column = np.divmod(hit, own.width)
+            pixel = (row + rows.start + own.y0 - box.y0) * box.width + column + own.x0 - box.x0
+            yield _Hits(number, pixel, triangle[hit], z_m[hit], np.take(directions, hit, axis=1))
+
+    def _shade(self, pixels: Pixels, hits: _Hits) -> None:
+        """Enter what pixels show where the rays hit a solid, and whether it is lit."""
+        solid, triangle = self.solids[hits.number], hits.triangle
+        pixels.part_id.reshape(-1)[hits.pixel] = np.take(solid.placed.solid.part_id, triangle)
+        pixels.triangle.reshape(-1)[hits.pixel] = np.take(solid.placed.solid.face, triangle)
+        pixels.depth_m.reshape(-1)[hits.pixel] = hits.z_m
+        pixels.normal_cam.reshape(-1, 3)[hits.pixel] = np.take(solid.normals_cam, triangle, axis=0)
+        bright = hits.chosen(np.flatnonzero(np.take(solid.sunny, triangle)))
+        point_m = solid.camera_m[:, None] + bright.z_m * bright.directions
+        normal = np.take(solid.normal, bright.triangle, axis=1)
+        placed = [each.placed for each in self.solids]
+        sun = self.craft.sun_direction_cam[:, None]
+        dark = shadowed(placed, hits.number, point_m, normal, sun)
+        pixels.lit.reshape(-1)[bright.pixel] = ~dark
 
     def directions(self, placed: Placed, u_px: FloatArray, v_px: FloatArray) -> FloatArray:
         """Ray directions through a grid of pixels: columns (w,) and rows (h,) → (3, h, w) in the axes of

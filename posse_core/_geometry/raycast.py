@@ -62,8 +62,9 @@ class RayCaster:
 
     def views(self, craft: CraftState) -> tuple[View, ...]:
         """The same for each body in the target's place, as :meth:`posse_core.Scene.about` numbers
-        parts."""
+        parts. The box of the first holds all bodies, that of another the body itself."""
         camera, bodies = self._camera, self._scene.bodies
+        _check_links(self._scene, craft)
         poses = craft.link_poses()
         whole = self._extents(
             {solid: solid.seen(craft, camera, poses) for solid in self._solids}, len(bodies)
@@ -98,14 +99,16 @@ class RayCaster:
         views = []
         for number, (low_px, high_px) in enumerate(whole):
             parts, faces = self._numbers[number]
+            own = box if number == 0 else PixelBox.around(band.of_bodies[number][0] for band in bands)
+            within = own.within(box)
             views.append(
                 View(
-                    box=box,
-                    part_id=parts[part_id] if number else part_id,
-                    triangle=faces[triangle] if number else triangle,
-                    depth_m=depth_m,
-                    normal_cam=normal_cam,
-                    lit=lit,
+                    box=own,
+                    part_id=parts[part_id[within]] if number else part_id,
+                    triangle=faces[triangle[within]] if number else triangle,
+                    depth_m=depth_m[within],
+                    normal_cam=normal_cam[within],
+                    lit=lit[within],
                     silhouette_px=int(covered_px[number]),
                     keypoints_px=keypoints_px[number],
                     keypoints_visibility=visibility[number],
@@ -284,6 +287,17 @@ class _Band:
     of_bodies: list[tuple[PixelBox, PixelBox]]
     craft: CraftState
     solids: list[SolidInView]
+
+
+def _check_links(scene: Scene, craft: CraftState) -> None:
+    """Refuse a state that is not of the scene's bodies and joints."""
+    states = [body.articulation.links for body in craft.bodies]
+    bodies = [len(spacecraft.joints) + 1 for spacecraft in scene.bodies]
+    if states != bodies:
+        raise ValueError(
+            f"the state has {states} links by body, and the scene {bodies}; give the articulation of"
+            " every joint, or make the scene of spacecraft.welded(())"
+        )
 
 
 def _numbers_about(scene: Scene, number: int) -> tuple[IntArray, IntArray]:

@@ -126,6 +126,36 @@ class Placed:
     R_cam_from_link: FloatArray
     t_link_cam_m: FloatArray
 
+    @property
+    def centre_cam_m(self) -> FloatArray:
+        """(3, 1) or (3, N) centre of the solid's box in camera axes."""
+        centre_m = self.solid.tracer.triangles.centre_body_m[:, None]
+        return self.direction_in_camera(centre_m) + self.t_link_cam_m
+
+    def may_shade(self, other: Placed, direction_cam: FloatArray) -> bool:
+        """Whether the sphere around the solid may lie between that around another one and a light at
+        infinity, in the direction (3, 1), at one instant; True where the instants differ."""
+        if self.R_cam_from_link.ndim == 3 or direction_cam.shape[1] != 1:
+            return True
+        between_m = self.centre_cam_m - other.centre_cam_m
+        along_m = float(dot(between_m, direction_cam)[0])
+        reach_m = self.solid.tracer.triangles.size_m + other.solid.tracer.triangles.size_m
+        return along_m > -reach_m and float(dot(between_m, between_m)[0]) - along_m**2 < reach_m**2
+
+    def maybe_between(self, x_cam_m: FloatArray, direction_cam: FloatArray) -> IntArray:
+        """Indices of those of N rays that pass the sphere around the solid, or begin in it.
+
+        Args:
+            x_cam_m: (3, N) where the rays begin.
+            direction_cam: (3, 1) unit vector of all rays, or (3, N).
+        """
+        # No triangle is further from the centre of its box than the box's longest side.
+        to_centre_m = self.centre_cam_m - x_cam_m
+        along_m = dot(to_centre_m, direction_cam)
+        apart_m2 = dot(to_centre_m, to_centre_m) - along_m**2
+        size_m = self.solid.tracer.triangles.size_m
+        return np.flatnonzero((apart_m2 <= size_m**2) & (along_m >= -size_m))
+
     def of_rays(self, rays: IntArray) -> Placed:
         """The same for some of the rays, by their indices (n,)."""
         if self.R_cam_from_link.ndim == 2:
@@ -183,33 +213,26 @@ def shadowed(
     """
     here = placed[own]
     found = here.solid.tracer.shadowed(point_m, normal, here.direction_here(sun_direction_cam))
-    others = [each for k, each in enumerate(placed) if k != own]
-    if not others:
-        return found
     free = np.flatnonzero(~found)
-    for other in others:
-        if not len(free):
-            break
+    for k, other in enumerate(placed):
+        if k == own or not len(free) or not other.may_shade(here, sun_direction_cam):
+            continue
         x_cam_m = here.of_rays(free).point_in_camera(point_m[:, free])
         sun = sun_direction_cam if sun_direction_cam.shape[1] == 1 else sun_direction_cam[:, free]
         there = other.of_rays(free)
-        blocked = _blocked(there.solid.tracer, there.point_here(x_cam_m), there.direction_here(sun))
-        found[free[blocked]] = True
-        free = free[~blocked]
+        near = there.maybe_between(x_cam_m, sun)
+        if len(near):
+            sun = sun if sun.shape[1] == 1 else sun[:, near]
+            there = there.of_rays(near)
+            starts_m, directions = there.point_here(x_cam_m[:, near]), there.direction_here(sun)
+            blocked = near[_blocked(there.solid.tracer, starts_m, directions)]
+            found[free[blocked]] = True
+            free = np.delete(free, blocked)
     return found
 
 
 def _blocked(tracer: Tracer, point_m: FloatArray, direction: FloatArray) -> BoolArray:
-    """Whether a tracer's triangles lie on rays that begin outside them or at their surface: (N,)."""
+    """Whether a tracer's triangles lie on rays: (N,). The rays begin where single precision suffices."""
     directions = np.broadcast_to(direction, point_m.shape)
-    size_m = tracer.triangles.size_m
-    along_m = -dot(point_m, directions)
-    across_m = point_m + along_m * directions
-    # No triangle is further from the centre of its box than the box's longest side.
-    near = np.flatnonzero((dot(across_m, across_m) <= size_m**2) & (along_m >= -size_m))
-    blocked = np.zeros(point_m.shape[1], dtype=np.bool_)
-    if len(near):
-        skipped_m = np.maximum(0.0, along_m[near] - size_m)
-        starts_m = point_m[:, near] + skipped_m * directions[:, near]
-        blocked[near] = tracer.blocked(starts_m, directions[:, near])
-    return blocked
+    skipped_m = np.maximum(0.0, -dot(point_m, directions) - tracer.triangles.size_m)
+    return tracer.blocked(point_m + skipped_m * directions, directions)

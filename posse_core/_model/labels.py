@@ -18,10 +18,11 @@ class View:
     """The target, and the bodies beside it, as the camera's rays hit them, with one ray through each
     pixel's centre.
 
-    The arrays cover only :attr:`box`; outside it no ray hits a body.
+    The arrays cover only :attr:`box`.
 
     Attributes:
-        box: the pixels whose rays may hit a body; empty if all are outside the image.
+        box: the pixels whose rays may hit a body; empty if all are outside the image. In a look about
+            another body than the scene's target, those that may hit that body.
         part_id: (h, w) int16 index in ``scene.pieces``, which for the target is that in
             ``spacecraft.parts``; −1 where nothing is hit.
         triangle: (h, w) int32 index of the triangle, counted through the faces of ``scene.pieces``

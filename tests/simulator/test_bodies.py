@@ -173,3 +173,15 @@ def test_the_joints_of_bodies_have_laws_of_their_own():
     assert one.articulation.values != two.articulation.values
     with pytest.raises(InputError, match=r"bodies\.arm\.joints\.elbo: .* did you mean 'elbow'"):
         states({"bodies": {"arm": {**arm, "joints": {"elbo": "random"}}}})
+
+
+def test_a_wing_of_a_body_turns_to_the_sun():
+    """The body at the target's place with its attitude has the target's joint."""
+    still = {"design": {"name": "hold-point", "r_rtn_m": [0.0, 0.0, 0.0]}}
+    keys = {"spacecraft": {"name": "aqua"}, "relative": still, "joints": {"wing": "sun-tracking"}}
+    made = states({"bodies": {"twin": keys}, "joints": {"wing": "sun-tracking"}})
+    for index in range(3):
+        craft = made.own(index).craft
+        np.testing.assert_allclose(
+            craft.others[0].articulation.values, craft.articulation.values, atol=1e-9
+        )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from glob import escape
 from pathlib import Path
 from typing import Any, overload
 
@@ -14,7 +15,7 @@ from posse_core._dataset.camera import read_camera
 from posse_core._dataset.dataset import Dataset, digest_of
 from posse_core._dataset.files import read_json
 from posse_core._dataset.images import LabelledImages
-from posse_core._dataset.layout import CAMERA, PARTS, spacecraft_file
+from posse_core._dataset.layout import BODIES, CAMERA, PARTS, spacecraft_file
 from posse_core._dataset.spacecraft import SpacecraftInfo, read_spacecraft
 from posse_core._errors import InputError
 from posse_core._files.atomic import sha256
@@ -114,7 +115,8 @@ class CocoDataset(LabelledImages):
     be missing; a single file is a dataset of one part, ``all``. Image paths are relative to the folder.
     COCO has neither the camera nor the positions of keypoints on the spacecraft. They are read from
     ``camera.json``, ``spacecraft/NAME.json`` and ``spacecraft/NAME.ply`` beside the COCO files, as in a
-    dataset of ``posse run``; without ``NAME.json`` there are only boxes.
+    dataset of ``posse run`` (of bodies beside the target also ``bodies/BODY/NAME.json``); without
+    ``NAME.json`` there are only boxes.
 
     Frames are numbered from 0 in the order of the files, so index and position are the same.
 
@@ -148,8 +150,11 @@ class CocoDataset(LabelledImages):
         self._lines = [self._of_craft(index, line) for index, line in enumerate(self._lines)]
 
     def _craft(self, name: str) -> SpacecraftInfo:
-        path = spacecraft_file(self.folder, name)
-        return read_spacecraft(path) if path.is_file() else SpacecraftInfo(name, (), {}, (), ())
+        beside = sorted(self.folder.glob(f"{BODIES}/*/{escape(name)}.json"))
+        for path in (spacecraft_file(self.folder, name), *beside):
+            if path.is_file():
+                return read_spacecraft(path)
+        return SpacecraftInfo(name, (), {}, (), ())
 
     def _of_craft(self, index: int, line: LabelLine) -> LabelLine:
         """Return a line with its index in the dataset and the keypoints of the spacecraft's files."""

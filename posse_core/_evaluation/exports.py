@@ -2,76 +2,106 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from posse_core._arrays import AnyArray
+from posse_core._arrays import FloatArray
 from posse_core._dataset.coco import read_coco
 from posse_core._dataset.dataset import Dataset
 from posse_core._errors import InputError
 from posse_core._evaluation.result import Fault, Result
-from posse_core._formats.bop import read_bop
+from posse_core._formats.bop import labels_of_object, read_bop
 from posse_core._formats.colmap import read_colmap
+from posse_core._formats.exported import ExportedBody, ExportedImage
 from posse_core._formats.nerfstudio import read_nerfstudio
+from posse_core._formats.rigid_objects import RigidObjects
 from posse_core._formats.speed import read_speed
 from posse_core._formats.yolo import read_yolo
-from posse_core._model.label_line import LabelLine
+from posse_core._model.label_line import BodyLabels, LabelLine
 from posse_core._model.labels import NOT_IN_FRAME
-
-Entry = tuple[LabelLine, Mapping[str, AnyArray]]
-"""What an export says of an image: the labels that it has, and arrays."""
 
 NUMBER_ERROR = 1e-6
 """Of numbers that an export holds otherwise than the label line: shares of the image, millimetres."""
 
-
-def _bop(dataset: Dataset) -> Iterator[Entry]:
-    yield from read_bop(dataset.folder / "bop")
-
-
-def _colmap(dataset: Dataset) -> Iterator[Entry]:
-    yield from read_colmap(dataset.folder / "colmap", dataset.camera)
+Wanted = Callable[[LabelLine], list[tuple[str, ExportedBody]]]
+"""What an export should say of a frame: for each body in order, words for it, and its labels. Without a
+mask, that of the labels holds."""
 
 
-def _nerfstudio(dataset: Dataset) -> Iterator[Entry]:
-    yield from read_nerfstudio(dataset.folder / "nerfstudio", dataset.camera)
+class _Export(NamedTuple):
+    """How an export is read, and what it should hold.
+
+    Attributes:
+        file: that it has.
+        read: what it says of each image.
+        wanted: what it should say.
+    """
+
+    file: str
+    read: Callable[[Dataset], Iterator[ExportedImage]]
+    wanted: Callable[[Dataset], Wanted]
 
 
-def _coco(dataset: Dataset) -> Iterator[Entry]:
-    yield from ((labels, {}) for labels in read_coco(dataset.folder / "coco.json"))
+def _coco(dataset: Dataset) -> Iterator[ExportedImage]:
+    for labels in read_coco(dataset.folder / "coco.json"):
+        yield ExportedImage(labels.image, [body for _, body in _seen(labels)], is_named=True)
 
 
-def _speed(dataset: Dataset) -> Iterator[Entry]:
-    for i, pose in enumerate(read_speed(dataset.folder / "speed.json")):
+def _speed(dataset: Dataset) -> Iterator[ExportedImage]:
+    for pose in read_speed(dataset.folder / "speed.json"):
         values = {"q_cam_from_body": pose.q_cam_from_body, "t_body_cam_m": pose.t_body_cam_m}
-        yield LabelLine.model_validate({"index": i, "image": pose.image, **values}), {}
+        yield ExportedImage(pose.image, [ExportedBody(BodyLabels.model_validate(values))])
 
 
-def _yolo(dataset: Dataset) -> Iterator[Entry]:
-    yield from ((labels, {}) for labels in read_yolo(dataset.folder / "yolo", dataset.camera))
+def _target(labels: LabelLine) -> list[tuple[str, ExportedBody]]:
+    """Formats of one spacecraft hold the target alone."""
+    return [("", ExportedBody(labels))]
 
 
-_READERS: dict[str, tuple[str, Callable[[Dataset], Iterator[Entry]]]] = {
-    "bop": ("bop/camera.json", _bop),
-    "coco": ("coco.json", _coco),
-    "colmap": ("colmap", _colmap),
-    "nerfstudio": ("nerfstudio", _nerfstudio),
-    "speed": ("speed.json", _speed),
-    "yolo": ("yolo/data.yaml", _yolo),
+def _seen(labels: LabelLine) -> list[tuple[str, ExportedBody]]:
+    return [
+        ("" if name is None else f"{name}: ", ExportedBody(body, name=name))
+        for name, body in labels.instances.items()
+        if body.box_visible_px is not None
+    ]
+
+
+def _objects(dataset: Dataset) -> Wanted:
+    objects = RigidObjects(dataset)
+
+    def wanted(labels: LabelLine) -> list[tuple[str, ExportedBody]]:
+        return [
+            (f"object {number}: " if number else "", ExportedBody(labels_of_object(each), each.mask))
+            for number, each in enumerate(objects.in_frame(labels))
+        ]
+
+    return wanted
+
+
+_EXPORTS: dict[str, _Export] = {
+    "bop": _Export("bop/camera.json", lambda d: read_bop(d.folder / "bop"), _objects),
+    "coco": _Export("coco.json", _coco, lambda _: _seen),
+    "colmap": _Export("colmap", lambda d: read_colmap(d.folder / "colmap", d.camera), lambda _: _target),
+    "nerfstudio": _Export(
+        "nerfstudio", lambda d: read_nerfstudio(d.folder / "nerfstudio", d.camera), lambda _: _target
+    ),
+    "speed": _Export("speed.json", _speed, lambda _: _target),
+    "yolo": _Export("yolo/data.yaml", lambda d: read_yolo(d.folder / "yolo", d.camera), lambda _: _seen),
 }
 
 
 def check_exports(dataset: Dataset) -> list[Result]:
     """A result for each export that is there; label lines must be whole (see the check ``lines``)."""
     results = []
-    for name, (file, read) in _READERS.items():
-        if (dataset.folder / file).exists():
-            result = Result(f"{name} export", f"{file.split('/')[0]} says what the label lines say")
+    for name, export in _EXPORTS.items():
+        if (dataset.folder / export.file).exists():
+            what = f"{export.file.split('/')[0]} says what the label lines say"
+            result = Result(f"{name} export", what)
             results.append(result)
             try:
-                result.faults = list(_faults(dataset, read(dataset), result))
+                result.faults = list(_faults(dataset, export, result))
             except InputError as error:
                 result.faults.append(Fault(None, str(error)))
             except (KeyError, IndexError, TypeError, ValueError, OSError) as error:
@@ -79,10 +109,10 @@ def check_exports(dataset: Dataset) -> list[Result]:
     return results
 
 
-def _faults(dataset: Dataset, entries: Iterator[Entry], result: Result) -> Iterator[Fault]:
+def _faults(dataset: Dataset, export: _Export, result: Result) -> Iterator[Fault]:
     position_of = {labels.image: i for i, labels in enumerate(dataset)}
-    left = dict(position_of)
-    for got, arrays in entries:
+    left, wanted = dict(position_of), export.wanted(dataset)
+    for got in export.read(dataset):
         result.checked += 1
         if got.image not in position_of:
             yield Fault(None, f"{got.image}: no frame has this image")
@@ -91,17 +121,32 @@ def _faults(dataset: Dataset, entries: Iterator[Entry], result: Result) -> Itera
             yield Fault(None, f"{got.image}: is in it twice")
             continue
         labels = dataset[position_of[got.image]]
-        for name, value in got:
-            if name in ("index", "image"):
-                continue
-            ours = getattr(labels, name) if labels.has(name) else None
-            if not _same(name, ours, value):
-                why = _cause(name, ours, value)
-                yield Fault(labels.index, f"{name} is not that of the label line{why}")
-        for name in _unlike_arrays(dataset, labels, arrays):
-            yield Fault(labels.index, f"{name} is not the dataset's")
+        for text in _unlike(wanted(labels), got):
+            yield Fault(labels.index, text)
+        if got.depth_m is not None and not _is_depth(dataset, labels, got.depth_m, got.depth_step_m):
+            yield Fault(labels.index, "depth is not the dataset's")
     for position in left.values():
         yield Fault(int(dataset.indices[position]), "is not in it")
+
+
+def _unlike(wanted: Sequence[tuple[str, ExportedBody]], got: ExportedImage) -> Iterator[str]:
+    if len(wanted) != len(got.bodies):
+        yield f"it has {len(got.bodies)} bodies of this image, the label line has {len(wanted)}"
+        return
+    for (who, ours), theirs in zip(wanted, got.bodies, strict=True):
+        if got.is_named and ours.name != theirs.name:
+            yield f"it has a body {theirs.name!r}, not {ours.name!r}"
+        for name, value in theirs.labels:
+            if name not in BodyLabels.model_fields:
+                continue
+            our_value = getattr(ours.labels, name) if ours.labels.has(name) else None
+            if not _same(name, our_value, value):
+                why = _cause(name, our_value, value)
+                yield f"{who}{name} is not that of the label line{why}"
+        if theirs.mask is not None:
+            mask = ours.labels.mask_rle.mask() if ours.mask is None else ours.mask
+            if not np.array_equal(mask, theirs.mask):
+                yield f"{who}mask is not the dataset's"
 
 
 def _same(name: str, ours: Any, theirs: Any) -> bool:
@@ -131,16 +176,8 @@ def _cause(name: str, ours: Any, theirs: Any) -> str:
     return ""
 
 
-def _unlike_arrays(dataset: Dataset, labels: LabelLine, arrays: Mapping[str, AnyArray]) -> list[str]:
-    unlike = []
-    if "mask" in arrays and not np.array_equal(arrays["mask"], labels.mask_rle.mask()):
-        unlike.append("mask")
-    if "depth_m" in arrays:
-        depth_m = dataset.depth(dataset.position(labels.index)).astype(np.float64)
-        there = np.isfinite(arrays["depth_m"])
-        off_m = np.abs(arrays["depth_m"] - depth_m)[there]
-        if not np.array_equal(there, np.isfinite(depth_m)) or np.any(
-            off_m > 0.51 * arrays["depth_step_m"]
-        ):
-            unlike.append("depth")
-    return unlike
+def _is_depth(dataset: Dataset, labels: LabelLine, depth_m: FloatArray, step_m: float) -> bool:
+    ours_m = dataset.depth(dataset.position(labels.index)).astype(np.float64)
+    there = np.isfinite(depth_m)
+    off_m = np.abs(depth_m - ours_m)[there]
+    return np.array_equal(there, np.isfinite(ours_m)) and not np.any(off_m > 0.51 * step_m)

@@ -6,7 +6,7 @@ import contextlib
 import csv
 import io
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -42,8 +42,24 @@ def write_items(text: TextIO, items: Iterable[Any]) -> None:
 
 def write_members(text: TextIO, members: Iterable[tuple[str, Any]]) -> None:
     """Write a JSON object with one member per line."""
+    with json_object(text) as add:
+        for key, value in members:
+            add(key, value)
+
+
+@contextlib.contextmanager
+def json_object(text: TextIO) -> Iterator[Callable[[str, Any], None]]:
+    """Write a JSON object with one member per line: the block calls what it gets with each key and its
+    value."""
+    before = "\n"
+
+    def add(key: str, value: Any) -> None:
+        nonlocal before
+        text.write(
+            f"{before}{json.dumps(key)}: {json.dumps(value, ensure_ascii=False, allow_nan=False)}"
+        )
+        before = ",\n"
+
     text.write("{")
-    for i, (key, value) in enumerate(members):
-        text.write(",\n" if i else "\n")
-        text.write(f"{json.dumps(key)}: {json.dumps(value, ensure_ascii=False, allow_nan=False)}")
+    yield add
     text.write("\n}")

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +17,13 @@ from posse_core._dataset.layout import PARTS
 from posse_core._dataset.mesh import Mesh
 from posse_core._errors import InputError
 from posse_core._files.atomic import write_bytes, write_json
-from posse_core._files.text import text_file, write_members
+from posse_core._files.text import json_object, text_file
+from posse_core._formats.exported import ExportedBody, ExportedImage
 from posse_core._formats.images import link_or_copy, write_png
 from posse_core._formats.needs import labels_with
+from posse_core._formats.rigid_objects import ObjectInView, RigidObjects
 from posse_core._interfaces.writer import Writer
-from posse_core._model.label_line import Box, LabelLine
+from posse_core._model.label_line import BodyLabels, Box, LabelLine
 
 NEEDS = ("q_cam_from_body", "t_body_cam_m", "mask_rle", "box_visible_px", "box_whole_px")
 DEPTH_STEPS = 65535
@@ -44,10 +47,10 @@ class BopWriter(Writer):
     """Writes ``bop/``: ``camera.json``, ``models/`` and the scenes.
 
     There is one scene ``000000`` in each of ``train/``, ``val/`` and ``test/``; without a partition all
-    frames are in ``train/``. The id of an image is the index of its frame. The id of an object is its
-    number in alphabetical order, counted from 1. The origin of the model is the centre of mass, not the
-    centre of its box. Each depth image has its own scale, by which the largest possible depth of the
-    spacecraft becomes the largest value.
+    frames are in ``train/``. The id of an image is the index of its frame. The objects are those of
+    :class:`RigidObjects`; the origin of a model is that of its spacecraft, not the centre of its box.
+    Each depth image has its own scale, by which the largest possible depth of what the image shows
+    becomes the largest value.
     """
 
     def write(self, dataset: Dataset, folder: Path) -> Sequence[Path]:
@@ -64,8 +67,8 @@ class BopWriter(Writer):
             )
         out = folder / "bop"
         (out / "models").mkdir(parents=True, exist_ok=True)
-        objects = {name: i for i, name in enumerate(sorted(dataset.spacecraft_by_name), 1)}
-        _write_models(dataset, objects, out / "models")
+        objects = RigidObjects(dataset)
+        _write_models(objects, out / "models")
         parts = {"train": list(range(len(dataset)))}
         if dataset.is_divided:
             parts = {_FOLDERS[part]: dataset.part(part) for part in PARTS}
@@ -86,22 +89,21 @@ class BopWriter(Writer):
         return [out / "camera.json", out / "models", *scenes]
 
 
-def _write_models(dataset: Dataset, objects: dict[str, int], folder: Path) -> None:
+def _write_models(objects: RigidObjects, folder: Path) -> None:
     infos: dict[str, Any] = {}
-    for name, id_ in objects.items():
-        mesh = dataset.mesh(name)
-        vertices_mm = mesh.vertices_body_m * 1e3
-        _write_ply(vertices_mm, mesh, folder / f"obj_{id_:06d}.ply")
+    for each in objects.objects:
+        vertices_mm = each.mesh.vertices_body_m * 1e3
+        _write_ply(vertices_mm, each.mesh, folder / f"obj_{each.id:06d}.ply")
         low, size = vertices_mm.min(axis=0), np.ptp(vertices_mm, axis=0)
-        infos[str(id_)] = {
-            "name": name,
-            "diameter": 1e3 * mesh.diameter_m,
+        infos[str(each.id)] = {
+            "name": each.name,
+            "diameter": 1e3 * each.mesh.diameter_m,
             **{f"min_{axis}": low[i] for i, axis in enumerate("xyz")},
             **{f"size_{axis}": size[i] for i, axis in enumerate("xyz")},
         }
-        symmetries = [_homogeneous(R) for R in dataset.spacecraft_by_name[name].symmetries]
+        symmetries = [_homogeneous(R) for R in each.symmetries]
         if symmetries:
-            infos[str(id_)]["symmetries_discrete"] = symmetries
+            infos[str(each.id)]["symmetries_discrete"] = symmetries
     write_json(folder / "models_info.json", infos)
 
 
@@ -119,86 +121,70 @@ def _homogeneous(R: FloatArray) -> list[float]:
     return flat
 
 
-def _write_scene(dataset: Dataset, objects: dict[str, int], positions: list[int], scene: Path) -> None:
+def _write_scene(dataset: Dataset, objects: RigidObjects, positions: list[int], scene: Path) -> None:
     pictures = "gray" if dataset.image(positions[0]).ndim == 2 else "rgb"
     for part in (pictures, "depth", "mask", "mask_visib"):
         (scene / part).mkdir(parents=True, exist_ok=True)
-    for labels in labels_with(dataset, "BOP", NEEDS, positions):
-        index = labels.index
-        link_or_copy(dataset.folder / labels.image, scene / pictures / f"{index:06d}.png")
-        mask = labels.mask_rle.mask().astype(np.uint8) * 255
-        for part in ("mask", "mask_visib"):
-            write_png(scene / part / f"{index:06d}_000000.png", mask)
-        write_png(scene / "depth" / f"{index:06d}.png", _depth_steps(dataset, labels))
-    records: dict[str, Callable[[Dataset, LabelLine, dict[str, int]], Any]] = {
-        "scene_camera": _camera_record,
-        "scene_gt": _pose_record,
-        "scene_gt_info": _info_record,
-    }
-    for name, record in records.items():
-        with text_file(scene / f"{name}.json") as text:
-            write_members(text, _members(dataset, objects, positions, record))
+    with ExitStack() as files:
+        add_camera, add_poses, add_infos = (
+            files.enter_context(json_object(files.enter_context(text_file(scene / f"{name}.json"))))
+            for name in ("scene_camera", "scene_gt", "scene_gt_info")
+        )
+        for labels in labels_with(dataset, "BOP", NEEDS, positions):
+            index = labels.index
+            link_or_copy(dataset.folder / labels.image, scene / pictures / f"{index:06d}.png")
+            seen = list(objects.in_frame(labels))
+            for number, each in enumerate(seen):
+                name = f"{index:06d}_{number:06d}.png"
+                write_png(scene / "mask" / name, each.silhouette.mask.astype(np.uint8) * 255)
+                write_png(scene / "mask_visib" / name, each.mask.astype(np.uint8) * 255)
+            scale_mm = _depth_scale_mm(seen)
+            steps = _depth_steps(dataset, labels, scale_mm)
+            write_png(scene / "depth" / f"{index:06d}.png", steps)
+            cam_K = dataset.camera.matrix.ravel().tolist()
+            add_camera(str(index), {"cam_K": cam_K, "depth_scale": scale_mm})
+            add_poses(str(index), [_pose_record(each) for each in seen])
+            add_infos(str(index), [_info_record(each, steps > 0) for each in seen])
 
 
-def _members(
-    dataset: Dataset,
-    objects: dict[str, int],
-    positions: list[int],
-    record: Callable[[Dataset, LabelLine, dict[str, int]], Any],
-) -> Iterator[tuple[str, Any]]:
-    for labels in labels_with(dataset, "BOP", NEEDS, positions):
-        yield str(labels.index), record(dataset, labels, objects)
-
-
-def _depth_scale_mm(dataset: Dataset, labels: LabelLine) -> float:
-    """Return the millimetres per step, so that the sphere about the spacecraft fits the values."""
-    vertices = dataset.mesh(labels.spacecraft).vertices_body_m
-    radius_m = float(np.sqrt((vertices**2).sum(axis=1).max()))
-    farthest_m = max(labels.t_body_cam_m[2], 0.0) + radius_m
+def _depth_scale_mm(seen: Sequence[ObjectInView]) -> float:
+    """Return the millimetres per step, so that the spheres about what is shown fit the values."""
+    shown = [each for each in seen if each.area_px] or seen
+    farthest_m = max(max(each.t_object_cam_m[2], 0.0) + each.object.radius_m for each in shown)
     return float(farthest_m * 1e3 / DEPTH_STEPS)
 
 
-def _depth_steps(dataset: Dataset, labels: LabelLine) -> IntArray:
+def _depth_steps(dataset: Dataset, labels: LabelLine, scale_mm: float) -> IntArray:
     arrays = dataset.truth(dataset.position(labels.index))
     if "depth_m" not in arrays:
         raise InputError(
             f"{dataset.folder}: frame {labels.index} has no depth, which BOP needs;"
             " add 'depth' to the scenario's annotators"
         )
-    steps = np.round(arrays["depth_m"].astype(np.float64) * 1e3 / _depth_scale_mm(dataset, labels))
+    steps = np.round(arrays["depth_m"].astype(np.float64) * 1e3 / scale_mm)
     return np.asarray(np.nan_to_num(steps.clip(1, DEPTH_STEPS), nan=0), dtype=np.uint16)
 
 
-def _camera_record(dataset: Dataset, labels: LabelLine, objects: dict[str, int]) -> Any:
+def _pose_record(seen: ObjectInView) -> Any:
+    R = frames.matrix_from_quaternion(np.array(seen.q_cam_from_object))
     return {
-        "cam_K": dataset.camera.matrix.ravel().tolist(),
-        "depth_scale": _depth_scale_mm(dataset, labels),
+        "cam_R_m2c": R.ravel().tolist(),
+        "cam_t_m2c": [x * 1e3 for x in seen.t_object_cam_m],
+        "obj_id": seen.object.id,
     }
 
 
-def _pose_record(dataset: Dataset, labels: LabelLine, objects: dict[str, int]) -> Any:
-    R = frames.matrix_from_quaternion(np.array(labels.q_cam_from_body))
-    return [
-        {
-            "cam_R_m2c": R.ravel().tolist(),
-            "cam_t_m2c": [x * 1e3 for x in labels.t_body_cam_m],
-            "obj_id": objects[labels.spacecraft],
-        }
-    ]
-
-
-def _info_record(dataset: Dataset, labels: LabelLine, objects: dict[str, int]) -> Any:
-    area, share = labels.mask_area_px, labels.fraction_visible
-    return [
-        {
-            "bbox_obj": _pixels_of(labels.box_whole_px),
-            "bbox_visib": labels.box_visible_px or _NO_BOX,
-            "px_count_all": round(area / share) if share else 0,
-            "px_count_valid": area,
-            "px_count_visib": area,
-            "visib_fract": share or 0.0,
-        }
-    ]
+def _info_record(seen: ObjectInView, has_depth: BoolArray) -> Any:
+    """As BOP's ``calc_gt_info.py`` counts; a pixel is valid that has a depth, of whatever object."""
+    whole_px = seen.silhouette.count_px
+    return {
+        "bbox_obj": _pixels_of(seen.silhouette.box_px),
+        "bbox_visib": seen.box_px or _NO_BOX,
+        "px_count_all": whole_px,
+        "px_count_valid": int((seen.silhouette.mask & has_depth).sum()),
+        "px_count_visib": seen.area_px,
+        "visib_fract": seen.area_px / whole_px if whole_px else 0.0,
+    }
 
 
 def _pixels_of(box_px: Box | None) -> list[int]:
@@ -210,33 +196,43 @@ def _pixels_of(box_px: Box | None) -> list[int]:
     return [x0, y0, int(np.floor(x + width)) - x0 + 1, int(np.floor(y + height)) - y0 + 1]
 
 
-def read_bop(folder: Path) -> Iterator[tuple[LabelLine, dict[str, FloatArray | BoolArray]]]:
-    """Read the labels and arrays of every image in a folder ``bop``, in the form of a dataset's own.
-
-    The arrays are ``mask`` (H, W) bool, ``depth_m`` (H, W), which is NaN without depth, and
-    ``depth_step_m`` (), the resolution of the depth.
-    """
+def read_bop(folder: Path) -> Iterator[ExportedImage]:
+    """Read the labels and arrays of every image in a folder ``bop``, in the form of a dataset's own."""
     infos = read_json(folder / "models" / "models_info.json")
     for scene in sorted(path.parent for path in folder.glob("*/*/scene_gt.json")):
         cameras, details = (read_json(scene / f"scene_{name}.json") for name in ("camera", "gt_info"))
-        for id_, (pose,) in read_json(scene / "scene_gt.json").items():
+        for id_, poses in read_json(scene / "scene_gt.json").items():
             name = f"{int(id_):06d}"
-            (detail,) = details[id_]
-            R = np.reshape(pose["cam_R_m2c"], (3, 3))
             steps = read_image(scene / "depth" / f"{name}.png").astype(np.float64)
             step_m = cameras[id_]["depth_scale"] / 1e3
-            labels = LabelLine(
-                index=int(id_),
-                image=f"images/{name}.png",
-                spacecraft=infos[str(pose["obj_id"])]["name"],
-                q_cam_from_body=frames.quaternion_from_matrix(R).tolist(),
-                t_body_cam_m=tuple(x / 1e3 for x in pose["cam_t_m2c"]),
-                box_visible_px=None if detail["bbox_visib"] == _NO_BOX else detail["bbox_visib"],
-                mask_area_px=detail["px_count_visib"],
-            )
-            arrays: dict[str, FloatArray | BoolArray] = {
-                "mask": read_image(scene / "mask_visib" / f"{name}_000000.png") > 0,
-                "depth_m": np.where(steps > 0, steps * step_m, np.nan),
-                "depth_step_m": np.array(step_m),
-            }
-            yield labels, arrays
+            bodies = [
+                ExportedBody(
+                    _labels(infos, pose, detail),
+                    read_image(scene / "mask_visib" / f"{name}_{number:06d}.png") > 0,
+                )
+                for number, (pose, detail) in enumerate(zip(poses, details[id_], strict=True))
+            ]
+            depth_m = np.where(steps > 0, steps * step_m, np.nan)
+            yield ExportedImage(f"images/{name}.png", bodies, depth_m=depth_m, depth_step_m=step_m)
+
+
+def _labels(infos: Mapping[str, Any], pose: Mapping[str, Any], detail: Mapping[str, Any]) -> BodyLabels:
+    R = np.reshape(pose["cam_R_m2c"], (3, 3))
+    return BodyLabels(
+        spacecraft=infos[str(pose["obj_id"])]["name"],
+        q_cam_from_body=frames.quaternion_from_matrix(R).tolist(),
+        t_body_cam_m=tuple(x / 1e3 for x in pose["cam_t_m2c"]),
+        box_visible_px=None if detail["bbox_visib"] == _NO_BOX else detail["bbox_visib"],
+        mask_area_px=detail["px_count_visib"],
+    )
+
+
+def labels_of_object(seen: ObjectInView) -> BodyLabels:
+    """What the label lines say of an object, in the form of :func:`read_bop`."""
+    return BodyLabels(
+        spacecraft=seen.object.name,
+        q_cam_from_body=seen.q_cam_from_object,
+        t_body_cam_m=seen.t_object_cam_m,
+        box_visible_px=seen.box_px,
+        mask_area_px=seen.area_px,
+    )

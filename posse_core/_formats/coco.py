@@ -26,15 +26,16 @@ NEEDS = ("box_visible_px",)
 class CocoWriter(Writer):
     """Writes ``coco.json``, which pycocotools loads.
 
-    The id of an image is the index of its frame. A frame in which the spacecraft is not visible has an
-    image but no annotation. Without the annotators ``mask`` and ``keypoints`` these members are left
-    out, and the area is that of the box.
+    The id of an image is the index of its frame. Each body of which the image shows a pixel has an
+    annotation, whose category is the name of its spacecraft; those beside the target have their own name
+    as ``instance``. Without the annotators ``mask`` and ``keypoints`` these members are left out, and
+    the area is that of the box.
     """
 
     def write(self, dataset: Dataset, folder: Path) -> Sequence[Path]:
         """Write ``coco.json``."""
         path = folder / "coco.json"
-        category = {name: i for i, name in enumerate(sorted(dataset.spacecraft_by_name), 1)}
+        category = {name: i for i, name in enumerate(sorted(dataset.classes), 1)}
         with text_file(path) as text:
             text.write('{"info": ')
             text.write(f'{{"description": "POSSE dataset", "version": "{__version__}"}},\n"images": ')
@@ -42,7 +43,7 @@ class CocoWriter(Writer):
             text.write(',\n"annotations": ')
             write_items(text, _annotations(dataset, category))
             text.write(',\n"categories": ')
-            crafts = dataset.spacecraft_by_name
+            crafts = dataset.classes
             write_items(text, (_category(crafts[name], id_) for name, id_ in category.items()))
             text.write("}\n")
         return [path]
@@ -59,30 +60,32 @@ def _images(dataset: Dataset) -> Iterator[dict[str, Any]]:
 
 
 def _annotations(dataset: Dataset, category: dict[str, int]) -> Iterator[dict[str, Any]]:
-    id_ = 0
+    id_, crafts = 0, dataset.classes
     for labels in labels_with(dataset, "COCO", NEEDS):
-        box = labels.box_visible_px
-        if box is None:
-            continue
-        id_ += 1
-        craft = dataset.spacecraft_by_name[labels.spacecraft]
-        annotation: dict[str, Any] = {
-            "id": id_,
-            "image_id": labels.index,
-            "category_id": category[craft.name],
-            "bbox": box,
-            "area": labels.mask_area_px if labels.has("mask_area_px") else box.width * box.height,
-            "iscrowd": 0,
-        }
-        if labels.has("mask_rle"):
-            annotation["segmentation"] = labels.mask_rle.model_dump(mode="json")
-        if labels.has("keypoints"):
-            points = [labels.keypoints[name] for name in craft.keypoints_body_m]
-            annotation["keypoints"] = [
-                x for p in points for x in (p if p.visibility != NOT_IN_FRAME else (0, 0, 0))
-            ]
-            annotation["num_keypoints"] = sum(p.visibility != NOT_IN_FRAME for p in points)
-        yield annotation
+        for name, body in labels.instances.items():
+            box = body.box_visible_px
+            if box is None:
+                continue
+            id_ += 1
+            annotation: dict[str, Any] = {
+                "id": id_,
+                "image_id": labels.index,
+                "category_id": category[body.spacecraft],
+                "bbox": box,
+                "area": body.mask_area_px if body.has("mask_area_px") else box.width * box.height,
+                "iscrowd": 0,
+            }
+            if name is not None:
+                annotation["instance"] = name
+            if body.has("mask_rle"):
+                annotation["segmentation"] = body.mask_rle.model_dump(mode="json")
+            if body.has("keypoints"):
+                points = [body.keypoints[point] for point in crafts[body.spacecraft].keypoints_body_m]
+                annotation["keypoints"] = [
+                    x for p in points for x in (p if p.visibility != NOT_IN_FRAME else (0, 0, 0))
+                ]
+                annotation["num_keypoints"] = sum(p.visibility != NOT_IN_FRAME for p in points)
+            yield annotation
 
 
 def _category(craft: SpacecraftInfo, id_: int) -> dict[str, Any]:

@@ -13,17 +13,18 @@ from pathlib import Path
 import numpy as np
 
 from posse_core import _frames as frames
-from posse_core._arrays import BoolArray, FloatArray
+from posse_core._arrays import FloatArray
 from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.files import read_image
 from posse_core._errors import InputError
 from posse_core._files.reading import read_text
 from posse_core._files.text import text_file
+from posse_core._formats.exported import ExportedBody, ExportedImage
 from posse_core._formats.sparse_points import SparsePoints, sparse_points
 from posse_core._formats.static_world import frames_by_spacecraft, write_images
 from posse_core._interfaces.writer import Writer
 from posse_core._model.camera import Camera
-from posse_core._model.label_line import LabelLine
+from posse_core._model.label_line import BodyLabels
 
 PIXEL_CENTRE = 0.5
 """Position of the centre of the first pixel."""
@@ -105,13 +106,13 @@ def _line(*words: object) -> str:
     return " ".join(map(str, words)) + "\n"
 
 
-def _in_camera(labels: LabelLine, x_body_m: FloatArray) -> FloatArray:
+def _in_camera(labels: BodyLabels, x_body_m: FloatArray) -> FloatArray:
     R = frames.matrix_from_quaternion(np.array(labels.q_cam_from_body))
     return np.asarray(x_body_m @ R.T + np.array(labels.t_body_cam_m))
 
 
-def read_colmap(folder: Path, camera: Camera) -> Iterator[tuple[LabelLine, dict[str, BoolArray]]]:
-    """Read the pose and the array ``mask`` of every image of a folder ``colmap``.
+def read_colmap(folder: Path, camera: Camera) -> Iterator[ExportedImage]:
+    """Read the pose and the mask of every image of a folder ``colmap``.
 
     Raises:
         InputError: A camera is not that of the dataset, or an observation is not where the image's pose
@@ -125,11 +126,9 @@ def read_colmap(folder: Path, camera: Camera) -> Iterator[tuple[LabelLine, dict[
         x_body_m = {int(row[0]): [float(x) for x in row[1:4]] for row in rows}
         lines = iter(read_text(model / "images.txt").splitlines())
         for pose, observations in zip(lines, lines, strict=True):
-            id_, *numbers, _, name = pose.split()
+            _, *numbers, _, name = pose.split()
             qw, qx, qy, qz, tx, ty, tz = map(float, numbers)
-            labels = LabelLine(
-                index=int(id_) - 1,
-                image=f"images/{name}",
+            labels = BodyLabels(
                 spacecraft=scene.name,
                 q_cam_from_body=(qw, qx, qy, qz),
                 t_body_cam_m=(tx, ty, tz),
@@ -139,11 +138,12 @@ def read_colmap(folder: Path, camera: Camera) -> Iterator[tuple[LabelLine, dict[
                 raise InputError(
                     f"{model / 'images.txt'}: a point of {name} is {off_px:.3g} px from its projection"
                 )
-            yield labels, {"mask": read_image(scene / "masks" / f"{name}.png") > 0}
+            mask = read_image(scene / "masks" / f"{name}.png") > 0
+            yield ExportedImage(f"images/{name}", [ExportedBody(labels, mask)])
 
 
 def _off_px(
-    words: Iterable[str], labels: LabelLine, camera: Camera, x_body_m: dict[int, list[float]]
+    words: Iterable[str], labels: BodyLabels, camera: Camera, x_body_m: dict[int, list[float]]
 ) -> float:
     """Return the largest distance of an image's observations from the projections of their points."""
     seen = np.array(list(words), dtype=np.float64).reshape(-1, 3)

@@ -16,19 +16,19 @@ from typing import Any
 import numpy as np
 
 from posse_core import _frames as frames
-from posse_core._arrays import BoolArray
 from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.files import read_image, read_json
 from posse_core._dataset.layout import PARTS
 from posse_core._errors import InputError
 from posse_core._files.atomic import write_bytes
 from posse_core._files.text import text_file, write_items
+from posse_core._formats.exported import ExportedBody, ExportedImage
 from posse_core._formats.needs import refuse_rational_lens
 from posse_core._formats.sparse_points import SparsePoints, sparse_points
 from posse_core._formats.static_world import frames_by_spacecraft, write_images
 from posse_core._interfaces.writer import Writer
 from posse_core._model.camera import Camera
-from posse_core._model.label_line import LabelLine
+from posse_core._model.label_line import BodyLabels, LabelLine
 
 PIXEL_CENTRE = 0.5
 """Position of the centre of the first pixel."""
@@ -129,8 +129,8 @@ def _write_points(points: SparsePoints, path: Path) -> None:
     write_bytes(path, _PLY_HEADER.format(points=len(rows)).encode() + rows.tobytes())
 
 
-def read_nerfstudio(folder: Path, camera: Camera) -> Iterator[tuple[LabelLine, dict[str, BoolArray]]]:
-    """Read the pose and the array ``mask`` of every image of a folder ``nerfstudio``.
+def read_nerfstudio(folder: Path, camera: Camera) -> Iterator[ExportedImage]:
+    """Read the pose and the mask of every image of a folder ``nerfstudio``.
 
     Raises:
         InputError: A camera is not that of the dataset.
@@ -141,14 +141,13 @@ def read_nerfstudio(folder: Path, camera: Camera) -> Iterator[tuple[LabelLine, d
         for key, number in _intrinsics(camera).items():
             if value.get(key) != number:
                 raise InputError(f"{path}: {key} is {value.get(key)}, the dataset's camera has {number}")
-        for index, frame in enumerate(value["frames"]):
+        for frame in value["frames"]:
             pose = np.array(frame["transform_matrix"])
             R_cam_from_body = frames.R_GL_FROM_CAM.T @ pose[:3, :3].T
-            labels = LabelLine(
-                index=index,
-                image=frame["file_path"],
+            labels = BodyLabels(
                 spacecraft=scene.name,
                 q_cam_from_body=frames.quaternion_from_matrix(R_cam_from_body).tolist(),
                 t_body_cam_m=(-R_cam_from_body @ pose[:3, 3]).tolist(),
             )
-            yield labels, {"mask": read_image(scene / frame["mask_path"]) > 0}
+            mask = read_image(scene / frame["mask_path"]) > 0
+            yield ExportedImage(frame["file_path"], [ExportedBody(labels, mask)])

@@ -125,4 +125,7 @@ class _Sight:
         behind_m = (x_cam_m[inside, 2] - z_m) * np.linalg.norm(rays, axis=1)
         shown = np.zeros(len(x_body_m), dtype=bool)
         shown[inside] = behind_m < _HIDDEN_SHARE * triangles.size_m
+        if labels.has("bodies"):  # one of which may be before the spacecraft
+            column, row = np.rint(uv_px[shown]).astype(int).T
+            shown[shown] = labels.mask_rle.mask()[row, column]
         return uv_px, shown

@@ -1,7 +1,8 @@
 """What formats have in common that reconstruct a static world: the world is the target, in body axes.
 
 Each spacecraft of a dataset is a world of its own, in a folder of its name. The camera's pose in it is
-that of the label line, at the frame's instant.
+that of the label line, at the frame's instant. Bodies beside the target are no part of it: masks leave
+them out.
 """
 
 from __future__ import annotations
@@ -24,13 +25,21 @@ def frames_by_spacecraft(dataset: Dataset, format_name: str) -> dict[str, list[i
     them.
 
     Raises:
-        InputError: The camera has a rolling shutter, or a frame lacks a label.
+        InputError: The camera has a rolling shutter, joints of a spacecraft move, or a frame lacks a
+            label.
     """
     if dataset.camera.line_time_s > 0:
         raise InputError(
             f"{dataset.folder}: {format_name} supports a global shutter only, but camera.line_time_s is"
             f" {dataset.camera.line_time_s:g}; make the dataset with camera.line_time_s=0"
         )
+    for name, craft in dataset.spacecraft_by_name.items():
+        if craft.joints:
+            raise InputError(
+                f"{dataset.folder}: {format_name} supports rigid spacecraft only, but joints of {name!r}"
+                f" move ({', '.join(joint.name for joint in craft.joints)}); make the dataset without"
+                " its key joints"
+            )
     positions: dict[str, list[int]] = {}
     for position, labels in enumerate(labels_with(dataset, format_name, NEEDS)):
         positions.setdefault(labels.spacecraft, []).append(position)

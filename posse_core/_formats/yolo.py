@@ -5,7 +5,7 @@ The share 0 is the image's left or upper border, so the centre u of a pixel is a
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +16,12 @@ from posse_core._dataset.layout import PARTS
 from posse_core._errors import InputError
 from posse_core._files.atomic import write_bytes
 from posse_core._files.reading import read_text
+from posse_core._formats.exported import ExportedBody, ExportedImage
 from posse_core._formats.images import link_or_copy
 from posse_core._formats.needs import labels_with
 from posse_core._interfaces.writer import Writer
 from posse_core._model.camera import Camera
-from posse_core._model.label_line import LabelLine
+from posse_core._model.label_line import BodyLabels
 from posse_core._model.labels import NOT_IN_FRAME
 from posse_core._scenario.yaml_lines import YamlText
 
@@ -37,13 +38,14 @@ _UNDIVIDED = """\
 class YoloWriter(Writer):
     """Writes ``yolo/`` with ``data.yaml``, ``images/``, ``labels/`` and a list of images for each part.
 
-    A frame in which the spacecraft is not visible has an empty file. Spacecraft with fewer keypoints
-    than others are padded with keypoints outside the image.
+    A file has a line for each body of which the image shows a pixel; its class is the name of its
+    spacecraft. All lines have the same number of keypoints, as the format asks: spacecraft with fewer
+    than others, or with none, are padded with keypoints outside the image.
     """
 
     def write(self, dataset: Dataset, folder: Path) -> Sequence[Path]:
         """Write the folder ``yolo``."""
-        crafts = [dataset.spacecraft_by_name[name] for name in sorted(dataset.spacecraft_by_name)]
+        crafts = [craft for _, craft in sorted(dataset.classes.items())]
         count = max(len(craft.keypoints_body_m) for craft in crafts)
         if count == 0:
             raise InputError(f"{dataset.folder}: no spacecraft has keypoints, which YOLO-pose needs")
@@ -54,8 +56,12 @@ class YoloWriter(Writer):
         for labels in labels_with(dataset, "YOLO-pose", NEEDS):
             image = dataset.folder / labels.image
             link_or_copy(image, out / "images" / image.name)
-            row = _row(dataset, labels, classes[labels.spacecraft], count)
-            write_bytes(out / "labels" / f"{image.stem}.txt", row.encode())
+            rows = [
+                _row(dataset, body, classes[body.spacecraft], count)
+                for body in labels.instances.values()
+                if body.box_visible_px is not None
+            ]
+            write_bytes(out / "labels" / f"{image.stem}.txt", "".join(rows).encode())
         parts = {part: dataset.part(part) if dataset.is_divided else None for part in PARTS}
         for part, positions in parts.items():
             images = (Path(each.image).name for each in labels_with(dataset, "YOLO-pose", (), positions))
@@ -75,19 +81,18 @@ class YoloWriter(Writer):
         return [out / "data.yaml", out / "images", out / "labels"]
 
 
-def _row(dataset: Dataset, labels: LabelLine, class_: int, count: int) -> str:
-    if labels.box_visible_px is None:
-        return ""
+def _row(dataset: Dataset, body: BodyLabels, class_: int, count: int) -> str:
+    assert body.box_visible_px is not None
     width_px, height_px = dataset.camera.width_px, dataset.camera.height_px
-    x, y, width, height = labels.box_visible_px
+    x, y, width, height = body.box_visible_px
     numbers = [
         (x + width / 2) / width_px,
         (y + height / 2) / height_px,
         width / width_px,
         height / height_px,
     ]
-    names = dataset.spacecraft_by_name[labels.spacecraft].keypoints_body_m
-    points = [labels.keypoints[name] for name in names]
+    names = dataset.classes[body.spacecraft].keypoints_body_m
+    points = [body.keypoints[name] for name in names]
     for u, v, visibility in [*points, *[(None, None, NOT_IN_FRAME)] * (count - len(points))]:
         if u is None or v is None or visibility == NOT_IN_FRAME:
             numbers += [0, 0, 0]
@@ -96,29 +101,35 @@ def _row(dataset: Dataset, labels: LabelLine, class_: int, count: int) -> str:
     return " ".join(map(repr, [class_, *numbers])) + "\n"
 
 
-def read_yolo(folder: Path, camera: Camera) -> Iterator[LabelLine]:
-    """Read the labels of every text file beside a ``data.yaml``, with indices from 0.
+def read_yolo(folder: Path, camera: Camera) -> Iterator[ExportedImage]:
+    """Read the labels of every text file beside a ``data.yaml``.
 
-    The box of an empty file is null. Keypoints outside the image are left out.
+    Keypoints outside the image are left out.
     """
     data = YamlText.read(folder / "data.yaml").value
+    for path in sorted((folder / "labels").glob("*.txt")):
+        rows = [[float(number) for number in row.split()] for row in read_text(path).splitlines()]
+        bodies = [ExportedBody(_labels(row, data, camera)) for row in rows]
+        yield ExportedImage(f"images/{path.stem}.png", bodies)
+
+
+def _labels(row: Sequence[float], data: Mapping[str, Any], camera: Camera) -> BodyLabels:
     size = (camera.width_px, camera.height_px)
-    for index, path in enumerate(sorted((folder / "labels").glob("*.txt"))):
-        labels: dict[str, Any] = {"box_visible_px": None}
-        row = [float(number) for number in read_text(path).split()]
-        if row:
-            class_ = int(row[0])
-            (cx, cy, width, height), points = row[1:5], iter(row[5:])
-            corner = ((cx - width / 2) * size[0], (cy - height / 2) * size[1])
-            labels = {
-                "spacecraft": data["names"][class_],
-                "box_visible_px": [*corner, width * size[0], height * size[1]],
-                "keypoints": {
-                    name: [x * size[0] - 0.5, y * size[1] - 0.5, int(visibility)]
-                    for name, (x, y, visibility) in zip(
-                        data["kpt_names"][class_], zip(points, points, points, strict=True), strict=False
-                    )
-                    if visibility != NOT_IN_FRAME
-                },
-            }
-        yield LabelLine(index=index, image=f"images/{path.stem}.png", **labels)
+    class_ = int(row[0])
+    (cx, cy, width, height), points = row[1:5], iter(row[5:])
+    corner = ((cx - width / 2) * size[0], (cy - height / 2) * size[1])
+    seen = {
+        name: [x * size[0] - 0.5, y * size[1] - 0.5, int(visibility)]
+        for name, (x, y, visibility) in zip(
+            data["kpt_names"][class_], zip(points, points, points, strict=True), strict=False
+        )
+        if visibility != NOT_IN_FRAME
+    }
+    return BodyLabels.model_validate(
+        {
+            "spacecraft": data["names"][class_],
+            "box_visible_px": [*corner, width * size[0], height * size[1]],
+            "keypoints": seen,
+        },
+        strict=False,
+    )

@@ -400,7 +400,7 @@ def posse_controllers() -> list[ComponentSpec]:
 
 
 _LABELS_ONLY = frozenset({"labels-only"})
-_GLOBAL_SHUTTER = frozenset({"global-shutter-only"})
+_STATIC_WORLD = frozenset({"global-shutter-only", "no-joints"})
 _NO_RATIONAL_LENS = frozenset({"no-rational-lens"})
 
 
@@ -423,7 +423,7 @@ def posse_writers() -> list[ComponentSpec]:
             "colmap",
             "a COLMAP model of each target: poses, sparse points with tracks, masks",
             "posse_core._formats.colmap:ColmapWriter",
-            capabilities=_GLOBAL_SHUTTER,
+            capabilities=_STATIC_WORLD,
         ),
         ComponentSpec(
             "kalibr",
@@ -435,7 +435,7 @@ def posse_writers() -> list[ComponentSpec]:
             "nerfstudio",
             "transforms.json of each target: poses, sparse points, masks",
             "posse_core._formats.nerfstudio:NerfstudioWriter",
-            capabilities=_GLOBAL_SHUTTER | _NO_RATIONAL_LENS,
+            capabilities=_STATIC_WORLD | _NO_RATIONAL_LENS,
         ),
         ComponentSpec(
             "opencv-calibration",

@@ -191,6 +191,7 @@ _KINDS = (
             "pinhole-only": Capability("the format cannot describe lens distortion"),
             "no-rational-lens": Capability("the format cannot describe OpenCV's rational lens model"),
             "global-shutter-only": Capability("the format cannot describe a rolling shutter"),
+            "no-joints": Capability("the format cannot describe a spacecraft whose joints move"),
             "labels-only": Capability(
                 "reads neither images nor arrays, so a run to a network store can use it"
             ),

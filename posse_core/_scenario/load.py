@@ -232,8 +232,8 @@ def _is_dataset(folder: Path) -> bool:
 
 
 def _refuse_unable_writers(scenario: Scenario, registry: Registry, where: Any) -> None:
-    """Refuse writers whose formats cannot describe the camera before the run, since they work only at
-    its end."""
+    """Refuse writers whose formats cannot describe the camera or the target before the run, since they
+    work only at its end."""
     camera = scenario.camera.camera()
     lens = camera.distortion
     limits = (
@@ -245,6 +245,7 @@ def _refuse_unable_writers(scenario: Scenario, registry: Registry, where: Any) -
             isinstance(lens, BrownConrady) and lens.is_rational,
         ),
         ("global-shutter-only", "a global shutter", "camera.line_time_s", camera.line_time_s > 0),
+        ("no-joints", "rigid spacecraft", "joints", bool(scenario.joints)),
     )
     for i, choice in enumerate(scenario.writers):
         capabilities = registry.spec("writer", choice.name).capabilities

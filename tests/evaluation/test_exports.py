@@ -90,14 +90,14 @@ def test_the_older_key_of_speed_is_read(tmp_path):
 
 def test_yolo_comes_back_within_rounding(exported):
     lines = {line["image"]: line for line in cuboid.read_lines(exported)}
-    back = {labels.image: labels for labels in read_yolo(exported / "yolo", cuboid.CAMERA)}
+    back = {each.image: each.bodies for each in read_yolo(exported / "yolo", cuboid.CAMERA)}
     assert back.keys() == lines.keys()
-    for name, labels in back.items():
+    for name, bodies in back.items():
         line, points = lines[name], shown(lines[name])
         if points is None:
-            assert labels.box_visible_px is None
-            assert not labels.has("spacecraft")
+            assert bodies == []
             continue
+        labels = bodies[0].labels
         assert labels.spacecraft == line["spacecraft"]
         assert labels.box_visible_px == pytest.approx(line["box_visible_px"], abs=1e-10)
         assert labels.keypoints.keys() == points.keys()
@@ -107,17 +107,18 @@ def test_yolo_comes_back_within_rounding(exported):
 def test_bop_comes_back_within_its_depth_step(exported):
     lines = {line["image"]: line for line in cuboid.read_lines(exported)}
     back = list(read_bop(exported / "bop"))
-    assert [labels.image for labels, _ in back] == list(lines)
-    for labels, arrays in back:
-        line = lines[labels.image]
+    assert [each.image for each in back] == list(lines)
+    for each in back:
+        line, (body,) = lines[each.image], each.bodies
+        labels = body.labels
         assert labels.spacecraft == line["spacecraft"]
         assert labels.q_cam_from_body == pytest.approx(line["q_cam_from_body"], abs=1e-12)
         assert labels.t_body_cam_m == pytest.approx(line["t_body_cam_m"], abs=1e-12)
         with np.load(exported / line["truth"]) as truth:
-            assert np.array_equal(arrays["mask"], truth["part_id"] >= 0)
-            off = np.abs(arrays["depth_m"] - truth["depth_m"])
+            assert np.array_equal(body.mask, truth["part_id"] >= 0)
+            off = np.abs(each.depth_m - truth["depth_m"])
             assert np.array_equal(np.isnan(off), np.isnan(truth["depth_m"]))
-            assert not np.any(off > 0.51 * arrays["depth_step_m"])
+            assert not np.any(off > 0.51 * each.depth_step_m)
 
 
 # Planted faults
@@ -206,7 +207,7 @@ def test_yolo_keypoints_without_the_half_pixel(folder):
 
 def test_yolo_of_a_seen_craft_emptied(folder):
     (folder / "yolo/labels/000003.txt").write_text("")
-    assert_found(folder, "yolo", "box_visible_px")
+    assert_found(folder, "yolo", "it has 0 bodies of this image, the label line has 1")
 
 
 def test_bop_position_in_metres(folder):

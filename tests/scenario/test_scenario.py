@@ -145,6 +145,10 @@ def test_options_without_a_name_are_the_defaults(tmp_path):
             MINIMAL + "camera: {line_time_s: 1.0e-5}\nwriters: [coco, colmap]\n",
             ["line 7", "writers.1.name", "'colmap' supports only a global shutter"],
         ),
+        (
+            MINIMAL + "joints: {panel: sun-tracking}\nwriters: [coco, nerfstudio]\n",
+            ["line 7", "writers.1.name", "'nerfstudio' supports only rigid spacecraft, and joints is"],
+        ),
         (MINIMAL + "sensor: {exposure_s: .nan}\n", ["sensor.exposure_s", "nan"]),
         (MINIMAL + "sensor: {exposure_s: -1}\n", ["sensor.exposure_s", "-1"]),
         (MINIMAL + "relative: {roe_m: [1, 2]}\n", ["relative.roe_m"]),

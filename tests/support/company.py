@@ -103,7 +103,7 @@ class Image:
         for number, member in enumerate(self.members):
             self.silhouettes.append(set())
             for R, t, half in member.blocks():
-                (u0, v0), (u1, v1) = _window(R, t, half)
+                (u0, v0), (u1, v1) = window(R, t, half)
                 v, u = np.mgrid[v0 : v1 + 1, u0 : u1 + 1]
                 depth, side = slabs(R, t, half, u, v)
                 hit = np.isfinite(depth)
@@ -175,7 +175,7 @@ class Image:
         return False
 
 
-def _window(R: np.ndarray, t: np.ndarray, half: np.ndarray) -> tuple[list[int], list[int]]:
+def window(R: np.ndarray, t: np.ndarray, half: np.ndarray) -> tuple[list[int], list[int]]:
     """First and last column and row that a block in front of the camera may cover."""
     x_cam = cuboid.corners(half) @ R.T + t
     uv = x_cam[:, :2] / x_cam[:, 2:] * [CAMERA.fx_px, CAMERA.fy_px] + [CAMERA.cx_px, CAMERA.cy_px]
@@ -205,8 +205,8 @@ HIDDEN_TARGET, ALONE, TARGET_OUT, HIDDEN_PLATE = 1, 2, 3, 4
 hidden."""
 
 
-def images(frames: int = 8) -> list[Image]:
-    """Frames of a target with a wing, a plate and a twin."""
+def images(frames: int = 8, *, moving: bool = True) -> list[Image]:
+    """Frames of a target with a wing, which moves or not, a plate and a twin."""
     random = np.random.default_rng(11)
     out, found = np.array([11.0, 0, 10]), []
     for index in range(frames):
@@ -228,7 +228,7 @@ def images(frames: int = 8) -> list[Image]:
         found.append(
             Image(
                 [
-                    Member("winged", turns[0], target, wing),
+                    Member("winged", turns[0], target, wing if moving else None),
                     Member("plate", turns[1], plate),
                     Member("winged", turns[2], twin),
                 ]
@@ -237,14 +237,14 @@ def images(frames: int = 8) -> list[Image]:
     return found
 
 
-def write_dataset(folder: Path, frames: int = 8) -> Path:
+def write_dataset(folder: Path, frames: int = 8, *, moving: bool = True) -> Path:
     """The frames of :func:`images` as a dataset."""
-    cuboid.start_dataset(folder, [spacecraft("winged")])
+    cuboid.start_dataset(folder, [spacecraft("winged", moving)])
     for name, craft in zip(NAMES, (spacecraft("plate"), spacecraft("winged", False)), strict=True):
         (folder / "bodies" / name).mkdir(parents=True)
         write_spacecraft(craft, folder / "bodies" / name)
     lines = []
-    for index, image in enumerate(images(frames)):
+    for index, image in enumerate(images(frames, moving=moving)):
         target, *others = (image.labels(number) for number in range(3))
         lines.append(
             {

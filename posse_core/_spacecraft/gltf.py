@@ -14,6 +14,7 @@ from __future__ import annotations
 import base64
 import io
 import json
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ import trimesh
 from posse_core._arrays import AnyArray, FloatArray
 from posse_core._errors import InputError
 from posse_core._model.spacecraft import Material
+from posse_core._spacecraft.cutouts import Alpha, cut_out
 from posse_core._spacecraft.draco import check_draco
 from posse_core._spacecraft.gltf_file import DRACO, GLOSSY, GltfFile, content, open_gltf, view
 from posse_core._spacecraft.gltf_nodes import read_tree
@@ -31,6 +33,7 @@ from posse_core._spacecraft.raw import (
     RawMesh,
     RawPart,
     decoded,
+    decoded_alpha,
     painted,
     raw_part,
     unique_names,
@@ -59,6 +62,7 @@ def read_gltf(path: Path) -> RawMesh:
         for mesh in [file.header["meshes"][node.mesh]]
         for number in range(len(mesh["primitives"]))
     ]
+    transparent: list[str] = []
     names = unique_names([node.name or mesh.get("name", "") for node, mesh, _ in found])
     for name, (node, mesh, number) in zip(names, found, strict=True):
         geometry = geometries.get(f"{node.mesh}:{number}")
@@ -73,11 +77,21 @@ def read_gltf(path: Path) -> RawMesh:
             part = replace(part, material=material.name)
         elif transform is not None:
             part = replace(part, uv=_transformed(part.uv, transform))
+        alpha = _alpha(file, primitive.get("material"), with_texture=uv is not None)
+        if alpha is not None:
+            part = cut_out(part, alpha)
+            if not len(part.faces):
+                transparent.append(name)
         colors = geometry.visual.vertex_attributes.get("color")
         if "material" not in primitive and colors is not None:
             part, material = painted(part, np.asarray(colors)[geometry.faces, :3].mean(axis=1))
         parts.append(replace(part, joint=node.joint))
         materials[material.name] = material
+    if transparent:
+        warnings.warn(
+            f"{path}: transparent and so left out: {', '.join(transparent)}",
+            stacklevel=2,
+        )
     return RawMesh(tuple(parts), materials, tree.joints)
 
 
@@ -204,6 +218,27 @@ def _material(file: GltfFile, index: int | None) -> tuple[Material, _Transform |
     return material, transforms[0] if transforms else None
 
 
+def _alpha(file: GltfFile, index: int | None, *, with_texture: bool) -> Alpha | None:
+    """What makes a material transparent; None if it is opaque.
+
+    with_texture: the part has texture coordinates.
+    """
+    record = {} if index is None else file.header["materials"][index]
+    mode = record.get("alphaMode", "OPAQUE")
+    if mode == "OPAQUE":
+        return None
+    colors = record.get("pbrMetallicRoughness")
+    factor, texture = "baseColorFactor", "baseColorTexture"
+    if colors is None:
+        colors = record.get("extensions", {}).get(GLOSSY, {})
+        factor, texture = "diffuseFactor", "diffuseTexture"
+    values = None
+    if with_texture and texture in colors:
+        values = decoded_alpha(*_picture_data(file, colors[texture]["index"]))
+    opacity = float(colors.get(factor, (1.0, 1.0, 1.0, 1.0))[3])
+    return Alpha(opacity, values, float(record.get("alphaCutoff", 0.5)) if mode == "MASK" else 0.5)
+
+
 def _transform(file: GltfFile, texture: dict[str, Any]) -> _Transform | None:
     given = texture.get("extensions", {}).get("KHR_texture_transform")
     if texture.get("texCoord", 0) != 0 or (given or {}).get("texCoord", 0) != 0:
@@ -217,6 +252,11 @@ def _transform(file: GltfFile, texture: dict[str, Any]) -> _Transform | None:
 
 
 def _picture(file: GltfFile, index: int) -> AnyArray:
+    return decoded(*_picture_data(file, index))
+
+
+def _picture_data(file: GltfFile, index: int) -> tuple[bytes, Path, str]:
+    """The picture of a texture as a file's bytes, with what messages call it."""
     texture = file.header["textures"][index]
     source = texture.get("source")
     for extension in texture.get("extensions", {}).values():
@@ -225,7 +265,7 @@ def _picture(file: GltfFile, index: int) -> AnyArray:
         raise InputError(f"{file.path}: texture {index} has no picture; export it again")
     image = file.header["images"][source]
     data = content(file.path, image["uri"]) if "uri" in image else view(file, image["bufferView"])
-    return decoded(data, file.path, f"picture {image.get('name') or source}")
+    return data, file.path, f"picture {image.get('name') or source}"
 
 
 def _scaled(bumps: AnyArray, scale: float) -> AnyArray:

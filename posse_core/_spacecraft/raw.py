@@ -227,6 +227,21 @@ def decoded(data: bytes, path: Path, what: str) -> AnyArray:
     return np.ascontiguousarray(image[..., ::-1])
 
 
+def decoded_alpha(data: bytes, path: Path, what: str) -> AnyArray | None:
+    """Decode the alpha channel of an image file → (H, W) uint8; None if it has none.
+
+    Raises:
+        InputError: the image cannot be decoded.
+    """
+    image = decoded_image(data, cv2.IMREAD_UNCHANGED)
+    if image is None:
+        raise InputError(f"{path}: {what} cannot be decoded; re-export it as PNG or JPEG")
+    if image.ndim < 3 or image.shape[2] != 4:
+        return None
+    alpha = image[..., 3]
+    return np.ascontiguousarray(alpha if alpha.dtype == np.uint8 else alpha >> 8).astype(np.uint8)
+
+
 def unique_names(names: Sequence[str]) -> list[str]:
     """Make names of letters, digits and ``_ . -`` that are all different. Other characters become ``_``,
     and a name of which nothing is left becomes ``part_N``."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from typing import Any, Literal, get_args, get_origin
 
 import click
@@ -11,6 +12,7 @@ from pydantic_core import PydanticUndefined
 
 from posse_core._cli.common import echo_json
 from posse_core._errors import InputError
+from posse_core._model.joints import Joint
 from posse_core._plugins.kinds import KINDS, Kind, shown
 from posse_core._plugins.loading import load_plugins
 from posse_core._plugins.options import nearest
@@ -63,6 +65,8 @@ def command(kind: str, name: str | None, as_json: bool) -> None:
         return
     click.echo(title)
     _describe(model, indent="  ")
+    if kind == "scene" and not any(field.is_required() for field in model.model_fields.values()):
+        _describe_joints(registry, str(name))
 
 
 def _describe_kind(kind: Kind, registry: Registry, as_json: bool) -> None:
@@ -84,6 +88,28 @@ def _describe_kind(kind: Kind, registry: Registry, as_json: bool) -> None:
         able = [spec.name for spec in registry.specs(kind.name) if word in spec.capabilities]
         click.echo(f"  capability {word}: {claim} ({', '.join(able) or 'none installed'})")
     click.echo(f"  installed: {', '.join(names) or 'none'}")
+
+
+def _describe_joints(registry: Registry, name: str) -> None:
+    """Print the joints of a spacecraft with the default options."""
+    from posse_core._simulator.returned import built
+
+    does = {"revolute": "turns", "prismatic": "slides", "fixed": "does not move"}
+    joints = built(registry.create("scene", name), name).joints
+    if joints:
+        click.echo("joints, moved by the scenario's key joints")
+    for joint in joints:
+        carried = f", carried by {joint.parent}" if joint.parent else ""
+        tracks = "; sun-tracking can turn it" if joint.facing_body is not None else ""
+        click.echo(f"  {joint.name}: {does[joint.kind]}{_limits(joint)}{carried}{tracks}")
+
+
+def _limits(joint: Joint) -> str:
+    low, high = joint.limits
+    if joint.kind == "fixed" or (low == -math.inf and high == math.inf):
+        return ""
+    factor, unit = (math.degrees(1), "deg") if joint.kind == "revolute" else (1.0, "m")
+    return f" from {factor * low:.6g} to {factor * high:.6g} {unit}"
 
 
 def _describe_camera(name: str | None, as_json: bool) -> None:

@@ -19,7 +19,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -33,6 +33,8 @@ _SUFFIXES = {"q": ("_w", *_VECTOR), "r": _VECTOR, "v": _VECTOR, "omega": _VECTOR
 _EXTRA = "extra_"
 _QUATERNION_LENGTH_ERROR = 1e-3
 """Largest allowed difference of a quaternion's length from 1."""
+GUIDE: Final = "docs/dynamics.md"
+"""The page on tables of a trajectory."""
 _MISSING = "there is no such file; make one with 'posse propagate'"
 _EXTRA_COLUMN = re.compile(rf"{_EXTRA}(\w+?)((?:\[\d+\])*)")
 
@@ -47,6 +49,7 @@ class Table:
         known: names in the file: of arrays, or of a CSV file's columns.
         arrays: arrays by name; all are finite and have the same number of rows F ≥ 1.
         extras: extras by name, (F, ...) and finite; empty where they were not requested.
+        guide: page that has an example of such a file, for messages.
     """
 
     path: Path
@@ -54,6 +57,7 @@ class Table:
     known: tuple[str, ...]
     arrays: Mapping[str, FloatArray]
     extras: Mapping[str, FloatArray] = field(default_factory=dict)
+    guide: str = GUIDE
 
     def __getitem__(self, name: str) -> FloatArray:
         self.require(name)
@@ -73,17 +77,18 @@ class Table:
                 for column in (_columns(name) if self.path.suffix == ".csv" else [name])
                 if column not in self.known
             ]
-            rest = _lack(self.path, missing, self.known, list(self.arrays))
+            rest = _lack(self.path, missing, self.known, list(self.arrays), self.guide)
             raise InputError(f"{self.path} has no {', '.join(columns)}{rest}")
 
 
-def read_table(path: Path, names: Collection[str], *, extras: bool = False) -> Table:
+def read_table(path: Path, names: Collection[str], *, extras: bool = False, guide: str = GUIDE) -> Table:
     """Read those of the named arrays that a file has, and ignore the others in the file.
 
     Args:
         path: an ``.npz`` or ``.csv`` file.
         names: the arrays to read.
         extras: whether to read all extras too.
+        guide: page that has an example of such a file, for messages.
 
     Raises:
         InputError: The file is missing or of another kind, has none of the names, or has an array of
@@ -100,7 +105,8 @@ def read_table(path: Path, names: Collection[str], *, extras: bool = False) -> T
     except (csv.Error, TypeError, ValueError) as error:
         raise InputError(f"{path} cannot be read as {path.suffix[1:].upper()}: {error}") from None
     if not raw:
-        raise InputError(f"{path} has none of {', '.join(names)}{_lack(path, list(names), known, [])}")
+        rest = _lack(path, list(names), known, [], guide)
+        raise InputError(f"{path} has none of {', '.join(names)}{rest}")
     frames = len(next(iter(raw.values())))
     return Table(
         path,
@@ -111,10 +117,13 @@ def read_table(path: Path, names: Collection[str], *, extras: bool = False) -> T
             name: _checked(array, (frames, *array.shape[1:]), f"{_EXTRA}{name}", path)
             for name, array in found.items()
         },
+        guide,
     )
 
 
-def _lack(path: Path, missing: Sequence[str], known: Sequence[str], read: Sequence[str]) -> str:
+def _lack(
+    path: Path, missing: Sequence[str], known: Sequence[str], read: Sequence[str], guide: str
+) -> str:
     """The message about arrays that a file lacks, but for its beginning.
 
     Args:
@@ -122,6 +131,7 @@ def _lack(path: Path, missing: Sequence[str], known: Sequence[str], read: Sequen
         missing: the arrays.
         known: names in the file.
         read: arrays that it has, whose names mean nothing else.
+        guide: page that has an example of such a file.
     """
     is_csv = path.suffix == ".csv"
     wanted = [column for name in missing for column in (_columns(name) if is_csv else [name])]
@@ -135,7 +145,7 @@ def _lack(path: Path, missing: Sequence[str], known: Sequence[str], read: Sequen
     there = (
         f"it has the {'columns' if is_csv else 'arrays'} {', '.join(shown)}" if shown else "it is empty"
     )
-    return f"{hint} ({there}; docs/dynamics.md has an example)"
+    return f"{hint} ({there}; {guide} has an example)"
 
 
 def _shape(name: str, frames: int) -> tuple[int, ...]:

@@ -88,7 +88,8 @@ class TableLaw(JointLaw[TableOptions]):
     @cached_property
     def _table(self) -> Table:
         check_file(self.options.path)
-        return read_table(self.options.path, ("t_s", "value_deg", "value_m"))
+        names = ("t_s", "value_deg", "value_m")
+        return read_table(self.options.path, names, guide="docs/joints.md")
 
 
 class AnimationLaw(JointLaw[AnimationOptions]):

@@ -201,7 +201,8 @@ class States:
         )
 
     def check_joints(self) -> None:
-        """Ask for the target's joints at every frame of the scenario.
+        """Ask for the target's joints at every frame of the scenario, and for those of the bodies beside
+        it at the first.
 
         Raises:
             InputError: A law cannot move its joint, or moves it beyond the limits.
@@ -210,6 +211,8 @@ class States:
         if self._scenario.joints:
             motion = BodyMotion.of_target(self.trajectory, self._indices_of_draws)
             self.joint_laws.values_and_rates(motion)
+        if any(body.joints for body in self._scenario.bodies.values()):
+            self.own(0)
 
     def _of_row(
         self,

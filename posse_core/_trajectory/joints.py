@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -86,13 +86,20 @@ class BodyMotion:
             unit(trajectory.r_sun_eci_m - trajectory.r_target_eci_m),
         )
 
-    def after(self, after_s: float) -> BodyMotion:
-        """The motion moments later: the body turns by its angular velocity, the Sun stands still."""
-        if after_s == 0:
-            return self
-        turn = matrix_from_rotation_vector(after_s * self.omega_body_rad_s)
-        return replace(
-            self, t_s=self.t_s + after_s, R_eci_from_body=np.asarray(self.R_eci_from_body @ turn)
+    def at(self, after_s: FloatArray) -> BodyMotion:
+        """The motion moments after its instants: (N,) seconds → N · F instants, all F for each moment.
+
+        The body turns by its angular velocity, and the Sun stands still.
+        """
+        count, frames = len(after_s), len(self.t_s)
+        later_s = np.repeat(after_s, frames)
+        turn = matrix_from_rotation_vector(later_s[:, None] * np.tile(self.omega_body_rad_s, (count, 1)))
+        return BodyMotion(
+            np.tile(self.t_s, count) + later_s,
+            np.tile(self.indices, count),
+            np.asarray(np.tile(self.R_eci_from_body, (count, 1, 1)) @ turn),
+            np.tile(self.omega_body_rad_s, (count, 1)),
+            np.tile(self.sun_direction_eci, (count, 1)),
         )
 
 
@@ -200,24 +207,23 @@ class JointLaws:
             InputError: A value is beyond the limits of its joint, or a law cannot move its joint.
             ComponentError: A law failed, or did not return a number for each frame.
         """
-        before, now, after = (
-            self._values(motion.after(after_s), given, after_s)
-            for after_s in (-RATE_STEP_S, 0.0, RATE_STEP_S)
-        )
-        change = after.values - before.values
+        after_s = np.array([-RATE_STEP_S, 0.0, RATE_STEP_S])
+        moved = self._values(motion.at(after_s), given, np.repeat(after_s, len(motion.t_s)))
+        before, now, after = np.split(moved.values, 3)
+        change = after - before
         turning = np.array([joint.kind == "revolute" for joint in self._joints], dtype=bool)
         # A law may go on by whole turns less or more at any time.
         turns = np.where(turning, np.round(change / (2 * np.pi)), 0.0)
         rates = (change - 2 * np.pi * turns) / (2 * RATE_STEP_S)
         for number, joint in enumerate(self._joints):
-            self._check_limits(joint, now.values[:, number], motion.indices)
+            self._check_limits(joint, now[:, number], motion.indices)
             if joint.name in given.values:
                 rates[:, number] = given.rates.get(joint.name, 0.0)
                 continue
-            own = self._laws[joint.name].rates(now.around[joint.name])
+            own = self._laws[joint.name].rates(moved.around[joint.name])
             if own is not None:
-                rates[:, number] = own
-        return now.values, rates
+                rates[:, number] = np.split(own, 3)[1]
+        return now, rates
 
     def check_given(self, given: GivenJoints) -> None:
         """Check what a caller gives.
@@ -238,15 +244,16 @@ class JointLaws:
             if name not in given.values:
                 raise InputError(f"state: joint_rates has {name!r}, and joints has not; give both")
 
-    def _values(self, motion: BodyMotion, given: GivenJoints, after_s: float) -> _Values:
-        """The values of all joints ``after_s`` after those that are given."""
-        numbers: dict[str | None, int] = {None: 0}
+    def _values(self, motion: BodyMotion, given: GivenJoints, after_s: FloatArray) -> _Values:
+        """The values of all joints; the motion is (F,) seconds after the instants of what is given."""
         sun_body = np.einsum("fji,fj->fi", motion.R_eci_from_body, motion.sun_direction_eci)
-        # The Sun in the axes of each link; the first is the body itself.
-        sun_links, values = [sun_body], np.empty((len(motion.t_s), len(self._joints)))
+        # The Sun in the axes of each link that carries a joint; None is the body's own.
+        sun_links: dict[str | None, FloatArray] = {None: sun_body}
+        carriers = {joint.parent for joint in self._joints}
+        values = np.empty((len(motion.t_s), len(self._joints)))
         around: dict[str, JointSurroundings] = {}
         for number, joint in enumerate(self._joints):
-            sun = sun_links[numbers[joint.parent]]
+            sun = sun_links[joint.parent]
             if joint.name in given.values:
                 rate = given.rates.get(joint.name, 0.0)
                 values[:, number] = given.values[joint.name] + after_s * rate
@@ -262,9 +269,10 @@ class JointLaws:
                     R_eci_from_body=motion.R_eci_from_body,
                 )
                 values[:, number] = self._laws[joint.name].values(around[joint.name])
-            numbers[joint.name] = len(sun_links)
-            turns = joint.kind == "revolute"
-            sun_links.append(rotated(sun, joint.axis_body, -values[:, number]) if turns else sun)
+            if joint.name in carriers:
+                turns = joint.kind == "revolute"
+                moved = rotated(sun, joint.axis_body, -values[:, number]) if turns else sun
+                sun_links[joint.name] = moved
         return _Values(values, around)
 
     def _check_limits(self, joint: Joint, values: FloatArray, indices: IntArray) -> None:

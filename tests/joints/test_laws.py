@@ -294,7 +294,8 @@ def test_what_cannot_be_is_told_in_one_line(joints, choices, words: str) -> None
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("t_s,value_m\n0,0\n", "has no value_deg"),
+        ("t_s,value_m\n0,0\n", "has no value_deg.*docs/joints.md has an example"),
+        ("time,angle\n0,0\n", "has none of t_s, value_deg, value_m.*docs/joints.md has an example"),
         ("t_s,value_deg\n0,0\n0,1\n", "its times do not increase"),
         ("t_s,value_deg\n0,x\n", "column 'value_deg'"),
     ],
@@ -332,13 +333,14 @@ def test_a_callers_value_beyond_the_limits_is_told() -> None:
     ("returned", "words"),
     [
         (None, "the array of values is NoneType"),
-        (np.zeros(3), "shape (3,), and must be float64 of shape (2,)"),
-        (np.zeros(2, np.float32), "is float32"),
-        (np.array([0.0, np.nan]), "has numbers that are not finite"),
+        (np.zeros(2), "shape (2,), and must be float64 of shape (6,)"),
+        (np.zeros(6, np.float32), "is float32"),
+        (np.full(6, np.nan), "has numbers that are not finite"),
         (ValueError("no luck"), "failed: ValueError: no luck"),
     ],
 )
 def test_a_laws_fault_is_named(returned, words: str) -> None:
+    """Of two frames it is asked for values at three moments each."""
     law = REGISTRY.create("joint-law", "fixed")
 
     def broken(around):

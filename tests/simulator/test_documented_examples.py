@@ -1,4 +1,5 @@
-"""The examples of docs/simulator.md and of the README, each as a plain script of its own."""
+"""The examples of docs/simulator.md, docs/joints.md and of the README, each as a plain script of its
+own."""
 
 import os
 import re
@@ -9,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-GUIDE = (ROOT / "docs" / "simulator.md").read_text(encoding="utf-8")
+GUIDE = "".join((ROOT / "docs" / f"{page}.md").read_text("utf-8") for page in ("simulator", "joints"))
 EXAMPLES = re.findall(r"```python\n(.*?)```", GUIDE, flags=re.S)
 
 

@@ -12,22 +12,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from posse_core._arrays import FloatArray, IntArray
-from posse_core._evaluation.case import Case
-from posse_core._evaluation.checks import (
-    DEPTH_ERROR_M,
-    DEPTH_ERROR_SHARE,
+from posse_core._evaluation.body_checks import (
     HIDDEN_KEYPOINT_DEPTH_SHARE,
     REPROJECTION_ERROR_PX,
-    Check,
 )
+from posse_core._evaluation.case import DEPTH_ERROR_M, Case, depth_error_m
+from posse_core._evaluation.checks import COMPARED_PIXELS, Check
 from posse_core._evaluation.raster import RayMeeting
 
 FLOW_ERROR_SHARE = 1e-5
 """How far a flow may lie from the poses', over its length, since it has single precision."""
 HIDDEN_DEPTH_SHARE = 1e-3
 """How far, over the craft's size, the mesh may stand in front of a point that is labelled visible."""
-COMPARED_PIXELS = 1 << 13
-"""Pixels of a frame whose flow is compared, evenly spread over the mask; fewer if it has fewer."""
 COMPARED_RAYS = 64
 """Of these, pixels whose visibility in the next frame is compared by a ray."""
 _SAME_TIME_S = 1e-6
@@ -53,13 +49,20 @@ class _Moved:
 
 
 def _moved(case: Case, following: Case) -> _Moved:
-    row, column = np.nonzero(case.mask & np.isfinite(case.truth["depth_m"]))
+    row, column = np.nonzero(case.covered & np.isfinite(case.truth["depth_m"]))
     chosen = slice(None, None, max(1, -(-len(row) // COMPARED_PIXELS)))
     row, column = row[chosen], column[chosen]
     rays = case.camera.rays(np.stack([column, row], axis=-1))
     now_m = rays * case.truth["depth_m"][row, column, None].astype(np.float64)
-    next_m, next_s = following.seen_by_rows(case.in_body(now_m, case.row_s(row.astype(np.float64))))
-    return _Moved(row, column, now_m, next_m, next_s, case.camera.project(next_m))
+    now_s = case.target.row_s(row.astype(np.float64))
+    next_m, next_s = np.empty_like(now_m), np.empty(len(row))
+    known = np.zeros(len(row), dtype=np.bool_)
+    for body, own, links in case.by_link(row, column):
+        x_link_m = body.placed.in_link(now_m[own], links, now_s[own])
+        next_m[own], next_s[own] = following.bodies[body.number].seen_by_rows(x_link_m, links)
+        known[own] = True
+    next_px = case.camera.project(next_m[known])
+    return _Moved(row[known], column[known], now_m[known], next_m[known], next_s[known], next_px)
 
 
 def _duration_s(case: Case) -> float | None:
@@ -92,7 +95,7 @@ def _optical_flow(case: Case) -> Iterator[str]:
     yield from _wrong_duration(case)
     if _duration_s(case) is None and there.any():
         yield f"optical_flow_px is given in {int(there.sum())} pixels, and flow_duration_s is null"
-    beyond = int((there & ~case.mask).sum())
+    beyond = int((there & ~case.covered).sum())
     if beyond:
         yield f"optical_flow_px is given in {beyond} pixels outside the mask"
     following = _frame_ahead(case)
@@ -130,15 +133,14 @@ def _flow_visible(case: Case) -> Iterator[str]:
     for i in candidates[:: max(1, -(-len(candidates) // COMPARED_RAYS))]:
         if moved.next_s[i] != moment_s or rays is None:
             moment_s = moved.next_s[i]
-            vertices_m = following.in_camera(case.mesh.vertices_body_m, after_s=moment_s)
-            rays = RayMeeting(vertices_m[case.mesh.faces])
+            rays = RayMeeting(following.vertices_m(moment_s)[following.faces])
         point_m = moved.next_m[i]
         before_m = point_m[2] - rays.depth_m(point_m / point_m[2])
         where = f"({moved.column[i]}, {moved.row[i]})"
         is_visible = visible[moved.row[i], moved.column[i]]
-        if is_visible and before_m > HIDDEN_DEPTH_SHARE * case.size_m:
+        if is_visible and before_m > HIDDEN_DEPTH_SHARE * case.target.size_m:
             yield f"{where} is labelled visible, and the next frame's mesh is {before_m:.3g} m before it"
-        if not is_visible and before_m < HIDDEN_KEYPOINT_DEPTH_SHARE * case.size_m:
+        if not is_visible and before_m < HIDDEN_KEYPOINT_DEPTH_SHARE * case.target.size_m:
             yield f"{where} is labelled hidden, and in the next frame nothing is before it"
 
 
@@ -146,7 +148,7 @@ def _scene_flow(case: Case) -> Iterator[str]:
     flow_m = case.truth["scene_flow_m"].astype(np.float64)
     there = np.isfinite(flow_m).all(axis=-1)
     yield from _wrong_duration(case)
-    expected_there = case.mask if _duration_s(case) is not None else np.zeros_like(case.mask)
+    expected_there = case.covered if _duration_s(case) is not None else np.zeros_like(case.covered)
     missing = int((there != expected_there).sum())
     if missing:
         yield f"scene_flow_m is not given where it must be in {missing} pixels"
@@ -155,7 +157,7 @@ def _scene_flow(case: Case) -> Iterator[str]:
         return
     moved = _moved(case, following)
     off_m = np.linalg.norm(flow_m[moved.row, moved.column] - (moved.next_m - moved.now_m), axis=1)
-    allowed_m = DEPTH_ERROR_M + DEPTH_ERROR_SHARE * np.linalg.norm(moved.next_m, axis=1)
+    allowed_m = depth_error_m(np.linalg.norm(moved.next_m, axis=1))
     wrong = ~(off_m <= allowed_m)
     if wrong.any():
         yield f"scene_flow_m is not the poses' in {wrong.sum()} of {len(wrong)} pixels"

@@ -8,7 +8,7 @@ edges (Möller and Trumbore 1997 in homogeneous form), so triangles behind the c
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
 
@@ -23,10 +23,28 @@ _PAIRS = 1 << 20
 """Pairs of pixel and triangle that are tried at once."""
 
 
-def depth_by_rows(
-    camera: Camera, vertices_cam_m: Callable[[float], FloatArray], faces: IntArray
-) -> FloatArray:
-    """:func:`depth_of_mesh` of a mesh that moves from row to row.
+@dataclass(frozen=True)
+class FirstHits:
+    """What the rays through the pixels' centres meet first.
+
+    Attributes:
+        depth_m: (H, W) planar depth; infinite off the mesh.
+        face: (H, W) index of the triangle; −1 off the mesh.
+        covered_px: (G,) number of pixels whose rays meet a triangle of each group, first or not.
+    """
+
+    depth_m: FloatArray
+    face: IntArray
+    covered_px: IntArray
+
+
+def first_hits_by_rows(
+    camera: Camera,
+    vertices_cam_m: Callable[[float], FloatArray],
+    faces: IntArray,
+    group: IntArray,
+) -> FirstHits:
+    """:func:`first_hits` of a mesh that moves from row to row.
 
     vertices_cam_m: row → (V, 3) in its moment.
     """
@@ -35,24 +53,47 @@ def depth_by_rows(
     behind = np.isnan(v_px).any(axis=1)
     low = np.where(behind, -np.inf, v_px.min(axis=1) - 1)
     high = np.where(behind, np.inf, v_px.max(axis=1) + 1)
-    depth = np.full((camera.height_px, camera.width_px), np.inf)
+    depth_m = np.full((camera.height_px, camera.width_px), np.inf)
+    face = np.full(depth_m.shape, -1)
+    covered_px = np.zeros(group.max(initial=0) + 1, dtype=np.int64)
     for row in range(camera.height_px):
-        near = faces[(low <= row) & (high >= row)]
+        near = np.flatnonzero((low <= row) & (high >= row))
         if len(near):
             line = replace(camera, height_px=1, cy_px=camera.cy_px - row)
-            depth[row] = depth_of_mesh(line, vertices_cam_m(row), near)[0]
-    return depth
+            found = first_hits(line, vertices_cam_m(row), faces[near], group[near])
+            depth_m[row] = found.depth_m[0]
+            face[row] = np.where(found.face[0] < 0, -1, near[found.face[0]])
+            covered_px[: len(found.covered_px)] += found.covered_px
+    return FirstHits(depth_m, face, covered_px)
 
 
 def depth_of_mesh(camera: Camera, vertices_cam_m: FloatArray, faces: IntArray) -> FloatArray:
     """Planar depth at each pixel's centre: (V, 3), (T, 3) → (H, W) metres, infinite off the mesh."""
+    return first_hits(camera, vertices_cam_m, faces, np.zeros(len(faces), dtype=np.int64)).depth_m
+
+
+def first_hits(
+    camera: Camera, vertices_cam_m: FloatArray, faces: IntArray, group: IntArray
+) -> FirstHits:
+    """What each pixel's centre shows of triangles.
+
+    Args:
+        camera: whose pixels they are.
+        vertices_cam_m: (V, 3) camera axes.
+        faces: (T, 3) indices of vertices.
+        group: (T,) number of the group that each triangle belongs to, from 0.
+    """
     corners = vertices_cam_m[faces]
-    corners = corners[(corners[..., 2] > 0).any(axis=1)]
+    kept = np.flatnonzero((corners[..., 2] > 0).any(axis=1))
+    corners = corners[kept]
     normals, volume = _edge_planes(corners)
     first, size = _pixel_boxes(camera, corners)
     rays = _pixel_rays(camera)
     count = size[:, 0] * size[:, 1]
+    groups = int(group.max(initial=0)) + 1
     depth = np.full(camera.width_px * camera.height_px, np.inf)
+    face = np.full(len(depth), -1)
+    covered = [np.zeros(0, dtype=np.int64)]
     for block in _blocks(count):
         triangle = np.repeat(np.arange(block.start, block.stop), count[block])
         start = np.cumsum(count[block]) - count[block]
@@ -65,9 +106,18 @@ def depth_of_mesh(camera: Camera, vertices_cam_m: FloatArray, faces: IntArray) -
         inside = (sides >= 0).all(axis=1) | (sides <= 0).all(axis=1)
         total = sides.sum(axis=1)
         hit = inside & (total * volume[triangle] > 0)
-        z = volume[triangle[hit]] / total[hit]
-        np.minimum.at(depth, row[hit] * camera.width_px + column[hit], z)
-    return depth.reshape(camera.height_px, camera.width_px)
+        z, index = volume[triangle[hit]] / total[hit], kept[triangle[hit]]
+        pixel = row[hit] * camera.width_px + column[hit]
+        np.minimum.at(depth, pixel, z)
+        nearest = z == depth[pixel]
+        face[pixel[nearest]] = index[nearest]
+        covered.append(np.unique(pixel * groups + group[index]))
+    pixels_of_groups = np.unique(np.concatenate(covered)) % groups
+    return FirstHits(
+        depth.reshape(camera.height_px, camera.width_px),
+        face.reshape(camera.height_px, camera.width_px),
+        np.bincount(pixels_of_groups, minlength=groups),
+    )
 
 
 class RayMeeting:

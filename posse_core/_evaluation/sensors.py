@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,12 +19,13 @@ from posse_core._dataset.layout import sensor_file
 from posse_core._dataset.readings import read_reading
 from posse_core._dataset.sensors import SensorInfo
 from posse_core._errors import InputError
-from posse_core._evaluation.case import ARRAYS, Case
+from posse_core._evaluation.case import ARRAYS, POSE, Case
 from posse_core._evaluation.checks import CHECKS, SCHEMA
+from posse_core._evaluation.placed import JointsSaid
 from posse_core._evaluation.raster import RayMeeting
 from posse_core._evaluation.result import Fault, Result
 from posse_core._interfaces.sensor import Sensor, StoredReading
-from posse_core._model.label_line import LabelLine, ReadingLabels, first_fault
+from posse_core._model.label_line import BodyReading, LabelLine, ReadingLabels, Vector, first_fault
 from posse_core._model.reading import Reading
 from posse_core._plugins.component import failures_named
 from posse_core._plugins.loading import load_plugins
@@ -96,11 +97,21 @@ class SensorChecks:
         if abs(np.linalg.norm(q) - 1) > MOUNT_ERROR or q[0] < 0:
             yield "q_sensor_from_body is not a unit quaternion with a scalar part of at least 0"
             return
-        if number == 0:
-            yield from _mounted(info, labels, said)
+        if said.bodies.keys() != (labels.bodies.keys() if labels.has("bodies") else set()):
+            yield "its bodies are not those of the frame"
+            return
         case = ReadingCase(self._dataset, info, labels, said, reading)
+        if case.labels_fault is not None:
+            yield case.labels_fault
+            return
+        for body in case.bodies:
+            if body.joints.keys() != {joint.name for joint in body.craft.joints}:
+                yield f"its joints are not those of {body.where}.json"
+                return
+        if number == 0:
+            yield from _mounted(info, Case(self._dataset, labels), case)
         if info.camera is not None and any(name in said.labels for name in _OF_A_CAMERA):
-            yield from _as_a_frame(case, said)
+            yield from _as_a_frame(case)
         component = self._components.get(info.name)
         if component is not None:
             stored = StoredReading(
@@ -109,7 +120,7 @@ class SensorChecks:
                 reading=reading,
                 camera=info.camera,
                 mount=info.mount,
-                parts=case.craft.parts,
+                parts=case.parts,
                 distances_m=case.distances_m,
             )
             with failures_named("sensor", info.type):
@@ -120,6 +131,7 @@ class ReadingCase(Case):
     """A reading under test in the place of a frame, the sensor in that of the dataset's camera.
 
     Attributes:
+        said: the reading's labels.
         labels_fault: why the reading's labels are not those of a frame, or None.
     """
 
@@ -132,24 +144,36 @@ class ReadingCase(Case):
         reading: Reading,
     ) -> None:
         """frame: labels of the frame that the reading is beside."""
+        own = {key: value for key, value in said.labels.items() if key in LabelLine.model_fields}
         placed = {
             **{key: getattr(frame, key) for key in _OF_THE_FRAME},
-            "q_cam_from_body": said.q_sensor_from_body,
-            "t_body_cam_m": said.t_body_sensor_m,
-            "v_body_cam_m_s": said.v_body_sensor_m_s,
-            "omega_body_rad_s": said.omega_body_rad_s,
-            "omega_camera_rad_s": said.omega_sensor_rad_s,
+            **_pose_said(said, said.omega_sensor_rad_s),
         }
-        own = {key: value for key, value in said.labels.items() if key in LabelLine.model_fields}
+        beside = {
+            name: {
+                "spacecraft": frame.bodies[name].spacecraft,
+                **_pose_said(body, said.omega_sensor_rad_s),
+            }
+            for name, body in said.bodies.items()
+        }
+        self.said = said
         self.labels_fault: str | None = None
         try:
-            labels = LabelLine.model_validate_json(json.dumps({**placed, **own}))
-        except ValidationError as error:
-            self.labels_fault = first_fault(error)
-            labels = LabelLine.model_validate_json(json.dumps(placed))
+            labels = LabelLine.model_validate_json(
+                json.dumps({**own, **placed, **_bodies(beside, own.get("bodies", {}))})
+            )
+        except (TypeError, ValidationError) as error:
+            self.labels_fault = (
+                first_fault(error) if isinstance(error, ValidationError) else f"bodies: {error}"
+            )
+            labels = LabelLine.model_validate_json(json.dumps({**placed, **_bodies(beside, {})}))
         super().__init__(dataset, labels)
         self.camera = info.camera or dataset.camera
         self.arrays = dict(reading.arrays)
+
+    def joints(self, body: str = "") -> JointsSaid:
+        """Joints of the target, or of a body beside it, as the reading has them."""
+        return self.said.bodies[body].joints if body else self.said.joints
 
     def distances_m(
         self, directions: ArrayLike, origin_m: ArrayLike = (0.0, 0.0, 0.0), after_s: ArrayLike = 0.0
@@ -159,41 +183,75 @@ class ReadingCase(Case):
         after_s = np.broadcast_to(np.asarray(after_s, dtype=np.float64), len(directions))
         distances_m = np.empty(len(directions))
         for instant_s in np.unique(after_s):
-            vertices_m = self.in_camera(self.mesh.vertices_body_m, after_s=float(instant_s))
-            meeting = RayMeeting((vertices_m - np.asarray(origin_m))[self.mesh.faces])
+            vertices_m = self.vertices_m(float(instant_s))
+            meeting = RayMeeting((vertices_m - np.asarray(origin_m))[self.faces])
             for i in np.flatnonzero(after_s == instant_s):
                 times = meeting.depth_m(directions[i])
                 distances_m[i] = times * float(np.linalg.norm(directions[i]))
         return distances_m
 
 
-def _mounted(info: SensorInfo, frame: LabelLine, said: ReadingLabels) -> Iterator[str]:
-    """The pose at the frame's instant is the frame's, seen from the mount."""
-    if not frame.has("q_cam_from_body", "t_body_cam_m"):
+def _pose_said(said: ReadingLabels | BodyReading, omega_sensor_rad_s: Vector) -> dict[str, Any]:
+    """Pose and rates in the keys of a label line, the sensor's axes in place of the camera's."""
+    return {
+        "q_cam_from_body": said.q_sensor_from_body,
+        "t_body_cam_m": said.t_body_sensor_m,
+        "v_body_cam_m_s": said.v_body_sensor_m_s,
+        "omega_body_rad_s": said.omega_body_rad_s,
+        "omega_camera_rad_s": omega_sensor_rad_s,
+        **({"is_carried": True} if isinstance(said, BodyReading) and said.is_carried else {}),
+    }
+
+
+def _bodies(placed: Mapping[str, dict[str, Any]], own: Any) -> dict[str, Any]:
+    """The key ``bodies`` of a line: what the sensor itself labels of them, and where they are.
+
+    Raises:
+        TypeError: what the sensor labels is not of bodies.
+    """
+    if not placed:
+        return {}
+    if not isinstance(own, dict) or not all(isinstance(each, dict) for each in own.values()):
+        raise TypeError("is not an object of objects")
+    return {"bodies": {name: {**own.get(name, {}), **body} for name, body in placed.items()}}
+
+
+def _mounted(info: SensorInfo, frame: Case, case: ReadingCase) -> Iterator[str]:
+    """The poses at the frame's instant are the frame's, seen from the mount."""
+    if not frame.has(*POSE):
         return
     R_sensor_from_camera = info.mount.R_camera_from_sensor.T
-    R = R_sensor_from_camera @ frames.matrix_from_quaternion(np.array(frame.q_cam_from_body))
-    t_m = R_sensor_from_camera @ (np.array(frame.t_body_cam_m) - info.mount.position_m)
-    turn = R.T @ frames.matrix_from_quaternion(np.array(said.q_sensor_from_body))
-    if np.linalg.norm(frames.rotation_vector_from_matrix(turn)) > MOUNT_ERROR:
-        yield "q_sensor_from_body is not the frame's attitude by the mount"
-    off_m = np.linalg.norm(t_m - np.array(said.t_body_sensor_m))
-    if off_m > MOUNT_ERROR * np.linalg.norm(frame.t_body_cam_m):
-        yield f"t_body_sensor_m is {off_m:.3g} m off the frame's position by the mount"
+    for body, there in zip(frame.bodies, case.bodies, strict=True):
+        which = f"{body.name}: " if body.number else ""
+        turn = there.R_cam_from_body.T @ R_sensor_from_camera @ body.R_cam_from_body
+        if np.linalg.norm(frames.rotation_vector_from_matrix(turn)) > MOUNT_ERROR:
+            yield f"{which}q_sensor_from_body is not the frame's attitude by the mount"
+        t_m = np.array(body.labels.t_body_cam_m)
+        off_m = np.linalg.norm(
+            R_sensor_from_camera @ (t_m - info.mount.position_m) - there.placed.t_body_cam_m
+        )
+        if off_m > MOUNT_ERROR * max(1.0, float(np.linalg.norm(t_m))):
+            yield f"{which}t_body_sensor_m is {off_m:.3g} m off the frame's position by the mount"
+        for name, joint in body.joints.items():
+            if (joint.value, joint.rate) != (there.joints[name].value, there.joints[name].rate):
+                yield f"{which}joint {name}: value and rate are not the frame's"
 
 
-def _as_a_frame(case: ReadingCase, said: ReadingLabels) -> Iterator[str]:
+def _as_a_frame(case: ReadingCase) -> Iterator[str]:
     """The labels that the scenario's annotators made, by the checks of frames."""
-    if case.labels_fault is not None:
-        yield case.labels_fault
-        return
-    for key, own in (
-        ("q_cam_from_body", said.q_sensor_from_body),
-        ("t_body_cam_m", said.t_body_sensor_m),
-    ):
-        if key in said.labels and tuple(getattr(case.labels, key)) != tuple(own):
-            yield f"{key} is not the reading's pose"
-            return
+    own_bodies: Any = case.said.labels.get("bodies", {})
+    for body in case.bodies:
+        own: Any = own_bodies.get(body.name, {}) if body.number else case.said.labels
+        which = f"{body.name}: " if body.number else ""
+        for key in POSE:
+            if key in own and own[key] != list(getattr(body.labels, key)):
+                yield f"{which}{key} is not the reading's pose"
+                return
+        for name, joint in (body.labels.joints if body.labels.has("joints") else {}).items():
+            said = body.joints.get(name)
+            if said is None or (said.value, said.rate) != (joint.value, joint.rate):
+                yield f"{which}joint {name}: is not the reading's"
+                return
     for check in (SCHEMA, *(check for check in CHECKS if check.name != "files")):
         if check.applies(case):
             for message in check.run(case):

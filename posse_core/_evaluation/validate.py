@@ -14,8 +14,9 @@ from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.files import read_image
 from posse_core._dataset.layout import BODIES, IMAGES, INPUTS, LABELS, SENSORS, TRUTH, inside
 from posse_core._errors import InputError
+from posse_core._evaluation.body_checks import BodyCheck
 from posse_core._evaluation.case import Case
-from posse_core._evaluation.checks import CHECKS, SCHEMA
+from posse_core._evaluation.checks import CHECKS, SCHEMA, Check
 from posse_core._evaluation.exports import check_exports
 from posse_core._evaluation.motion import check_motion
 from posse_core._evaluation.motion_checks import MOTION_CHECKS
@@ -68,7 +69,7 @@ def validate(dataset: Dataset, progress: Progress) -> Report:
         _partition(dataset, frames),
     ]
     schema = Result(SCHEMA.name, SCHEMA.proves)
-    checks = (*CHECKS, *MOTION_CHECKS)
+    checks: tuple[Check | BodyCheck, ...] = (*CHECKS, *MOTION_CHECKS)
     results = [Result(check.name, check.proves) for check in checks]
     sensors = SensorChecks(dataset)
     for position in progress(range(len(lines)), len(lines)):

@@ -66,7 +66,7 @@ def test_a_clean_dataset_passes_every_check(dataset_folder):
     report = prove(dataset_folder)
     assert report.passed
     assert report.frames == 6
-    unchosen = {"albedo", "flow-visible", "optical-flow", "partition", "scene-flow"}
+    unchosen = {"albedo", "flow-visible", "joints", "optical-flow", "partition", "scene-flow"}
     assert {result.name for result in report.results if result.checked == 0} == unchosen
 
 
@@ -280,7 +280,7 @@ def test_mask_box_and_arrays_together_one_pixel_off(folder):
     change_arrays(
         folder, lambda arrays: arrays.update({k: np.roll(a, 1, axis=1) for k, a in arrays.items()})
     )
-    assert_only(assert_found(folder, "mask", "not the mesh's outline"), "mask", "depth")
+    assert_only(assert_found(folder, "mask", "not the mesh's outline"), "mask", "depth", "normals")
 
 
 def test_mask_that_is_its_box(folder):

@@ -221,7 +221,8 @@ class Case:
         shown_m = np.where(np.isfinite(depth_m), depth_m, np.nan)
         steps_m = [shown_m - np.roll(shown_m, shift, axis) for axis in (0, 1) for shift in (-1, 1)]
         slope_m = np.max(np.nan_to_num(np.abs(steps_m)), axis=0)
-        return depth_error_m(depth_m) + ROW_STEP_PX * slope_m + self.turn_by_step_rad * depth_m
+        error_m = depth_error_m(depth_m) + ROW_STEP_PX * slope_m
+        return np.asarray(error_m + self.turn_by_step_rad * depth_m)
 
     @cached_property
     def part_seen(self) -> IntArray:

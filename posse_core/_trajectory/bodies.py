@@ -121,18 +121,20 @@ class _Carried:
 
     def state(self, row: Trajectory, index: int, every_t_s: FloatArray | None) -> BodyState:
         """See :meth:`OtherBodies.states`."""
-        at_rest, omega_camera_rad_s = np.zeros(3), row.omega_camera_rad_s[0]
+        omega_camera_rad_s = row.omega_camera_rad_s[0]
+        omega_body_rad_s = self.R_cam_from_body.T @ omega_camera_rad_s
         R_eci_from_body = matrix_from_quaternion(row.q_eci_from_camera[0]) @ self.R_cam_from_body
         articulation = self.joint_laws.articulation(
             BodyMotion(
                 t_s=row.t_s,
                 indices=np.array([index]),
                 R_eci_from_body=R_eci_from_body[None],
-                omega_body_rad_s=(self.R_cam_from_body.T @ omega_camera_rad_s)[None],
+                omega_body_rad_s=omega_body_rad_s[None],
                 sun_direction_eci=unit(row.r_sun_eci_m - row.r_chaser_eci_m),
             )
         )
-        rates = Rates(at_rest, at_rest, omega_camera_rad_s)
+        swing_m_s = np.cross(omega_camera_rad_s, self.t_body_cam_m)
+        rates = Rates(swing_m_s, omega_body_rad_s, omega_camera_rad_s)
         return BodyState(self.R_cam_from_body, self.t_body_cam_m, rates, articulation, is_carried=True)
 
 

@@ -4,6 +4,7 @@ which each is the target or the chaser."""
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -99,6 +100,8 @@ def test_a_carried_body_is_where_its_mount_says():
         np.testing.assert_array_equal(other.t_body_cam_m, [0.1, 0.3, 0.5])
         turn = Rotation.from_euler("z", 90, degrees=True).as_matrix()
         np.testing.assert_allclose(other.R_cam_from_body, turn, atol=1e-15)
+        moved = replace(other, is_carried=False).in_camera(np.eye(3), np.full(3, 1e-3))
+        np.testing.assert_allclose(moved, turn.T + other.t_body_cam_m, atol=1e-10)  # also by its rates
 
 
 def test_fragments_are_spread_turned_and_numbered():

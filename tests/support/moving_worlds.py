@@ -84,14 +84,14 @@ def winged(name: str = "winged") -> Spacecraft:
     parts = (
         part("bus", box((1.0, 1.1, 0.9), (0, 0, 0))),
         part("wing", box((0.8, 1.4, 0.06), (0, 1.4, 0.1)), "wing"),
-        part("plate", box((0.5, 0.3, 0.12), (0, 2.35, 0.13)), "slide"),
+        part("plate", box((0.5, 0.3, 0.12), (0, 2.35, 0.16)), "slide"),
         part("dish", dish),
     )
     keypoints = {
         "bus": [0.5, 0.55, 0.45],
         "wing": [0.4, 2.1, 0.13],
         "inner": [-0.4, 0.7, 0.07],
-        "tip": [0.25, 2.5, 0.19],
+        "tip": [0.25, 2.5, 0.22],
         "dish": [0.0, 0.0, 1.25],
     }
     carriers = {"wing": "wing", "inner": "wing", "tip": "slide"}
@@ -241,18 +241,29 @@ def write_world(
         image = np.zeros((scene.camera.height_px, scene.camera.width_px), dtype=np.uint8)
         image[0, :: state.index + 2] = 200
         cv2.imwrite(str(folder / line["image"]), image)
-    _save_trajectory(folder, lines)
+    _save_trajectory(folder, frames)
     write_lines(folder, lines)
     return folder
 
 
-def _save_trajectory(folder: Path, lines: list[dict[str, Any]]) -> None:
-    motion = cuboid.trajectory(lines)
+def _save_trajectory(folder: Path, frames: Sequence[FrameState]) -> None:
+    rows = [
+        {
+            "t_s": state.t_s,
+            "sequence": state.sequence,
+            "sun_fraction_target": state.sun_fraction_target,
+            "q_cam_from_body": np.roll(
+                Rotation.from_matrix(state.craft.R_cam_from_body).as_quat(canonical=True), 1
+            ),
+            "t_body_cam_m": state.craft.t_body_cam_m,
+        }
+        for state in frames
+    ]
     rates = {
-        key: np.array([line[key] for line in lines])
+        key: np.array([getattr(state.craft.rates, key) for state in frames])
         for key in ("omega_body_rad_s", "omega_camera_rad_s")
     }
-    save_trajectory(replace(motion, **rates), folder / "trajectory.npz")
+    save_trajectory(replace(cuboid.trajectory(rows), **rates), folder / "trajectory.npz")
 
 
 def write_lines(folder: Path, lines: list[dict[str, Any]]) -> None:

@@ -15,7 +15,7 @@ from posse_core._dataset.files import read_image
 from posse_core._dataset.layout import BODIES, IMAGES, INPUTS, LABELS, SENSORS, TRUTH, inside
 from posse_core._errors import InputError
 from posse_core._evaluation.body_checks import BodyCheck
-from posse_core._evaluation.case import Case
+from posse_core._evaluation.case import POSE, Case
 from posse_core._evaluation.checks import CHECKS, SCHEMA, Check
 from posse_core._evaluation.exports import check_exports
 from posse_core._evaluation.motion import check_motion
@@ -24,7 +24,7 @@ from posse_core._evaluation.result import Fault, Report, Result
 from posse_core._evaluation.sensors import SensorChecks
 from posse_core._files.atomic import sha256
 from posse_core._files.reading import parsed_json
-from posse_core._model.label_line import LabelLine
+from posse_core._model.label_line import BodyLabels, LabelLine
 from posse_core._model.manifest import Manifest
 
 _READING_FILE = re.compile(rf'"({SENSORS}/[^"]+)"')
@@ -40,7 +40,8 @@ class _Frame:
     Attributes:
         labels_fault: why the line is not one; then there is no more than its index and files.
         files: image, and arrays.
-        pose, moment: equal for frames of one pose; of one pose, time and spacecraft.
+        pose, moment: equal for frames of one pose of the target; of one time, spacecraft, and poses and
+            joints of all bodies.
     """
 
     index: int
@@ -98,14 +99,20 @@ def _frame(index: int, line: bytes) -> _Frame:
         labels = LabelLine.from_json(line)
     except InputError as error:
         return _Frame(index, str(error), _files_named(line))
-    pose = hash(
-        (
-            labels.q_cam_from_body if labels.has("q_cam_from_body") else None,
-            labels.t_body_cam_m if labels.has("t_body_cam_m") else None,
-        )
-    )
-    moment = hash((labels.t_s, labels.sequence, labels.spacecraft, pose))
+    pose = hash(_pose_of(labels))
+    beside = labels.bodies if labels.has("bodies") else {}
+    moving = tuple((name, _pose_of(body), _joints_of(body)) for name, body in beside.items())
+    moment = hash((labels.t_s, labels.sequence, labels.spacecraft, pose, _joints_of(labels), moving))
     return _Frame(index, None, labels.files, labels.sequence, pose, moment)
+
+
+def _pose_of(labels: BodyLabels) -> tuple[object, ...]:
+    return tuple(getattr(labels, name) if labels.has(name) else None for name in POSE)
+
+
+def _joints_of(labels: BodyLabels) -> tuple[tuple[str, float], ...]:
+    joints = labels.joints if labels.has("joints") else {}
+    return tuple((name, joint.value) for name, joint in joints.items())
 
 
 def _files_named(line: bytes) -> tuple[str, ...]:

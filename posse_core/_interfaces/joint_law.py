@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from posse_core._arrays import FloatArray, IntArray
 from posse_core._environment.time import Epoch
 from posse_core._model.joints import Joint
+from posse_core._model.spacecraft import Spacecraft
 from posse_core._plugins.component import Component, OptionsT
 
 
@@ -17,6 +18,9 @@ class JointSurroundings:
 
     Attributes:
         joint: what the law moves.
+        group: names of the joints, this one among them, that the same key of the scenario moves; more
+            than one if the key is a pattern.
+        spacecraft: the body, with every joint at zero; its joints are those that laws move.
         purpose: how the purpose of every random draw begins; no other joint of the scene has the same.
         epoch: the instant of t_s = 0.
         seed: of the run.
@@ -29,6 +33,8 @@ class JointSurroundings:
     """
 
     joint: Joint
+    group: tuple[str, ...]
+    spacecraft: Spacecraft
     purpose: str
     epoch: Epoch
     seed: int

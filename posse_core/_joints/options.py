@@ -38,6 +38,15 @@ class RateOptions(Options):
         return self
 
 
+class BendingOptions(Options):
+    """Options of the law ``bending``."""
+
+    amplitude_m: float = Field(description="deflection of the wing's tip, m")
+    frequency_hz: float = Field(gt=0, description="natural frequency of the mode")
+    damping_ratio: float = Field(0.0, ge=0, lt=1, description="share of critical damping")
+    phase_deg: float = Field(0.0, description="phase at the epoch; at 0 the deflection is greatest")
+
+
 class TableOptions(Options):
     """Options of the law ``table``."""
 

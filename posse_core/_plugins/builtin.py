@@ -154,6 +154,12 @@ def posse_joint_laws() -> list[ComponentSpec]:
             f"{package}.options:AnimationOptions",
         ),
         ComponentSpec(
+            "bending",
+            "hinges of a wing that vibrates in its first bending mode",
+            f"{package}.bending:BendingLaw",
+            f"{package}.options:BendingOptions",
+        ),
+        ComponentSpec(
             "fixed",
             "the same value always",
             f"{package}.laws:FixedLaw",

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
 from typing import NamedTuple
 
 import numpy as np
@@ -35,26 +36,36 @@ def with_laws(
 
     Args:
         spacecraft: with all of its joints.
-        choices: name of a joint → its law.
+        choices: name of a joint, or a pattern of names → its law.
         where: the key of the choices, for messages.
 
     Raises:
         InputError: There is no such joint, or it does not move.
     """
+    return spacecraft.welded(_keys_of_joints(spacecraft, choices, where))
+
+
+def _keys_of_joints(spacecraft: Spacecraft, keys: Iterable[str], where: str) -> dict[str, str]:
+    """Name of each joint that moves → the key that moves it: its name, or a pattern such as ``hinge_*``
+    for all joints that have no key of their own and are not fixed."""
     joints = {joint.name: joint for joint in spacecraft.joints}
-    for name in choices:
-        if name not in joints:
+    found: dict[str, str] = {}
+    for key in sorted(keys, key=lambda key: key not in joints):
+        free = [name for name in joints if name not in found and joints[name].kind != "fixed"]
+        matching = [key] if key in joints else [name for name in free if fnmatchcase(name, key)]
+        if not matching:
             there = ", ".join(joints) or "none"
             raise InputError(
-                f"{where}.{name}: {spacecraft.name} has no such joint{nearest(name, joints)}"
+                f"{where}.{key}: {spacecraft.name} has no such joint{nearest(key, joints)}"
                 f" (its joints: {there})"
             )
-        if joints[name].kind == "fixed":
+        if joints[matching[0]].kind == "fixed":
             raise InputError(
-                f"{where}.{name}: the joint of {spacecraft.name} is fixed, so no law can move it; leave"
+                f"{where}.{key}: the joint of {spacecraft.name} is fixed, so no law can move it; leave"
                 " the key out"
             )
-    return spacecraft.welded(choices)
+        found |= dict.fromkeys(matching, key)
+    return found
 
 
 @dataclass(frozen=True)
@@ -132,7 +143,8 @@ class JointLaws:
 
     def __init__(
         self,
-        joints: tuple[Joint, ...],
+        spacecraft: Spacecraft,
+        keys: Mapping[str, str],
         laws: Mapping[str, JointLaw],
         epoch: Epoch,
         seed: int,
@@ -141,13 +153,15 @@ class JointLaws:
         """See :meth:`of`, which makes them.
 
         Args:
-            joints: each after the one that carries it.
+            spacecraft: with the joints that the laws move and no others.
+            keys: name of each joint → the key that chooses its law.
             laws: name of each joint → its law, which checks its values.
             epoch: the instant of t_s = 0.
             seed: of the run.
             where: the key of the scenario that chooses the laws; it sets the body's random draws apart.
         """
-        self._joints, self._laws = joints, laws
+        self._spacecraft, self._keys, self._laws = spacecraft, keys, laws
+        self._joints = spacecraft.joints
         self._epoch, self._seed, self._where = epoch, seed, where
 
     @classmethod
@@ -176,14 +190,15 @@ class JointLaws:
             ComponentError: A law cannot be made.
         """
         laws: dict[str, JointLaw] = {}
+        keys = _keys_of_joints(spacecraft, choices, where)
         for joint in spacecraft.joints:
-            choice = choices[joint.name]
+            choice = choices[keys[joint.name]]
             try:
                 law: JointLaw = create(registry, "joint-law", choice)
             except InputError as error:
                 raise InputError(f"{where}.{joint.name}: {error}") from None
             laws[joint.name] = CheckedJointLaw(law, choice.name, f"{where}.{joint.name}")
-        return cls(spacecraft.joints, laws, epoch, seed, where)
+        return cls(spacecraft, keys, laws, epoch, seed, where)
 
     def articulation(self, motion: BodyMotion, given: GivenJoints = BY_LAW) -> Articulation:
         """The joints at the motion's one instant; see :meth:`values_and_rates`."""
@@ -260,6 +275,8 @@ class JointLaws:
             else:
                 around[joint.name] = JointSurroundings(
                     joint=joint,
+                    group=tuple(n for n, key in self._keys.items() if key == self._keys[joint.name]),
+                    spacecraft=self._spacecraft,
                     purpose=f"{self._where}.{joint.name}",
                     epoch=self._epoch,
                     seed=self._seed,

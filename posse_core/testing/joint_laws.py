@@ -8,9 +8,10 @@ from dataclasses import fields, replace
 import numpy as np
 
 from posse_core._arrays import FloatArray
-from posse_core._frames import R_LVLH_FROM_RTN, R_eci_from_rtn, unit
+from posse_core._frames import R_LVLH_FROM_RTN, R_eci_from_rtn, R_with_z, unit
 from posse_core._interfaces.joint_law import JointLaw, JointSurroundings
 from posse_core._model.joints import Joint
+from posse_core._model.spacecraft import Material, Part, Spacecraft
 from posse_core._trajectory.joints import RATE_STEP_S, checked_values
 from posse_core.testing.attitude_laws import PERIOD_S, surroundings
 from posse_core.testing.conformance import Conformance
@@ -76,7 +77,7 @@ class JointLawConformance(Conformance):
         around, untouched = joint_surroundings(t_s, self.joint), joint_surroundings(t_s, self.joint)
         self.law().values(around)
         for key in fields(JointSurroundings):
-            if key.name != "joint":
+            if key.name not in ("joint", "spacecraft"):
                 given, before = getattr(around, key.name), getattr(untouched, key.name)
                 np.testing.assert_array_equal(given, before, f"{key.name} was modified")
 
@@ -134,6 +135,8 @@ def joint_surroundings(t_s: FloatArray, joint: Joint = WING) -> JointSurrounding
     sun_eci = unit(around.r_sun_eci_m - r_m)
     return JointSurroundings(
         joint=joint,
+        group=(joint.name,),
+        spacecraft=_plate(joint),
         purpose=f"joints.{joint.name}",
         epoch=around.epoch,
         seed=around.seed,
@@ -142,6 +145,16 @@ def joint_surroundings(t_s: FloatArray, joint: Joint = WING) -> JointSurrounding
         sun_direction_carrier=np.einsum("fji,fj->fi", R_eci_from_body, sun_eci),
         R_eci_from_body=R_eci_from_body,
     )
+
+
+def _plate(joint: Joint) -> Spacecraft:
+    """A triangle beside a joint's axis that it carries, and nothing else."""
+    beside = R_with_z(joint.axis_body).T
+    corners_m = joint.origin_body_m + np.array([np.zeros(3), beside[0], 2.0 * beside[0] + beside[2]])
+    normals = np.tile(beside[1], (3, 1)).astype(np.float32)
+    faces, uv = np.array([[0, 1, 2]], dtype=np.int32), np.zeros((3, 2), dtype=np.float32)
+    part = Part("plate", corners_m, faces, normals, uv, "grey", joint.name)
+    return Spacecraft("plate", (part,), {"grey": Material("grey")}, joints=(joint,))
 
 
 def _rows(around: JointSurroundings, rows: list[int]) -> JointSurroundings:

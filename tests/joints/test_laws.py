@@ -350,7 +350,12 @@ def test_a_laws_fault_is_named(returned, words: str) -> None:
 
     law.values = broken
     checked = JointLaws(
-        (joint(),), {"wing": CheckedJointLaw(law, "loose", "joints.wing")}, EPOCH, 0, "joints"
+        craft(joint()),
+        {"wing": "wing"},
+        {"wing": CheckedJointLaw(law, "loose", "joints.wing")},
+        EPOCH,
+        0,
+        "joints",
     )
     with pytest.raises(ComponentError) as told:
         checked.values_and_rates(motion([0.0, 1.0]))

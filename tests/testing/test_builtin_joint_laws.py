@@ -69,6 +69,11 @@ class TestRandomForTheRun(BuiltIn):
     options: ClassVar = {"every": "run", "range_deg": (-30, 60)}
 
 
+class TestBending(BuiltIn):
+    name = "bending"
+    options: ClassVar = {"amplitude_m": 0.1, "frequency_hz": 0.2, "damping_ratio": 0.001}
+
+
 class TestTable(BuiltIn):
     name = "table"
     interpolation = "cubic"

@@ -139,8 +139,7 @@ def _read(source: str) -> YamlText:
 def put(raw: dict[str, Any], path: tuple[str, ...], value: Any) -> None:
     """Set a nested key. A component given by its name alone becomes a mapping; naming another component
     drops the options of the former one."""
-    name_key = {"attitude": "law", "joints": "law", "sensors": "type"}.get(path[0], "name")
-    is_below = path[0] in ("attitude", "joints", "sensors")
+    depth, name_key = _component_at(path)
     current = raw
     for step in path[:-1]:
         inner = current.get(step)
@@ -152,10 +151,18 @@ def put(raw: dict[str, Any], path: tuple[str, ...], value: Any) -> None:
             raise InputError(f"option {'.'.join(path)}: {step!r} holds a value, not keys")
         current[step] = inner
         current = inner
-    names_component = path[2 if is_below else 1 :] == (name_key,)
-    if names_component and current.get(name_key) != value:
+    if path[depth:] == (name_key,) and current.get(name_key) != value:
         current.clear()
     current[path[-1]] = value
+
+
+def _component_at(path: tuple[str, ...]) -> tuple[int, str]:
+    """How many steps of a key lead to the component that it belongs to, and the step that names one."""
+    if path[0] == "bodies":
+        key = path[2] if len(path) > 2 else ""
+        return (4 if key == "joints" else 3), ("law" if key in ("attitude", "joints") else "name")
+    name_key = {"attitude": "law", "joints": "law", "sensors": "type"}.get(path[0])
+    return (1, "name") if name_key is None else (2, name_key)
 
 
 def _drop_former_cameras(raw: dict[str, Any], given: Mapping[tuple[str, ...], Any]) -> None:

@@ -397,3 +397,38 @@ def test_cameras_are_described_by_name():
     ):
         with pytest.raises(InputError, match=words):
             CliRunner().invoke(describe, arguments, catch_exceptions=False)
+
+
+ARM = """
+joints: {wing: sun-tracking}
+bodies:
+  arm:
+    spacecraft: arm
+    mount: {position_m: [1, 0, 1]}
+    joints: {elbow: random, wrist: {law: rate, rate_deg_s: 2}}
+  other:
+    spacecraft: {name: fragment, seed: 4}
+    relative: {roe_m: [0, 0, 9, 0, 9, 0]}
+    attitude: spin
+"""
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "expected"),
+    [
+        ("joints.wing.law", "fixed", {"law": "fixed", "value_deg": None, "value_m": None}),
+        ("bodies.arm.joints.elbow.every", "run", {"law": "random", "every": "run"}),
+        ("bodies.arm.joints.wrist.law", "fixed", {"law": "fixed", "value_deg": None, "value_m": None}),
+        ("bodies.arm.joints.wrist.start_deg", 5, {"rate_deg_s": 2, "start_deg": 5}),
+        ("bodies.other.attitude.rate_rpm", 3, {"law": "spin", "rate_rpm": 3}),
+        ("bodies.other.spacecraft.size_m", 0.7, {"name": "fragment", "seed": 4, "size_m": 0.7}),
+        ("bodies.other.spacecraft.name", "cubesat", {"name": "cubesat", "panel_angle_deg": 0}),
+        ("bodies.arm.spacecraft.length_m", 2, {"name": "arm", "length_m": 2}),
+    ],
+)
+def test_keys_of_joints_and_bodies_are_overridden(tmp_path, key, value, expected) -> None:
+    """A component that is given by its name alone gets the option; another name drops the former's."""
+    found = load(tmp_path, MINIMAL + ARM, **{key: value}).model_dump(mode="json")
+    for step in key.split(".")[:-1]:
+        found = found[step]
+    assert {name: found[name] for name in expected} == expected

@@ -114,7 +114,7 @@ def parse_override(text: str) -> tuple[str, Any]:
 def dump_scenario(scenario: Scenario) -> str:
     """YAML of the whole scenario with its defaults. Loading it gives the same scenario."""
     keys = scenario.model_dump(mode="json")
-    for key in ("damage", "flight"):
+    for key in ("damage", "flight", "variation"):
         if keys[key] is None:
             del keys[key]
     for key in ("joints", "bodies", "sensors"):

@@ -25,6 +25,7 @@ from posse_core._scenario.presets import with_preset
 from posse_core._scenario.sensor import SensorConfig
 from posse_core._scenario.sensors import SensorChoice
 from posse_core._scenario.sky import SkyConfig
+from posse_core._scenario.variation import VariationConfig
 
 MOST_FRAMES: Final = 500_000
 """The most frames of a run: planning keeps 2 kB of each in memory, and takes 0.25 ms."""
@@ -124,6 +125,7 @@ class Scenario(Options):
         ' body_axes: "x y z"} or {package: folder}'
     )
     damage: DamageConfig | None = Field(None, description="random damage to the target")
+    variation: VariationConfig | None = Field(None, description="random materials of the target")
     orbit: OrbitConfig = Field(description="the target's orbit: one of tle, elements, state_eci")
     relative: RelativeConfig = Field(
         RelativeConfig(roe_m=(0.0, 0.0, 20.0, 0.0, 20.0, 0.0)),

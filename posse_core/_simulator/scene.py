@@ -10,6 +10,7 @@ from posse_core._scenario.component import TargetChoice, create
 from posse_core._scenario.model import Scenario
 from posse_core._simulator.returned import built
 from posse_core._spacecraft.damage import damaged
+from posse_core._spacecraft.variation import varied_materials
 from posse_core._trajectory.joints import with_laws
 
 
@@ -38,6 +39,8 @@ def scene_of(scenario: Scenario, registry: Registry) -> Scene:
     target = spacecraft(scenario.target, "")
     if scenario.damage is not None:
         target = damaged(target, scenario.damage, scenario.seed)
+    if scenario.variation is not None:
+        target = varied_materials(target, scenario.variation, scenario.seed)
     others = tuple(
         Body(
             member,

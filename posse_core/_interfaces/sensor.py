@@ -53,8 +53,8 @@ class StoredReading:
         reading: labels of the sensor's own, arrays and image; ``files`` is empty.
         camera: that its pixels are of, or None.
         mount: where the sensor is.
-        parts: names of the spacecraft's parts.
-        distances_m: where rays first meet the spacecraft by the labelled pose and rates, computed by
+        parts: names of the parts of all bodies, in the order of their ids.
+        distances_m: where rays first meet a body by the labelled poses, joints and rates, computed by
             other code than :meth:`posse_core.Look.rays`: (directions (N, 3), origin (3,) m, seconds
             after the reading's instant, (N,) or one) → (N,) distances, infinite for none.
     """

@@ -21,7 +21,7 @@ from posse_core._model.labels import NOT_IN_FRAME, OCCLUDED, VISIBLE
 SAME_POINT = 1e-6
 """How far in front of a point a ray to it may end and still meet it, as a share of the distance."""
 OFF_CRAFT = -1
-"""Visibility of a pixel that does not show the spacecraft."""
+"""Visibility of a pixel that shows no body."""
 
 
 @dataclass(frozen=True)
@@ -29,10 +29,10 @@ class EyeLabels:
     """What is labelled of the pixels of one eye.
 
     Attributes:
-        disparity_px: (H, W) float32 u_left − u_right of the point at the pixel's centre; NaN off the
-            spacecraft.
-        visibility: (H, W) int8, of that point in the other eye: :data:`VISIBLE`, :data:`OCCLUDED` by the
-            spacecraft, :data:`NOT_IN_FRAME` of the other image; :data:`OFF_CRAFT`.
+        disparity_px: (H, W) float32 u_left − u_right of the point at the pixel's centre; NaN off all
+            bodies.
+        visibility: (H, W) int8, of that point in the other eye: :data:`VISIBLE`, :data:`OCCLUDED` by a
+            body, :data:`NOT_IN_FRAME` of the other image; :data:`OFF_CRAFT`.
     """
 
     disparity_px: Float32Array
@@ -51,7 +51,7 @@ def eye_labels(look: Look, camera: Camera, other_x_m: float) -> EyeLabels:
     disparity_px = np.full(shape, np.nan, dtype=np.float32)
     visibility = np.full(shape, OFF_CRAFT, dtype=np.int8)
     view = look.view(camera)
-    rows, columns = np.nonzero(view.mask)
+    rows, columns = np.nonzero(view.hit)
     rows, columns = rows + view.box.y0, columns + view.box.x0
 
     x_m = _first_points(look, camera, rows, columns)
@@ -76,7 +76,7 @@ def _first_points(look: Look, camera: Camera, rows: IntArray, columns: IntArray)
 
 
 def _hidden(look: Look, x_m: FloatArray, eye_m: FloatArray, after_s: FloatArray) -> BoolArray:
-    """(N,) bool, whether the spacecraft is between points (N, 3) of its surface and an eye (3,)."""
+    """(N,) bool, whether a body is between points (N, 3) of bodies' surfaces and an eye (3,)."""
     sight_m = x_m - eye_m
     hits = look.rays(sight_m, origin_m=eye_m, after_s=after_s)
     return np.asarray(hits.distance_m < np.linalg.norm(sight_m, axis=1) * (1 - SAME_POINT))

@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 from posse_core._geometry.raycast import RayCaster
 from posse_core._interfaces.look import Look, Standpoint
 from posse_core._model.camera import Camera
-from posse_core._model.craft_state import AT_REST, Rates
+from posse_core._model.craft_state import AT_REST, BodyState, Rates
 from posse_core._model.labels import NOT_IN_FRAME, OCCLUDED, VISIBLE
 from posse_core._model.mount import Mount
-from posse_core._model.scene import Scene
+from posse_core._model.scene import Body, Scene
 from posse_core._sensors.stereo.disparity import OFF_CRAFT, EyeLabels, eye_labels
 from posse_core.testing import scenes
 from posse_core.testing.stage import CLAY, WHITE, craft
@@ -65,6 +65,27 @@ def test_a_plate_that_faces_the_eyes_has_one_disparity():
         np.testing.assert_allclose(eye.disparity_px, expected, rtol=1e-7)
         assert eye.disparity_px.dtype == np.float32
         np.testing.assert_array_equal(eye.visibility, np.where(on, VISIBLE, OFF_CRAFT))
+
+
+def test_a_plate_may_be_a_body_of_its_own():
+    """Two plates, one before the other, as two parts of one craft and as two bodies."""
+    far = scenes.rectangle("far", "clay", u_m=(1.013, 0, 0), v_m=(0, 0.807, 0))
+    near = scenes.rectangle("near", "clay", centre_m=(0.1, 0.2, 1.5), u_m=(0.31, 0, 0), v_m=(0, 0.27, 0))
+    one = scenes.scene(far, near, materials=(CLAY,), camera=CAMERA)
+    beside = scenes.scene(near, materials=(CLAY,), camera=CAMERA).spacecraft
+    two = replace(scenes.scene(far, materials=(CLAY,), camera=CAMERA), others=(Body("near", beside),))
+    looks = []
+    for scene in (one, two):
+        state = scenes.frame(t_body_cam_m=(0.0, 0.0, 6.0), sun_direction_body=(0.2, 0.3, 1.0))
+        here = BodyState(state.craft.R_cam_from_body, state.craft.t_body_cam_m)
+        others = (here,) * len(scene.others)
+        state = replace(state, craft=replace(state.craft, others=others))
+        right = Look(Standpoint(state, Mount(SHIFT), 1, "sensor right"), scene, RayCaster(scene).through)
+        looks.append((right.from_camera, right))
+    for whole, parted in zip(labels_of(*looks[0]), labels_of(*looks[1]), strict=True):
+        np.testing.assert_allclose(parted.disparity_px, whole.disparity_px, rtol=1e-7)
+        np.testing.assert_array_equal(parted.visibility, whole.visibility)
+        assert (parted.visibility == OCCLUDED).any()
 
 
 @given(st.tuples(*[st.floats(-0.9, 0.9)] * 3))

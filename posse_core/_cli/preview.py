@@ -82,7 +82,7 @@ def command(
             shot = simulator.frame(simulator.state(frame or 0, t_s=t_s))
         picture = frame_picture(
             shot,
-            simulator.spacecraft,
+            simulator.scene,
             simulator.sensors,
             rendered_by=used,
             auto_exposure=simulator.scenario.sensor.auto_exposure is not None,

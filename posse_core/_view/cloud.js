@@ -45,7 +45,7 @@ class Cloud {
   // CSS pixels per metre: the spacecraft's longest side is three quarters of the canvas's smaller one.
   get perMetre() {
     const { clientWidth: W, clientHeight: H } = this.canvas;
-    return 0.75 * Math.min(W, H) * this.zoom / dataset.spacecraft[this.tile.spacecraft].size_m;
+    return 0.75 * Math.min(W, H) * this.zoom / dataset.spacecraft[this.tile.labels.spacecraft].size_m;
   }
 
   // Sensor axes, metres, relative to the point in the middle → to the right, down and away, metres.
@@ -58,7 +58,7 @@ class Cloud {
   // The middle of the spacecraft's box, sensor axes, metres: what the view turns about.
   get middle() {
     const { q_sensor_from_body: q, t_body_sensor_m: t } = this.tile.reading;
-    return rotate(q, dataset.spacecraft[this.tile.spacecraft].middle_body_m).map((value, i) => value + t[i]);
+    return rotate(q, dataset.spacecraft[this.tile.labels.spacecraft].middle_body_m).map((value, i) => value + t[i]);
   }
 
   toCanvas(point) {
@@ -111,24 +111,30 @@ class Cloud {
     const counts = new Map(), most = 8;
     for (const part of values) counts.set(part, (counts.get(part) ?? 0) + 1);
     const found = [...counts].sort((a, b) => b[1] - a[1]).map(([part]) => part);
+    const names = partNames(this.tile.labels);
     this.names.replaceChildren();
     for (const part of found.slice(0, most)) {
       make(this.names, "span", { className: "swatch" }).style.background = partColour(part);
-      this.names.append(dataset.spacecraft[this.tile.spacecraft].parts[part] ?? "no part", " ");
+      this.names.append(names[part] ?? "no part", " ");
     }
     if (found.length > most) this.names.append(`and ${found.length - most} more`);
   }
 
   drawBodyAxes(context) {
-    const { q_sensor_from_body, t_body_sensor_m } = this.tile.reading;
-    const labels = { spacecraft: this.tile.spacecraft, q_cam_from_body: q_sensor_from_body, t_body_cam_m: t_body_sensor_m };
-    const [origin, ...tips] = axesOf(labels).map((tip) => this.toCanvas(tip));
-    tips.forEach((tip, i) => {
-      context.strokeStyle = context.fillStyle = AXES[i];
-      context.lineWidth = 2;
-      stroke(context, origin, tip);
-      context.fillText("xyz"[i], tip[0] + 4, tip[1]);
-    });
+    const { reading, labels } = this.tile;
+    for (const [name, , craft] of bodiesOf(labels)) {
+      const { q_sensor_from_body, t_body_sensor_m } = name ? reading.bodies[name] : reading;
+      const body = { q_cam_from_body: q_sensor_from_body, t_body_cam_m: t_body_sensor_m };
+      const [origin, ...tips] = axesOf(body, craft).map((tip) => this.toCanvas(tip));
+      context.fillStyle = TEXT;
+      context.fillText(name, origin[0] + 6, origin[1] + 14);
+      tips.forEach((tip, i) => {
+        context.strokeStyle = context.fillStyle = AXES[i];
+        context.lineWidth = 2;
+        stroke(context, origin, tip);
+        context.fillText("xyz"[i], tip[0] + 4, tip[1]);
+      });
+    }
   }
 
   // Directions of the sensor's axes, in the corner.

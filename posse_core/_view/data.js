@@ -70,14 +70,26 @@ function fisheye(x, y, r2, [k1, k2, k3, k4]) {
   return [x * ratio, y * ratio];
 }
 
+// The target and the bodies beside it in labels: [[name, labels of the body, its spacecraft], ...]; the target has
+// no name.
+function bodiesOf(labels) {
+  return [["", labels, dataset.spacecraft[labels.spacecraft]],
+    ...Object.entries(labels.bodies ?? {}).map(([name, body]) => [name, body, dataset.bodies[name]])];
+}
+
+// The names of the parts that part ids count: those of the target, then those of each body beside it.
+function partNames(labels) {
+  return bodiesOf(labels).flatMap(([name, , { parts }]) => parts.map((part) => (name ? `${name}: ${part}` : part)));
+}
+
 // The origin of the body axes and the tips of its three axes, pixels; each null behind the camera.
-function bodyAxes(labels, camera = dataset.camera) {
-  return axesOf(labels).map((tip) => project(tip, camera));
+function bodyAxes(labels, camera = dataset.camera, craft = dataset.spacecraft[labels.spacecraft]) {
+  return axesOf(labels, craft).map((tip) => project(tip, camera));
 }
 
 // The same in camera axes, metres; each axis is half as long as the spacecraft.
-function axesOf(labels) {
-  const length = dataset.spacecraft[labels.spacecraft].size_m / 2, t = labels.t_body_cam_m;
+function axesOf(labels, craft) {
+  const length = craft.size_m / 2, t = labels.t_body_cam_m;
   return [[0, 0, 0], [length, 0, 0], [0, length, 0], [0, 0, length]].map((tip) =>
     rotate(labels.q_cam_from_body, tip).map((value, i) => value + t[i]));
 }

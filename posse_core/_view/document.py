@@ -19,6 +19,8 @@ import numpy as np
 from posse_core._arrays import IntArray, evenly_spread
 from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.layout import MANIFEST
+from posse_core._dataset.mesh import Mesh
+from posse_core._dataset.spacecraft import SpacecraftInfo
 from posse_core._errors import InputError
 from posse_core._files.atomic import atomic_file
 from posse_core._model.camera import Camera
@@ -150,7 +152,13 @@ def _dataset_block(dataset: Dataset, out: Path, positions: Sequence[int]) -> dic
             }
             for name, sensor in dataset.sensors.items()
         },
-        "spacecraft": {name: _spacecraft(dataset, name) for name in dataset.spacecraft_by_name},
+        "spacecraft": {
+            name: _spacecraft(info, dataset.mesh(name))
+            for name, info in dataset.spacecraft_by_name.items()
+        },
+        "bodies": {
+            name: _spacecraft(info, dataset.body_mesh(name)) for name, info in dataset.bodies.items()
+        },
         "columns": {
             **label_columns(dataset[position] for position in positions),
             **motion_columns(trajectory, index),
@@ -163,7 +171,13 @@ def _kept(labels: dict[str, Any]) -> dict[str, Any]:
     """The labels that a page carries, of a frame and of its sensors' readings."""
 
     def short(all_of_it: dict[str, Any]) -> dict[str, Any]:
-        return {name: value for name, value in all_of_it.items() if name not in LEFT_OUT}
+        kept = {name: value for name, value in all_of_it.items() if name not in LEFT_OUT}
+        if isinstance(kept.get("bodies"), dict):
+            kept["bodies"] = {
+                name: short(body) if isinstance(body, dict) else body
+                for name, body in kept["bodies"].items()
+            }
+        return kept
 
     sensors = {
         name: [{**reading, "labels": short(reading["labels"])} for reading in readings]
@@ -183,14 +197,14 @@ def _camera(camera: Camera) -> dict[str, Any]:
     }
 
 
-def _spacecraft(dataset: Dataset, name: str) -> dict[str, Any]:
-    """Lines to draw between keypoints, the names of the parts, and the longest side and the middle of
-    the mesh's box, body axes, metres."""
-    info, vertices_body_m = dataset.spacecraft_by_name[name], dataset.mesh(name).vertices_body_m
-    low, high = vertices_body_m.min(axis=0), vertices_body_m.max(axis=0)
+def _spacecraft(info: SpacecraftInfo, mesh: Mesh) -> dict[str, Any]:
+    """Lines to draw between keypoints, the names of the parts, the kinds of the joints by name, and the
+    longest side and the middle of the mesh's box, body axes, metres."""
+    low, high = mesh.vertices_body_m.min(axis=0), mesh.vertices_body_m.max(axis=0)
     return {
         "skeleton": info.skeleton,
         "parts": info.parts,
+        "joints": {joint.name: joint.kind for joint in info.joints},
         "size_m": float((high - low).max()),
         "middle_body_m": ((low + high) / 2).tolist(),
     }

@@ -11,6 +11,9 @@ from posse_core._arrays import AnyArray, FloatArray
 from posse_core._dataset.remarks import dark_share, remark_on, saturated_share
 from posse_core._dataset.sensors import SensorInfo
 from posse_core._detection.draw import Colour, Pen
+from posse_core._model.craft_state import BodyState, CraftState
+from posse_core._model.label_line import BodyLabels
+from posse_core._model.scene import Scene
 from posse_core._model.spacecraft import Spacecraft
 from posse_core._simulator.frame import Frame
 from posse_core._view.coding import eight_bits
@@ -22,6 +25,8 @@ LEAST_SIDE_PX = 960
 WHOLE_BOX: Colour = (150, 150, 150)
 VISIBLE_BOX: Colour = (80, 220, 80)
 MASK: Colour = (255, 220, 60)
+BESIDE: Sequence[Colour] = ((199, 146, 255), (255, 159, 107), (80, 200, 255))
+"""Of the visible boxes, the outlines of masks and the names of bodies beside the target, in turn."""
 KEYPOINT: Colour = (255, 80, 220)
 SUN: Colour = (255, 170, 0)
 AXES: Mapping[str, Colour] = {"x": (255, 70, 70), "y": (70, 255, 70), "z": (90, 140, 255)}
@@ -41,21 +46,23 @@ def enlargement(height_px: int, width_px: int) -> int:
     return max(1, -(-LEAST_SIDE_PX // max(height_px, width_px)))
 
 
-def arrows_body_m(frame: Frame, spacecraft: Spacecraft) -> dict[str, FloatArray]:
-    """Name → tip (3,) of the arrows from the body's origin, m, body axes: the body axes, half as long as
-    the spacecraft, and the direction to the Sun, longer by a half.
+def arrows_body_m(body: BodyState, spacecraft: Spacecraft) -> dict[str, FloatArray]:
+    """Name → tip (3,) of the arrows from a body's origin, m, body axes: the body axes, half as long as
+    the spacecraft, and for the target the direction to the Sun, longer by a half.
 
     All are shorter near the camera, so that none reaches behind it.
     """
     low, high = spacecraft.bounds_body_m
-    length_m = min(float((high - low).max()) / 2, frame.state.craft.range_m / 2)
+    length_m = min(float((high - low).max()) / 2, body.range_m / 2)
     axes = dict(zip(AXES, length_m * np.eye(3), strict=True))
-    return {**axes, "Sun": 1.5 * length_m * frame.state.craft.sun_direction_body}
+    if isinstance(body, CraftState):
+        axes["Sun"] = 1.5 * length_m * body.sun_direction_body
+    return axes
 
 
 def frame_picture(
     frame: Frame,
-    spacecraft: Spacecraft,
+    scene: Scene,
     sensors: Mapping[str, SensorInfo],
     *,
     rendered_by: str,
@@ -65,13 +72,13 @@ def frame_picture(
 
     Args:
         frame: with the labels of :data:`LABELS`.
-        spacecraft: that it shows.
+        scene: that it shows.
         sensors: beside the camera, by name. Of each, the latest image of the frame is shown; one without
             is named.
         rendered_by: words that name the renderer.
         auto_exposure: the exposure was chosen by the image sensor.
     """
-    drawn = _drawn(frame, spacecraft)
+    drawn = _drawn(frame, scene)
     images = {
         name: [reading.image for reading in readings if reading.image is not None]
         for name, readings in frame.readings.items()
@@ -83,7 +90,7 @@ def frame_picture(
         if name not in shown
     ]
     rows = [
-        *_facts(frame, rendered_by, auto_exposure=auto_exposure),
+        *facts(frame, rendered_by, auto_exposure=auto_exposure),
         _LEGEND,
         *([("without an image:", *others)] if others else []),
     ]
@@ -92,36 +99,51 @@ def frame_picture(
     return np.vstack([drawn, _caption(rows, drawn.shape[1])])
 
 
-def _drawn(frame: Frame, spacecraft: Spacecraft) -> AnyArray:
-    """The image with the labels and the arrow to the Sun."""
-    labels, craft = frame.labels, frame.state.craft
+def _drawn(frame: Frame, scene: Scene) -> AnyArray:
+    """The image with the labels of every body and the arrow to the Sun."""
     k = enlargement(*frame.image.shape[:2])
     canvas = _enlarged(_coloured(frame.image), k)
-    pen = Pen(canvas)
-    outline = _enlarged(labels.mask_rle.mask().astype(np.uint8), k)
-    contours, _ = cv2.findContours(outline, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
-    cv2.drawContours(canvas, contours, -1, MASK, 1)
-    # The whole box is of positions; the visible one counts whole pixels from its first.
-    for box, colour, first in (
-        (labels.box_whole_px, WHOLE_BOX, (k - 1) / 2),
-        (labels.box_visible_px, VISIBLE_BOX, 0),
-    ):
-        if box is not None:
-            pen.box(k * np.array(box, dtype=np.float64) + [first, first, 0, 0], colour)
-    start_px = k * frame.camera.project(craft.t_body_cam_m) + (k - 1) / 2
-    for name, tip_body_m in arrows_body_m(frame, spacecraft).items():
-        tip_cam_m = craft.R_cam_from_body @ tip_body_m + craft.t_body_cam_m
-        end_px = k * frame.camera.project(tip_cam_m) + (k - 1) / 2
-        pen.arrow(start_px, end_px, AXES.get(name, SUN), name)
-    for keypoint in labels.keypoints.values():
-        if keypoint.visibility and keypoint.u_px is not None and keypoint.v_px is not None:
-            at_px = k * np.array([keypoint.u_px, keypoint.v_px]) + (k - 1) / 2
-            pen.point(at_px, KEYPOINT, hidden=keypoint.visibility == 1)
+    bodies = zip(frame.labels.instances.items(), scene.bodies, frame.state.craft.bodies, strict=True)
+    for number, ((name, labels), spacecraft, body) in enumerate(bodies):
+        beside = None if name is None else BESIDE[(number - 1) % len(BESIDE)]
+        _draw_outlines(canvas, k, labels, name, beside)
+        pen = Pen(canvas)
+        start_px = k * frame.camera.project(body.t_body_cam_m) + (k - 1) / 2
+        for arrow, tip_body_m in arrows_body_m(body, spacecraft).items():
+            tip_cam_m = body.R_cam_from_body @ tip_body_m + body.t_body_cam_m
+            end_px = k * frame.camera.project(tip_cam_m) + (k - 1) / 2
+            pen.arrow(start_px, end_px, AXES.get(arrow, SUN), arrow)
+        for keypoint in labels.keypoints.values():
+            if keypoint.visibility and keypoint.u_px is not None and keypoint.v_px is not None:
+                at_px = k * np.array([keypoint.u_px, keypoint.v_px]) + (k - 1) / 2
+                pen.point(at_px, KEYPOINT, hidden=keypoint.visibility == 1)
     return canvas
 
 
-def _facts(frame: Frame, rendered_by: str, *, auto_exposure: bool) -> list[Sequence[str]]:
-    """What the caption says of a frame, row by row in pieces, in ASCII letters."""
+def _draw_outlines(
+    canvas: AnyArray, k: int, labels: BodyLabels, name: str | None, beside: Colour | None
+) -> None:
+    """Draw the mask and the boxes of a body into an enlarged image; ``beside`` is the colour of one
+    beside the target."""
+    pen = Pen(canvas)
+    outline = _enlarged(labels.mask_rle.mask().astype(np.uint8), k)
+    contours, _ = cv2.findContours(outline, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+    cv2.drawContours(canvas, contours, -1, beside or MASK, 1)
+    # The whole box is of positions; the visible one counts whole pixels from its first.
+    for box, colour, first in (
+        (labels.box_whole_px, WHOLE_BOX, (k - 1) / 2),
+        (labels.box_visible_px, beside or VISIBLE_BOX, 0),
+    ):
+        if box is not None:
+            pen.box(k * np.array(box, dtype=np.float64) + [first, first, 0, 0], colour)
+    if name is not None and beside is not None and labels.box_visible_px is not None:
+        x, y = k * np.array(labels.box_visible_px[:2])
+        pen.words(name, (round(x), max(round(y) - 2 * pen.line_px, round(25 * pen.font))), beside)
+
+
+def facts(frame: Frame, rendered_by: str, *, auto_exposure: bool) -> list[Sequence[str]]:
+    """What the caption says of a frame, row by row in pieces, in ASCII letters. Pixels and remark are
+    those of the target."""
     labels = frame.labels
     craft = frame.image[labels.mask_rle.mask()]
     free = min(labels.sun_fraction_target, labels.sun_fraction_camera)
@@ -148,8 +170,32 @@ def _facts(frame: Frame, rendered_by: str, *, auto_exposure: bool) -> list[Seque
             ),
             "remark: " + (remark.value if remark else "none"),
         ),
+        *_joints(labels, frame.state.craft),
+        *(
+            (
+                f"{name} ({body.spacecraft})",
+                f"range {body.range_m:.4g} m",
+                _counted(body.mask_area_px, "pixel"),
+                *(piece for row in _joints(body, state) for piece in row),
+            )
+            for (name, body), state in zip(
+                labels.instances.items(), frame.state.craft.bodies, strict=True
+            )
+            if name is not None
+        ),
         (f"image {frame.camera.width_px} x {frame.camera.height_px} px", rendered_by),
     ]
+
+
+def _joints(labels: BodyLabels, body: BodyState) -> list[Sequence[str]]:
+    """The values of a body's joints that move; nothing if none does."""
+    words = [
+        f"joint {joint.name} {labels.joints[joint.name].value:.4g} m"
+        if joint.kind == "prismatic"
+        else f"joint {joint.name} {np.degrees(labels.joints[joint.name].value):.2f} deg"
+        for joint in body.articulation.joints
+    ]
+    return [words] if words else []
 
 
 def _counted(number: int, thing: str) -> str:

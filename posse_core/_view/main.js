@@ -55,6 +55,20 @@ function showFrame({ labels }) {
     "Sun at target, camera": `${number(labels.sun_fraction_target, 3)}, ${number(labels.sun_fraction_camera, 3)}`,
     "Solar flux": number(labels.solar_flux_w_m2, 1, " W/m²"),
     "Box": labels.box_visible_px ? `${labels.box_visible_px.join(", ")} px` : "–",
+    ...Object.fromEntries(bodiesOf(labels).flatMap(([name, body, craft]) => [
+      ...(name ? [[name, `${body.spacecraft}, ${number(body.range_m, 3, " m")}, in the image ${number(body.fraction_visible, 3)}`]] : []),
+      ...jointRows(body, craft, name),
+    ])),
+  });
+}
+
+// A row of each joint that moves: its value and its rate.
+function jointRows(labels, craft, body) {
+  return Object.entries(labels.joints ?? {}).map(([name, { value, rate }]) => {
+    const slides = craft.joints[name] === "prismatic";
+    const text = slides ? `${value.toFixed(4)} m, ${short(rate)} m/s`
+      : `${(value * DEG).toFixed(3)}°, ${short(rate * DEG)} °/s`;
+    return [body ? `${body}: joint ${name}` : `Joint ${name}`, text];
   });
 }
 

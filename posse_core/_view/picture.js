@@ -2,23 +2,33 @@
 
 // What can be drawn over an image, in the order of drawing; each is drawn in label coordinates, where
 // ``line`` is the length of a screen pixel. A page may add its own. A frame is the camera's, or what a sensor's
-// reading has of it: {labels, camera}.
+// reading has of it: {labels, camera}. Labels are drawn of every body that has them.
 const OVERLAYS = [
   { name: "depth", title: "Depth", key: "d", colour: "#2f9e8f", has: (f) => f.preview && f.preview.depth,
     draw: (context, frame) => { if (picture.depth) drawDepth(context, picture.depth, frame.preview.depth); } },
-  { name: "mask", title: "Mask", key: "m", colour: "#3ddcff", has: (f) => f.labels.mask_rle,
-    draw: (context, frame) => context.drawImage(frame.mask ??= maskImage(frame.labels.mask_rle), -0.5, -0.5) },
-  { name: "box", title: "Box", key: "b", colour: "#ffd34d", has: (f) => f.labels.box_visible_px,
-    draw: (context, { labels }, line) => drawBoxes(context, labels, line) },
-  { name: "axes", title: "Body axes", key: "a", colour: "#ff6b5e", has: (f) => f.labels.q_cam_from_body,
-    draw: (context, { labels, camera }, line) => drawAxes(context, labels, camera, line) },
-  { name: "keypoints", title: "Keypoints", key: "k", colour: "#58e07a", has: (f) => f.labels.keypoints,
-    draw: (context, { labels }, line) => drawKeypoints(context, labels, line) },
-  { name: "names", title: "Names", key: "n", colour: "#58e07a", has: (f) => f.labels.keypoints,
-    draw: (context, { labels }, line) => drawNames(context, labels, line) },
+  { name: "mask", title: "Mask", key: "m", colour: "#3ddcff", has: (f) => some(f, "mask_rle"),
+    draw: (context, frame) => drawMasks(context, frame) },
+  { name: "box", title: "Box", key: "b", colour: "#ffd34d", has: (f) => some(f, "box_visible_px"),
+    draw: (context, frame, line) => each(frame, "box_visible_px", (...body) => drawBoxes(context, line, ...body)) },
+  { name: "axes", title: "Body axes", key: "a", colour: "#ff6b5e", has: (f) => some(f, "q_cam_from_body"),
+    draw: (context, frame, line) => each(frame, "q_cam_from_body", (body, craft) => drawAxes(context, body, craft, frame.camera, line)) },
+  { name: "keypoints", title: "Keypoints", key: "k", colour: "#58e07a", has: (f) => some(f, "keypoints"),
+    draw: (context, frame, line) => each(frame, "keypoints", (body, craft) => drawKeypoints(context, body, craft, line)) },
+  { name: "names", title: "Names", key: "n", colour: "#58e07a", has: (f) => some(f, "keypoints"),
+    draw: (context, frame, line) => each(frame, "keypoints", (body) => drawNames(context, body, line)) },
 ];
 const VISIBILITY = { 1: "#ff9f43", 2: "#58e07a" };   // hidden, seen; 0 is out of the image
 const AXES = ["#ff5d5d", "#5dff7f", "#6a9bff"];
+// Of masks and boxes: those of the target, then those of the bodies beside it, in turn.
+const MASKS = [[61, 220, 255], [199, 146, 255], [255, 159, 107], [155, 229, 100]];
+const BOXES = ["#ffd34d", "#c792ff", "#ff9f6b", "#9be564"];
+const ofBody = (colours, number) => colours[number && 1 + (number - 1) % (colours.length - 1)];
+
+// Whether a body of the frame has a label, and what to do with each that has it: (labels, spacecraft, number, name).
+const some = (frame, label) => bodiesOf(frame.labels).some(([, body]) => body[label]);
+function each(frame, label, draw) {
+  bodiesOf(frame.labels).forEach(([name, body, craft], number) => { if (body[label]) draw(body, craft, number, name); });
+}
 
 const picture = {
   shown: new Set(["box", "keypoints"]),
@@ -59,14 +69,20 @@ function drawOverlays(context, frame, line) {
   for (const { name, has, draw } of OVERLAYS) if (picture.shown.has(name) && has(frame)) draw(context, frame, line);
 }
 
-function maskImage(rle) {
+function drawMasks(context, frame) {
+  frame.masks ??= bodiesOf(frame.labels).map(([, body], number) =>
+    body.mask_rle && maskImage(body.mask_rle, ofBody(MASKS, number)));
+  for (const mask of frame.masks) if (mask) context.drawImage(mask, -0.5, -0.5);
+}
+
+function maskImage(rle, colour) {
   const [height, width] = rle.size, mask = decodeMask(rle);
   return pixels(width, height, (data) => {
     for (let i = 0; i < mask.length; i++) {
       if (!mask[i]) continue;
       const x = i % width;
       const inside = x > 0 && x < width - 1 && mask[i - 1] && mask[i + 1] && mask[i - width] && mask[i + width];
-      data.set([61, 220, 255, inside ? 80 : 255], 4 * i);
+      data.set([...colour, inside ? 80 : 255], 4 * i);
     }
   });
 }
@@ -102,10 +118,15 @@ function showLegend(depth) {
   }
 }
 
-function drawBoxes(context, labels, line) {
-  context.strokeStyle = "#ffd34d";
+// A body beside the target has its name at its box.
+function drawBoxes(context, line, labels, craft, number, name) {
+  context.strokeStyle = context.fillStyle = ofBody(BOXES, number);
   context.lineWidth = 1.5 * line;
   const [x, y, w, h] = labels.box_visible_px;
+  if (name) {
+    context.font = `bold ${12 * line}px sans-serif`;
+    context.fillText(name, x - 0.5, y - 0.5 - 4 * line);
+  }
   context.strokeRect(x - 0.5, y - 0.5, w, h);   // counts pixels: from border to border
   if (!labels.box_whole_px) return;
   context.setLineDash([5 * line, 4 * line]);
@@ -114,8 +135,8 @@ function drawBoxes(context, labels, line) {
   context.setLineDash([]);
 }
 
-function drawAxes(context, labels, camera, line) {
-  const [origin, ...tips] = bodyAxes(labels, camera);
+function drawAxes(context, labels, craft, camera, line) {
+  const [origin, ...tips] = bodyAxes(labels, camera, craft);
   context.lineWidth = 2.5 * line;
   context.font = `bold ${13 * line}px sans-serif`;
   tips.forEach((tip, i) => {
@@ -125,10 +146,10 @@ function drawAxes(context, labels, camera, line) {
   });
 }
 
-function drawKeypoints(context, labels, line) {
+function drawKeypoints(context, labels, { skeleton }, line) {
   context.strokeStyle = "#58e07a99";
   context.lineWidth = line;
-  for (const [a, b] of dataset.spacecraft[labels.spacecraft].skeleton) {
+  for (const [a, b] of skeleton) {
     const [from, to] = [labels.keypoints[a], labels.keypoints[b]];
     if (from && to && from[0] !== null && to[0] !== null)
       stroke(context, from.slice(0, 2), to.slice(0, 2));

@@ -33,11 +33,16 @@ const DRAWN = {
   mask_rle: (value) => value && numbers(value.size, 2) && typeof value.counts === "string",
 };
 
-// What the overlays draw over a reading's pixels: its labels, and the pose where the sensor has a camera.
-function frameOf(reading, camera, spacecraft) {
-  const labels = Object.entries(reading.labels).filter(([name, value]) => DRAWN[name]?.(value));
-  const pose = camera ? { q_cam_from_body: reading.q_sensor_from_body, t_body_cam_m: reading.t_body_sensor_m } : {};
-  return { camera, labels: { spacecraft, ...pose, ...Object.fromEntries(labels) } };
+// What the overlays draw over a reading's pixels: its labels, and the poses where the sensor has a camera.
+function frameOf(reading, camera, labels) {
+  const ofBody = (taken, made, { spacecraft }) => {
+    const drawn = Object.entries(made ?? {}).filter(([name, value]) => DRAWN[name]?.(value));
+    const pose = camera ? { q_cam_from_body: taken.q_sensor_from_body, t_body_cam_m: taken.t_body_sensor_m } : {};
+    return { spacecraft, ...pose, ...Object.fromEntries(drawn) };
+  };
+  const bodies = Object.entries(reading.bodies ?? {}).map(([name, taken]) =>
+    [name, ofBody(taken, reading.labels.bodies?.[name], labels.bodies[name])]);
+  return { camera, labels: { ...ofBody(reading, reading.labels, labels), bodies: Object.fromEntries(bodies) } };
 }
 
 class Tile {
@@ -60,7 +65,7 @@ class Tile {
   show(frame, place, after_s) {
     const readings = frame.labels.sensors?.[this.name] ?? [];
     this.reading = readings.length ? { ...readings[place], preview: frame.preview?.readings?.[this.name]?.[place] } : null;
-    this.spacecraft = frame.labels.spacecraft;
+    this.labels = frame.labels;
     this.instant.textContent = this.reading
       ? `${readings.length > 1 ? `${place + 1} of ${readings.length}, ` : ""}+${after_s.toFixed(3)} s` : "no reading";
     this.fill();
@@ -76,7 +81,7 @@ class Tile {
     this.way = choice ? this.ways[choice.way] : null;
     if (!choice) return;
     this.choose.value = choice.name;
-    this.frame = frameOf(this.reading, this.camera, this.spacecraft);
+    this.frame = frameOf(this.reading, this.camera, this.labels);
     this.way.show(choice, this.reading);
     this.draw();
   }

@@ -13,7 +13,7 @@ from small_run import BOX_OBJ, SCENARIO
 
 import posse_core
 from posse_core._plugins.loading import load_plugins
-from posse_core._view.frame_picture import KEYPOINT, SUN
+from posse_core._view.frame_picture import BESIDE, KEYPOINT, SUN, VISIBLE_BOX, facts
 
 SMALL = SCENARIO.replace("seconds: 0.05", "seconds: 0")
 AQUA = SMALL.replace(
@@ -93,6 +93,37 @@ def test_keypoints_and_the_sun_are_where_the_labels_say(lens):
 
     assert max(map(off_sun, np.linspace(0.6, 0.95, 15))) < 40
     assert min(map(off_sun, (-0.8, -0.5))) > 80
+
+
+def test_every_body_has_its_box_axes_and_joints():
+    """A CubeSat and an arm beside the target, each in a colour of its own."""
+    company = """
+bodies:
+  inspector: {spacecraft: {name: cubesat}, relative: {roe_m: [0, 0.5, 27, 0, 27, 0]}}
+  gripper:
+    spacecraft: {name: arm}
+    mount: {position_m: [0.4, 0.3, 1.2]}
+    joints: {elbow: {law: fixed, value_deg: 30}}
+"""
+    Path("company.yaml").write_text(AQUA + company)
+    size = {"camera.width_px": 320, "camera.height_px": 240}
+    words = [word for key, value in size.items() for word in ("-o", f"{key}={value}")]
+    code, _, error = preview("company.yaml", "--renderer", "flat", *words)
+    assert code == 0, error
+    shown = picture()
+    with posse_core.open("company.yaml", renderer="flat", overrides=size) as sim:
+        frame = sim.frame(sim.state(0))
+    labels = frame.labels
+    boxes = [body.box_visible_px for body in labels.instances.values()]
+    assert None not in boxes
+    for box, colour in zip(boxes, (VISIBLE_BOX, *BESIDE), strict=False):
+        x, y, width, height = (3 * side for side in box)
+        u, v = np.arange(x + 2, x + width - 2), np.arange(y + 2, y + height - 2)
+        sides = [shown[v, x], shown[v, x + width - 1], shown[y, u], shown[y + height - 1, u]]
+        drawn = np.concatenate([(side == colour).all(axis=-1) for side in sides])
+        assert drawn.mean() > 0.3  # other boxes, arrows and names lie over it
+    (row,) = (row for row in facts(frame, "flat", auto_exposure=False) if row[0] == "gripper (arm)")
+    assert "joint elbow 30.00 deg" in row
 
 
 def test_nothing_else_is_written_and_the_last_preview_is_replaced(folder):

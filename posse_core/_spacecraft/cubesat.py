@@ -107,7 +107,7 @@ def _side(azimuth_rad: float) -> FloatArray:
 
 def _payload(craft: Assembly) -> None:
     """Camera at +Z, star tracker and circuit board on +Y, thruster and patch antenna at −Z."""
-    bore = [(0, 0), (0.036, 0), (0.036, 0.018), (0.031, 0.018), (0.028, 0.003), (0, 0.003)]
+    bore = [(0, 0), (0.036, 0), (0.036, 0.018), (0.031, 0.018), (0.028, 0.004), (0, 0.004)]
     craft.add("camera", "black_paint", shapes.revolved(bore, 48).at((0.0, 0.0, END - 0.010)))
     glass = shapes.revolved([(0, 0), (0.027, 0), (0.020, 0.004), (0, 0.006)], 40)
     craft.add("lens", "glass", glass.at((0.0, 0.0, END - 0.008)))

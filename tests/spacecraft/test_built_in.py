@@ -9,8 +9,10 @@ import sys
 
 import numpy as np
 import pytest
+import trimesh
 
 from posse_core._errors import InputError
+from posse_core._frames import unit
 from posse_core._plugins.loading import load_plugins
 
 NAMES = ("aqua", "cluster", "cubesat")
@@ -221,3 +223,35 @@ def test_the_panel_angle_rotates_the_wing_and_its_keypoints(crafts, distance_to_
     cosine = before @ after / np.linalg.norm(before) / np.linalg.norm(after)
     assert cosine == pytest.approx(np.cos(np.radians(60.0)))
     np.testing.assert_array_equal(turned.keypoints_body_m["T1"], crafts["aqua"].keypoints_body_m["T1"])
+
+
+def test_no_two_parts_have_a_surface_in_one_place(craft):
+    """Which of the two a ray hits would be left to rounding.
+
+    From where rays from outside meet a part, they go on to all other parts, and none of these has a
+    parallel face there.
+    """
+    vertices, faces = all_triangles(craft)
+    whole = trimesh.Trimesh(vertices, faces, process=False)
+    part = np.repeat(np.arange(len(craft.parts)), [len(each.faces) for each in craft.parts])
+    rng = np.random.default_rng(0)
+    aim = rng.choice(len(faces), 60_000, p=whole.area_faces / whole.area)
+    target = np.einsum("nk,nkx->nx", rng.dirichlet((1, 1, 1), len(aim)), vertices[faces[aim]])
+    toward = unit(rng.normal(size=target.shape))
+    first = whole.ray.intersects_first(target - 3 * craft.radius_m * toward, toward)
+    grazing = np.abs(np.sum(toward * whole.face_normals[first], axis=1)) < 0.1
+    first[grazing] = -1
+    shared = 0
+    for k in range(len(craft.parts)):
+        rays = np.flatnonzero((first >= 0) & (part[first] == k))
+        plane, ahead = whole.face_normals[first[rays]], toward[rays]
+        # In double precision, from the triangle's plane.
+        to_plane = np.sum((vertices[faces[first[rays], 0]] - target[rays]) * plane, axis=1)
+        points = target[rays] + (to_plane / np.sum(ahead * plane, axis=1))[:, None] * ahead
+        others = trimesh.Trimesh(vertices, faces[part != k], process=False)
+        hit = others.ray.intersects_first(points - 1e-3 * craft.radius_m * ahead, ahead)
+        normal = others.face_normals[hit]
+        gap = np.abs(np.sum((vertices[others.faces[hit, 0]] - points) * normal, axis=1))
+        parallel = np.abs(np.sum(normal * plane, axis=1)) > 0.999
+        shared += np.sum((hit >= 0) & parallel & (gap < 1e-6 * craft.radius_m))
+    assert shared <= 3  # of 60,000: where curved surfaces cross

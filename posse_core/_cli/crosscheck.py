@@ -91,9 +91,9 @@ def command(
     """Render the same frames by several renderers, and compare them with geometry and each other.
 
     SCENARIO is a YAML file, the name of a built-in scenario, or a closed form: lambert-sphere,
-    lambert-plate, mirror, glossy-sphere, paint-sphere, fiducials, checker. Before scenarios, the two
-    lambert closed forms are always checked. When a number is outside its threshold, the command names it
-    and ends with code 1.
+    lambert-plate, mirror, glossy-sphere, paint-sphere, fiducials, moved-fiducials, checker. Before
+    scenarios, the two lambert closed forms are always checked. When a number is outside its threshold,
+    the command names it and ends with code 1.
     """
     from posse_core._evaluation.crosscheck.closed_forms import ANCHORS, CLOSED_FORMS, ClosedFormCase
     from posse_core._evaluation.crosscheck.compare import compare

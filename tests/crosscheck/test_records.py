@@ -75,14 +75,14 @@ def test_a_pairs_light_is_summed_up_by_part_and_material() -> None:
         for name, material in (("a", "red"), ("b", "blue"), ("c", "red"), ("d", "black"))
     ]
     colours = [Material(name) for name in ("red", "blue", "black", "unused")]
-    craft = scenes.scene(*parts, materials=tuple(colours), camera=scenes.camera()).spacecraft
+    scene = scenes.scene(*parts, materials=tuple(colours), camera=scenes.camera())
     frames = [
         measures(0.5, [1, 2, 3, 0], [2, 4, 6, 1]),
         measures(None, [1, 2, 1, 0], [0, 0, 0, 0]),
         measures(0.75, [0, 2, 2, 0], [0, 2, 2, 1]),
     ]
-    assert part_ratios(PAIR, frames, craft) == {"a": 1.0, "b": 1.0, "c": 0.75, "d": None}
-    assert material_ratios(PAIR, frames, craft) == {"red": 0.8, "blue": 1.0, "black": None}
+    assert part_ratios(PAIR, frames, scene) == {"a": 1.0, "b": 1.0, "c": 0.75, "d": None}
+    assert material_ratios(PAIR, frames, scene) == {"red": 0.8, "blue": 1.0, "black": None}
     whole = pair_summary(PAIR, frames)
     assert whole.radiance_ratio == pytest.approx(14 / 18)
     assert (whole.radiance_ratio_least, whole.radiance_ratio_most) == (0.5, 0.75)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from posse_core._errors import InputError
 from posse_core._evaluation.crosscheck.closed_forms import CLOSED_FORMS, ClosedFormCase
 from posse_core._evaluation.crosscheck.settings import CLEARANCE_RADII, ScenarioCase
-from posse_core._evaluation.crosscheck.silhouette import Geometry
+from posse_core._evaluation.crosscheck.silhouette import Geometry, landmark_errors_px
 from posse_core._plugins.loading import load_plugins
 from posse_core._scenario.load import load_scenario
 
@@ -88,6 +90,24 @@ def test_closed_forms_are_finite_where_known_and_cover_the_craft(name: str) -> N
         if places is not None:
             for part, (u, v) in enumerate(np.round(places).astype(int) - [exact.box.x0, exact.box.y0]):
                 assert exact.part_id[v, u] == part
+
+
+def test_landmarks_tell_a_joint_that_is_one_degree_off() -> None:
+    setting = ClosedFormCase("moved-fiducials").build()
+    frame = setting.frames[0]
+    exact = Geometry(setting.scene).exact(frame)
+    joints = frame.craft.articulation
+    off = replace(joints, values=joints.values + np.radians([1.0, 0.0, 0.0]))
+    there = setting.landmarks_px(frame)
+    elsewhere = setting.landmarks_px(replace(frame, craft=replace(frame.craft, articulation=off)))
+    assert there is not None
+    assert elsewhere is not None
+    assert landmark_errors_px(exact.coverage, exact, there).max() < 0.03
+    errors = landmark_errors_px(exact.coverage, exact, elsewhere)
+    moved = np.linalg.norm(elsewhere - there, axis=1)
+    assert moved[3:6].min() > 0.3
+    np.testing.assert_array_equal(np.delete(moved, [3, 4, 5]), 0.0)
+    np.testing.assert_allclose(errors[3:6], moved[3:6], atol=0.03)
 
 
 def test_a_white_metal_reflects_no_more_than_falls_on_it() -> None:

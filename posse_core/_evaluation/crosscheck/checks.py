@@ -26,6 +26,9 @@ class Thresholds(Options):
     max_edge_other_px: float = Field(
         0.5, ge=0, description="Largest mean edge distance, pixels, for other renderers."
     )
+    max_landmark_px: float = Field(
+        0.1, ge=0, description="Largest distance of a plate's centroid from where it is, pixels."
+    )
     max_lambert: float = Field(
         0.01, ge=0, description="Largest relative error of Lambertian radiance for path tracers."
     )
@@ -68,7 +71,8 @@ def judge(
         yield Verdict(case, name, "silhouette IoU", measured.iou, limit, measured.iou >= limit)
         edge = thresholds.max_edge_px if name in traced else thresholds.max_edge_other_px
         yield from at_most(name, "edge distance (px)", measured.edge_worst_px, edge)
-        yield from at_most(name, "landmark distance (px)", measured.landmark_worst_px, edge)
+        landmark = measured.landmark_worst_px
+        yield from at_most(name, "landmark distance (px)", landmark, thresholds.max_landmark_px)
         ratio = measured.expected_ratio
         if comparison.lambertian and ratio is not None:
             off = thresholds.max_lambert if name in traced else thresholds.max_lambert_other

@@ -10,9 +10,12 @@ from scipy.spatial.transform import Rotation
 
 from posse_core._arrays import AnyArray, FloatArray
 from posse_core._evaluation.crosscheck.settings import Setting
+from posse_core._geometry.raycast import RayCaster
 from posse_core._model.camera import Camera, PixelBox
-from posse_core._model.scene import EnvironmentMap, FrameState
-from posse_core._model.spacecraft import Material
+from posse_core._model.craft_state import BodyState
+from posse_core._model.joints import Articulation, Joint
+from posse_core._model.scene import Body, EnvironmentMap, FrameState, Scene
+from posse_core._model.spacecraft import Material, Part, Spacecraft
 from posse_core._model.srgb import linear_from_srgb
 from posse_core.testing import scenes
 from posse_core.testing.closed_forms import directions, lambertian_sphere, polygon_area_and_centroid
@@ -28,6 +31,8 @@ CELL_TEXELS = 64
 CELL_MARGIN = 0.25
 """Share of a checker's cell, on each side, where the texture's filter may blend it with the next."""
 SKY_LEVEL_W_M2_SR = 100.0
+FIDUCIAL_TURNS = ((0.0, 0.0, 0.1), (0.5, -0.3, 0.4), (-0.3, 0.6, 1.3))
+"""Rotation vectors of the attitudes of plates, from the one that faces the camera."""
 FINE = 6
 """Rays across a pixel over which closed forms on a sphere are averaged."""
 
@@ -134,25 +139,18 @@ def fiducials() -> Setting:
     """Nine small plates on a lattice in three attitudes: the centroids of their images are those of
     the projected polygons."""
     plates = [
-        scenes.rectangle(
-            f"plate_{i}{j}",
-            "white",
-            centre_m=(0.55 * (i - 1), 0.55 * (j - 1), 0.1 * (i - j)),
-            u_m=(0.12, 0.03, 0),
-            v_m=(-0.03, 0.12, 0),
-        )
+        _plate(f"plate_{i}{j}", (0.55 * (i - 1), 0.55 * (j - 1), 0.1 * (i - j)))
         for i in range(3)
         for j in range(3)
     ]
     scene = scenes.scene(*plates, materials=(WHITE,), camera=scenes.camera(160, 120))
-    vectors = ([0.0, 0.0, 0.1], [0.5, -0.3, 0.4], [-0.3, 0.6, 1.3])
     frames = tuple(
         scenes.frame(
             t_body_cam_m=(0.1, -0.05, 3.7),
             sun_direction_body=(0.2, 0.1, 1.0),
             R_cam_from_body=Rotation.from_rotvec(vector).as_matrix() @ scenes.FACING,
         )
-        for vector in vectors
+        for vector in FIDUCIAL_TURNS
     )
 
     def landmarks(frame: FrameState) -> FloatArray:
@@ -165,6 +163,64 @@ def fiducials() -> Setting:
         return np.array(centroids)
 
     return Setting("", scene, frames, 0, _black, landmarks_px=landmarks)
+
+
+def moved_fiducials() -> Setting:
+    """Nine plates on a body, on a joint that turns and on one that slides on another that turns, and
+    three on a second body. The centroids of their images are those of the polygons that the keypoints
+    of the labels give: every corner of a plate is a keypoint of what carries it."""
+    turn = Joint("turn", "revolute", np.array([0.1, 0.25, -0.2]), _unit(np.array([0.6, 0.3, 0.8])))
+    swing = Joint("swing", "revolute", np.array([0.55, 0.2, 0.0]), _unit(np.array([0.1, 0.0, 1.0])))
+    slide = Joint("slide", "prismatic", np.zeros(3), np.array([0.0, 1.0, 0.0]), "swing")
+    carriers = (None, turn.name, slide.name)
+    plates = [
+        replace(_plate(f"plate_{i}{j}", (0.55 * (i - 1), 0.55 * (j - 1), 0.0)), joint=carriers[i])
+        for i in range(3)
+        for j in range(3)
+    ]
+    beside = [_plate(f"plate_{j}", (0.0, 0.5 * (j - 1), 0.1 * j)) for j in range(3)]
+    joints = (turn, swing, slide)
+    craft, other = (
+        Spacecraft(
+            name,
+            tuple(parts),
+            {WHITE.name: WHITE},
+            {f"{part.name}_{k}": part.vertices_body_m[k] for part in parts for k in range(4)},
+            joints=own,
+            keypoint_joints={
+                f"{part.name}_{k}": part.joint for part in parts if part.joint for k in range(4)
+            },
+        )
+        for name, parts, own in (("craft", plates, joints), ("other", beside, ()))
+    )
+    scene = Scene(craft, scenes.camera(640, 480), (Body("other", other),))
+    caster = RayCaster(scene)
+    values = ((0.25, 0.3, 0.1), (-0.3, -0.2, -0.08), (0.2, 0.2, 0.05))
+    frames = []
+    for number, vector in enumerate(FIDUCIAL_TURNS):
+        # The last attitude is turned back about the line of sight, so that the second body is free.
+        R = Rotation.from_rotvec([*vector[:2], 0.1 * number + 0.05]).as_matrix() @ scenes.FACING
+        there = Rotation.from_rotvec([-0.4, 0.3 * number, 0.2]).as_matrix() @ scenes.FACING
+        frames.append(
+            scenes.frame(
+                t_body_cam_m=(-0.35, -0.05, 3.7),
+                sun_direction_body=(0.2, 0.1, 1.0),
+                R_cam_from_body=R,
+                articulation=Articulation(joints, np.array(values[number]), np.zeros(3)),
+                others=(BodyState(there, np.array([1.05, 0.05, 3.4 + 0.2 * number])),),
+            )
+        )
+
+    def landmarks(frame: FrameState) -> FloatArray:
+        corners_px = [view.keypoints_px.reshape(-1, 4, 2) for view in caster.views(frame.craft)]
+        return np.array([polygon_area_and_centroid(four)[1] for four in np.concatenate(corners_px)])
+
+    return Setting("", scene, tuple(frames), 0, _black, landmarks_px=landmarks)
+
+
+def _plate(name: str, centre_m: tuple[float, float, float]) -> Part:
+    """A small square plate that is a little turned."""
+    return scenes.rectangle(name, "white", centre_m=centre_m, u_m=(0.12, 0.03, 0), v_m=(-0.03, 0.12, 0))
 
 
 def checker() -> Setting:
@@ -211,6 +267,7 @@ CLOSED_FORMS: dict[str, Callable[[], Setting]] = {
     "glossy-sphere": glossy_sphere,
     "paint-sphere": paint_sphere,
     "fiducials": fiducials,
+    "moved-fiducials": moved_fiducials,
     "checker": checker,
 }
 ANCHORS = ("lambert-sphere", "lambert-plate")

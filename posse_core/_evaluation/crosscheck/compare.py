@@ -92,15 +92,16 @@ def compare(
         Pair(a, b): [f for f in frames if (a, b) in f.pairs] for a, b in combinations(renderers, 2)
     }
     shared = {pair: of_pair for pair, of_pair in shared.items() if of_pair}
-    craft = setting.scene.spacecraft
     return Comparison(
         case.name,
         setting.lambertian,
         frames,
         renderers,
         pairs={pair: pair_summary(pair, of_pair) for pair, of_pair in shared.items()},
-        parts={pair: part_ratios(pair, of_pair, craft) for pair, of_pair in shared.items()},
-        materials={pair: material_ratios(pair, of_pair, craft) for pair, of_pair in shared.items()},
+        parts={pair: part_ratios(pair, of_pair, setting.scene) for pair, of_pair in shared.items()},
+        materials={
+            pair: material_ratios(pair, of_pair, setting.scene) for pair, of_pair in shared.items()
+        },
         failures=failures,
         versions=versions,
     )
@@ -160,7 +161,7 @@ def _measure(
         )
     white = light.full_scale(next(iter(shots.values())).radiance_rgb, inside)
     pairs = {Pair(a, b): _pair(shots[a], shots[b], exact, white) for a, b in combinations(shots, 2)}
-    parts = len(setting.scene.spacecraft.parts)
+    parts = len(setting.scene.pieces)
     part_light = {n: light.part_light(s.radiance_rgb, exact.part_id, parts) for n, s in shots.items()}
     pictures = FramePictures.of(exact, shots, white)
     phase = float(

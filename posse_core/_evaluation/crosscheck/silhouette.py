@@ -1,4 +1,4 @@
-"""Where the craft is: its exact coverage of pixels, and how far a renderer's edges are from it."""
+"""Where the bodies are: its exact coverage of pixels, and how far a renderer's edges are from it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Exact:
     Attributes:
         part_id: (h, w) int16 at the pixel's centre, −1 where nothing is.
         depth_m: (h, w) float32 planar z at the pixel's centre, NaN where nothing is.
-        coverage: (h, w) share of :data:`FINE`² rays on a lattice that meet the craft.
+        coverage: (h, w) share of :data:`FINE`² rays on a lattice that meet a body.
         contour_px: length of the silhouette's contour, px.
     """
 
@@ -53,7 +53,7 @@ class Geometry:
         box = view.box.grown(BOX_MARGIN_PX, self._camera)
         fine = self._fine.view(frame.craft)
         fine_box = PixelBox(box.x0 * FINE, box.y0 * FINE, box.width * FINE, box.height * FINE)
-        covered = _pasted(fine.mask, fine.box, fine_box, False)
+        covered = _pasted(fine.hit, fine.box, fine_box, False)
         coverage = covered.reshape(box.height, FINE, box.width, FINE).mean(axis=(1, 3))
         return Exact(
             box=box,

@@ -17,7 +17,7 @@ from posse_core._evaluation.crosscheck.measures import (
     RendererFrame,
     RendererSummary,
 )
-from posse_core._model.spacecraft import Spacecraft
+from posse_core._model.scene import Scene
 
 
 @dataclass
@@ -78,20 +78,31 @@ def pair_summary(pair: Pair, frames: Sequence[FrameMeasures]) -> PairSummary:
     )
 
 
-def part_ratios(pair: Pair, frames: Sequence[FrameMeasures], craft: Spacecraft) -> Ratios:
-    """A pair's light by part."""
+def part_ratios(pair: Pair, frames: Sequence[FrameMeasures], scene: Scene) -> Ratios:
+    """A pair's light by part; the parts of bodies beside the target have these bodies' names before
+    theirs."""
     first, second = _part_light(pair, frames)
-    return {part.name: _ratio(a, b) for part, a, b in zip(craft.parts, first, second, strict=True)}
+    names = [
+        prefix + part.name
+        for prefix, craft in zip(_prefixes(scene), scene.bodies, strict=True)
+        for part in craft.parts
+    ]
+    return {name: _ratio(a, b) for name, a, b in zip(names, first, second, strict=True)}
 
 
-def material_ratios(pair: Pair, frames: Sequence[FrameMeasures], craft: Spacecraft) -> Ratios:
-    """A pair's light by those materials that parts are of."""
+def material_ratios(pair: Pair, frames: Sequence[FrameMeasures], scene: Scene) -> Ratios:
+    """A pair's light by those materials that parts are of, named likewise."""
     first, second = _part_light(pair, frames)
-    parts = {
-        name: [i for i, part in enumerate(craft.parts) if part.material == name]
-        for name in craft.materials
-    }
-    return {name: _ratio(first[i].sum(), second[i].sum()) for name, i in parts.items() if i}
+    prefixes = _prefixes(scene)
+    parts: dict[str, list[int]] = {}
+    for index, (piece, body) in enumerate(zip(scene.pieces, scene.body_of_part, strict=True)):
+        parts.setdefault(prefixes[body] + piece.part.material, []).append(index)
+    return {name: _ratio(first[i].sum(), second[i].sum()) for name, i in parts.items()}
+
+
+def _prefixes(scene: Scene) -> list[str]:
+    """What the names of a body's parts begin with, by body."""
+    return ["", *(f"{body.name}: " for body in scene.others)]
 
 
 def _part_light(pair: Pair, frames: Sequence[FrameMeasures]) -> tuple[FloatArray, FloatArray]:

@@ -267,14 +267,28 @@ class Dataset(LabelledImages):
 
     @property
     def classes(self) -> Mapping[str, SpacecraftInfo]:
-        return {**{info.name: info for info in self.bodies.values()}, **self.spacecraft_by_name}
+        classes = dict(self.spacecraft_by_name)
+        for body, info in self.bodies.items():
+            known = classes.setdefault(info.name, info)
+            if list(known.keypoints_body_m) != list(info.keypoints_body_m):
+                raise InputError(
+                    f"{self.folder}: body {body!r} is named {info.name!r} like another spacecraft, but"
+                    " has other keypoints; one class cannot hold both"
+                )
+        return classes
 
-    def mesh(self, name: str | None = None) -> Mesh:
-        if name is not None and name not in self.spacecraft_by_name:
-            for body, info in self.bodies.items():
-                if info.name == name:
-                    return self.body_mesh(body)
-        return super().mesh(name)
+    def loose_keypoints(self, name: str) -> list[str]:
+        loose = set(super().loose_keypoints(name))
+        places = self.classes[name].keypoints_body_m
+        for info in self.bodies.values():
+            if info.name == name:
+                loose |= info.keypoint_joints.keys()
+                loose |= {
+                    key
+                    for key, x_body_m in info.keypoints_body_m.items()
+                    if not np.allclose(x_body_m, places[key], atol=1e-6)
+                }
+        return sorted(loose)
 
     def body_mesh(self, body: str) -> Mesh:
         """Return the mesh of a body beside the target.

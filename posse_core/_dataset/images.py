@@ -81,8 +81,19 @@ class LabelledImages(Sequence[LabelLine]):
     @property
     def classes(self) -> Mapping[str, SpacecraftInfo]:
         """All spacecraft that the labels speak of, by name: the targets', and those of the bodies beside
-        them."""
+        them.
+
+        Bodies of one name may differ in shape, as fragments do; then it is one of them.
+
+        Raises:
+            InputError: Bodies of one name have keypoints of other names.
+        """
         return self.spacecraft_by_name
+
+    def loose_keypoints(self, name: str) -> list[str]:
+        """Names of those keypoints of a class that have no place of their own in body axes: joints carry
+        them, or they are elsewhere on another body of the class."""
+        return sorted(self.classes[name].keypoint_joints)
 
     @property
     def spacecraft(self) -> SpacecraftInfo:

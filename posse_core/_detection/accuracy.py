@@ -46,7 +46,7 @@ def _of_keypoints(
                 f"{dataset.folder}: the labels have no keypoints; make the dataset with the annotator"
                 " 'keypoints'"
             )
-        for body in seen_bodies(labels):
+        for body in seen_bodies(labels).values():
             if body.spacecraft not in finder.classes or not body.keypoints:
                 continue
             box = Detection(body.spacecraft, 1.0, true_box(body).box_px)

@@ -35,8 +35,8 @@ class ModelCard:
         classes: names of the spacecraft; the network's labels are indices into them.
         input_px: side of the network's square input.
         keypoints_body_m: class → keypoint name → (3,) metres, body axes, in the order of the outputs.
-        keypoint_joints: class → name of a keypoint → name of the joint that carried it in the training
-            data, of those that the body does not carry.
+        loose_keypoints: class → names of the keypoints that have no place of their own in body axes
+            (:meth:`LabelledImages.loose_keypoints`).
         symmetries: class → rotations (3, 3) that leave the spacecraft's appearance unchanged.
         dataset_sha256: :attr:`Dataset.sha256` of the training data.
         scenario_sha256: SHA-256 of its ``scenario.yaml``; empty if it has none (``posse collect``).
@@ -55,7 +55,7 @@ class ModelCard:
     scenario_sha256: str
     version: str
     keypoints_body_m: Mapping[str, Mapping[str, _Position]] = field(default_factory=dict)
-    keypoint_joints: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    loose_keypoints: Mapping[str, list[str]] = field(default_factory=dict)
     symmetries: Mapping[str, list[list[list[float]]]] = field(default_factory=dict)
     options: Mapping[str, Any] = field(default_factory=dict)
     epochs: Annotated[int, Field(ge=0)] = 0
@@ -86,8 +86,8 @@ class ModelCard:
                 name: {k: [float(v) for v in x] for k, x in craft.keypoints_body_m.items()}
                 for name, craft in crafts
             },
-            keypoint_joints={
-                name: dict(craft.keypoint_joints) for name, craft in crafts if craft.keypoint_joints
+            loose_keypoints={
+                name: loose for name, _ in crafts if (loose := dataset.loose_keypoints(name))
             },
             symmetries={name: [R.tolist() for R in craft.symmetries] for name, craft in crafts},
             dataset_sha256=dataset.sha256,
@@ -124,13 +124,12 @@ class ModelCard:
 
     @property
     def keypoint_arrays_m(self) -> dict[str, FloatArray]:
-        """Class → (K, 3) keypoints in metres, body axes; NaN where a joint carries one, which has no
-        place of its own in these axes."""
+        """Class → (K, 3) keypoints in metres, body axes; NaN for :attr:`loose_keypoints`."""
         nowhere = [np.nan] * 3
         return {
             name: np.array(
                 [
-                    nowhere if key in self.keypoint_joints.get(name, {}) else point
+                    nowhere if key in self.loose_keypoints.get(name, ()) else point
                     for key, point in points.items()
                 ],
                 np.float64,

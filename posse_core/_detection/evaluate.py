@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from posse_core._arrays import AnyArray, FloatArray
+from posse_core._arrays import AnyArray
+from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.images import LabelledImages
-from posse_core._detection.pnp import solve_pose
+from posse_core._dataset.mesh import Mesh
+from posse_core._dataset.spacecraft import SpacecraftInfo
+from posse_core._detection.pnp import MIN_POINTS, solve_pose
 from posse_core._errors import InputError
 from posse_core._evaluation.metrics import TrueBox, box_iou, matches, seen_bodies, true_box
 from posse_core._evaluation.poses import add_m, adi_m, pose_errors
 from posse_core._frames import matrix_from_quaternion
 from posse_core._interfaces.detector import Detection, Detector, KeypointFinder, PoseEstimate
+from posse_core._model.camera import Camera
 from posse_core._model.label_line import BodyLabels, LabelLine
 
 
@@ -110,7 +114,11 @@ def evaluate(
     judged = []
     for i in positions:
         labels, image = dataset[i], dataset.image(i)
-        seen = [body for body in seen_bodies(labels) if body.spacecraft in detector.classes]
+        seen = {
+            name: body
+            for name, body in seen_bodies(labels).items()
+            if body.spacecraft in detector.classes
+        }
         found = [d for d in detector.predict([image])[0] if d.label in dataset.classes]
         bodies = _judged(dataset, seen, found, image, finder)
         judged.append(Judged(labels, bodies, found))
@@ -119,53 +127,59 @@ def evaluate(
 
 def _judged(
     dataset: LabelledImages,
-    seen: Sequence[BodyLabels],
+    seen: Mapping[str | None, BodyLabels],
     found: Sequence[Detection],
     image: AnyArray,
     finder: KeypointFinder | None,
 ) -> list[JudgedBody]:
-    truths = [true_box(body) for body in seen]
+    truths = [true_box(body) for body in seen.values()]
     bodies = []
-    for body, truth, place in zip(seen, truths, matches(truths, found), strict=True):
+    for (name, body), truth, place in zip(seen.items(), truths, matches(truths, found), strict=True):
         overlap = 0.0 if place is None else float(box_iou(found[place].box_px, truth.box_px))
-        posed = finder if finder is not None and len(_points(finder, truth.label)) else None
+        posed = finder if finder is not None and _gives_poses(finder, truth.label) else None
         pose = None
         if posed is not None and place is not None and place < len(seen):
-            pose = _pose(dataset, body, posed, image, found[place])
+            estimate = _estimate(posed, image, found[place], dataset.camera)
+            pose = None if estimate is None else _errors(dataset, name, body, estimate)
         bodies.append(JudgedBody(body, truth, overlap, posed is not None, pose))
     return bodies
 
 
-def _points(finder: KeypointFinder, label: str) -> FloatArray:
-    """(K, 3) keypoints of a class, none if the finder does not know it."""
-    return finder.keypoints_body_m[label] if label in finder.classes else np.zeros((0, 3))
+def _gives_poses(finder: KeypointFinder, label: str) -> bool:
+    """Whether a finder knows enough keypoints of a class."""
+    if label not in finder.classes:
+        return False
+    return int(np.isfinite(finder.keypoints_body_m[label]).all(axis=1).sum()) >= MIN_POINTS
 
 
-def _pose(
-    dataset: LabelledImages,
-    labels: BodyLabels,
-    finder: KeypointFinder,
-    image: AnyArray,
-    best: Detection,
-) -> PoseErrors | None:
+def _estimate(
+    finder: KeypointFinder, image: AnyArray, best: Detection, camera: Camera
+) -> PoseEstimate | None:
     (found,) = finder.find(image, [best])
     assert found.keypoints_px is not None
     assert found.keypoints_sigma_px is not None
     points = finder.keypoints_body_m[found.label]
-    pose = solve_pose(points, found.keypoints_px, found.keypoints_sigma_px, dataset.camera)
-    return None if pose is None else _errors(dataset, labels, pose)
+    return solve_pose(points, found.keypoints_px, found.keypoints_sigma_px, camera)
 
 
-def _errors(dataset: LabelledImages, labels: BodyLabels, pose: PoseEstimate) -> PoseErrors:
+def _errors(
+    dataset: LabelledImages, name: str | None, labels: BodyLabels, pose: PoseEstimate
+) -> PoseErrors:
     if not labels.has("q_cam_from_body"):
         raise InputError(
             f"{dataset.folder}: the labels have no poses; make the dataset with the annotator 'pose'"
         )
-    name = labels.spacecraft
+    info, mesh = _shape(dataset, name, labels.spacecraft)
     R, t = matrix_from_quaternion(np.array(labels.q_cam_from_body)), np.array(labels.t_body_cam_m)
     estimated = pose.R_cam_from_body, pose.t_body_cam_m
-    e_t, e_q_rad = pose_errors(R, t, *estimated, dataset.classes[name].symmetries)
-    mesh = dataset.mesh(name)
+    e_t, e_q_rad = pose_errors(R, t, *estimated, info.symmetries)
     points, diameter_m = mesh.vertices_body_m, mesh.diameter_m
     add, adi = (measure(points, R, t, *estimated) / diameter_m for measure in (add_m, adi_m))
     return PoseErrors(e_t, e_q_rad, add, adi)
+
+
+def _shape(dataset: LabelledImages, name: str | None, spacecraft: str) -> tuple[SpacecraftInfo, Mesh]:
+    """What the target or, by its name, a body beside it is; its mesh is with all joints at zero."""
+    if name is not None and isinstance(dataset, Dataset):
+        return dataset.bodies[name], dataset.body_mesh(name)
+    return dataset.classes[spacecraft], dataset.mesh(spacecraft)

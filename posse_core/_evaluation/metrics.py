@@ -32,15 +32,15 @@ class TrueBox:
     box_px: FloatArray
 
 
-def seen_bodies(labels: LabelLine) -> list[BodyLabels]:
-    """The labels of those bodies of a frame of which the image shows a pixel, the target first.
+def seen_bodies(labels: LabelLine) -> dict[str | None, BodyLabels]:
+    """Those of :attr:`LabelLine.instances` of which the image shows a pixel.
 
     Raises:
         InputError: it has no boxes.
     """
     if not labels.has("box_visible_px"):
         raise InputError("the labels have no boxes; make the dataset with the annotator 'box'")
-    return [body for body in labels.instances.values() if body.box_visible_px is not None]
+    return {k: body for k, body in labels.instances.items() if body.box_visible_px is not None}
 
 
 def true_box(body: BodyLabels) -> TrueBox:
@@ -55,7 +55,7 @@ def true_boxes(labels: LabelLine) -> list[TrueBox]:
     Raises:
         InputError: it has no boxes.
     """
-    return [true_box(body) for body in seen_bodies(labels)]
+    return [true_box(body) for body in seen_bodies(labels).values()]
 
 
 def box_iou(a_px: FloatArray, b_px: FloatArray) -> FloatArray:

@@ -142,7 +142,7 @@ class KeypointFinder(Model[OptionsT]):
 
     keypoints_body_m: Mapping[str, FloatArray]
     """Class → (K, 3) keypoints in metres, body axes, in the order in which they are found; NaN for those
-    that a joint carries, which give no pose.
+    that have no place of their own on the body, such as those that a joint carries.
 
     It is available after :meth:`load`.
     """

@@ -67,13 +67,13 @@ RULES = {
         ),
         Rule(
             "few-keypoints",
-            f"fewer than {ENOUGH_KEYPOINTS} keypoints are visible",
+            f"fewer than {ENOUGH_KEYPOINTS} of the target's keypoints are visible",
             _few_keypoints,
             ("keypoints",),
         ),
         Rule(
             "dark",
-            f"{DARK_PIXEL_SHARE:.0%} of the spacecraft's pixels are below {DARK_LEVEL_SHARE:.0%} of the"
+            f"{DARK_PIXEL_SHARE:.0%} of the target's pixels are below {DARK_LEVEL_SHARE:.0%} of the"
             " full scale",
             _dark,
             ("mask_rle",),

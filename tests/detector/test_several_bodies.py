@@ -1,12 +1,13 @@
 """Images that show several craft: what is found of each is judged by itself."""
 
+import json
 from dataclasses import replace
 
 import company
 import numpy as np
 import pytest
 
-from posse_core import ModelCard
+from posse_core import InputError, ModelCard
 from posse_core._dataset.dataset import Dataset
 from posse_core._detection.evaluate import evaluate, frames_of
 from posse_core._detection.groups import groups
@@ -58,7 +59,9 @@ class Points(KeypointFinder):
     def find(self, image, detections):
         line, found = self.lines[image.tobytes()], []
         for detection in detections:
-            (body,) = (b for b in seen_bodies(line) if (b.box_visible_px == detection.box_px).all())
+            (body,) = (
+                b for b in seen_bodies(line).values() if (b.box_visible_px == detection.box_px).all()
+            )
             points = np.array([p[:2] for p in body.keypoints.values()])
             sigma = np.ones(len(points))
             found.append(replace(detection, keypoints_px=points, keypoints_sigma_px=sigma))
@@ -94,6 +97,23 @@ def test_points_that_a_joint_carries_give_no_pose(dataset):
     assert pose is not None
     np.testing.assert_allclose(pose.t_body_cam_m, line.t_body_cam_m, atol=1e-4)
     assert pose.inliers.tolist() == [True] * 8 + [False] * 8
+
+
+def test_points_in_which_bodies_of_one_name_differ_give_no_pose(tmp_path):
+    """Fragments share a class and its keypoints' names, but not their shapes."""
+    folder = company.write_dataset(tmp_path / "d", frames=2)
+    path = folder / "bodies/twin/winged.json"
+    info = json.loads(path.read_text())
+    info["keypoints"]["B1"][0] += 0.1
+    path.write_text(json.dumps(info))
+    card = ModelCard.of_dataset(Dataset(folder), net="", task="keypoints", input_px=8, version="")
+    wing = [name for name in info["keypoints"] if name.startswith("wing")]
+    assert card.loose_keypoints == {"winged": ["B1", *wing]}
+    assert ModelCard.from_metadata(card.metadata(), path) == card
+    info["keypoints"]["another"] = info["keypoints"].pop("B1")
+    path.write_text(json.dumps(info))
+    with pytest.raises(InputError, match="body 'twin' is named 'winged' like another"):
+        ModelCard.of_dataset(Dataset(folder), net="", task="keypoints", input_px=8, version="")
 
 
 def test_a_net_of_the_target_is_not_judged_by_bodies_that_it_does_not_know(dataset):

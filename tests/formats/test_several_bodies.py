@@ -238,6 +238,24 @@ def test_each_export_passes_its_check_and_those_of_another_origin(exported):
         assert code == 0, out + error
 
 
+def test_thinned_by_rules_on_the_target_the_exports_are_of_all_bodies(exported, tmp_path):
+    """Frames in which the target is hidden are dropped, whatever else they show."""
+    out = tmp_path / "thinned"
+    code, _, error = run_posse("collect", exported, "--out", out, "--drop", "few-keypoints")
+    assert code == 0, error
+    dataset = Dataset(out)
+    left = [line.origin[1] for line in dataset]
+    assert left
+    assert {company.HIDDEN_TARGET, company.TARGET_OUT}.isdisjoint(left)
+    for writer in (BopWriter, CocoWriter, YoloWriter):
+        writer(NoOptions()).write(dataset, out)
+    for result in check_exports(dataset):
+        assert (result.name, result.checked, result.faults) == (result.name, len(left), [])
+    coco = json.loads((out / "coco.json").read_text())
+    seen = sum((IMAGES[index].body == k).any() for index in left for k in range(3))
+    assert len(coco["annotations"]) == seen
+
+
 def faults(folder, name):
     (result,) = (r for r in check_exports(Dataset(folder)) if r.name == f"{name} export")
     return [(fault.frame, fault.message) for fault in result.faults]

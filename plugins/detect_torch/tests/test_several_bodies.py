@@ -54,7 +54,7 @@ def test_each_body_has_a_square_and_keypoints_of_its_own(dataset, tmp_path):
     card = card_of(dataset, "keypoints")
     options = SimccOptions(input_px=SIZE, augment=False)
     lesson = SimccLesson(dataset, tmp_path, card, options)
-    bodies = [body for i in dataset.part("train") for body in seen_bodies(dataset[i])]
+    bodies = [body for i in dataset.part("train") for body in seen_bodies(dataset[i]).values()]
     assert len(lesson) == len(bodies)
     for position, body in enumerate(bodies):
         sample = lesson.sample(position, np.random.default_rng(0))

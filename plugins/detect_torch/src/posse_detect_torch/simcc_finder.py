@@ -168,7 +168,7 @@ def _shown(dataset: LabelledImages, part: str, size_px: int) -> list[Cut[BodyLab
     """
     cuts: list[Cut[BodyLabels]] = []
     for position in dataset.part(part):
-        for body in seen_bodies(dataset[position]):
+        for body in seen_bodies(dataset[position]).values():
             if not body.has("keypoints"):
                 raise InputError(
                     f"{dataset.folder}: the labels have no keypoints; make the dataset with the"

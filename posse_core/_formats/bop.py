@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from posse_core._files.text import json_object, text_file
 from posse_core._formats.exported import ExportedBody, ExportedImage
 from posse_core._formats.images import link_or_copy, write_png
 from posse_core._formats.needs import labels_with
-from posse_core._formats.rigid_objects import ObjectInView, RigidObjects
+from posse_core._formats.rigid_objects import ObjectInView, RigidObjects, Silhouette
 from posse_core._interfaces.writer import Writer
 from posse_core._model.label_line import BodyLabels, Box, LabelLine
 
@@ -134,9 +135,10 @@ def _write_scene(dataset: Dataset, objects: RigidObjects, positions: list[int], 
             index = labels.index
             link_or_copy(dataset.folder / labels.image, scene / pictures / f"{index:06d}.png")
             seen = list(objects.in_frame(labels))
-            for number, each in enumerate(seen):
+            silhouettes = [each.silhouette() for each in seen]
+            for number, (each, silhouette) in enumerate(zip(seen, silhouettes, strict=True)):
                 name = f"{index:06d}_{number:06d}.png"
-                write_png(scene / "mask" / name, each.silhouette.mask.astype(np.uint8) * 255)
+                write_png(scene / "mask" / name, silhouette.mask.astype(np.uint8) * 255)
                 write_png(scene / "mask_visib" / name, each.mask.astype(np.uint8) * 255)
             scale_mm = _depth_scale_mm(seen)
             steps = _depth_steps(dataset, labels, scale_mm)
@@ -144,7 +146,8 @@ def _write_scene(dataset: Dataset, objects: RigidObjects, positions: list[int], 
             cam_K = dataset.camera.matrix.ravel().tolist()
             add_camera(str(index), {"cam_K": cam_K, "depth_scale": scale_mm})
             add_poses(str(index), [_pose_record(each) for each in seen])
-            add_infos(str(index), [_info_record(each, steps > 0) for each in seen])
+            infos = map(partial(_info_record, steps > 0), seen, silhouettes)
+            add_infos(str(index), list(infos))
 
 
 def _depth_scale_mm(seen: Sequence[ObjectInView]) -> float:
@@ -174,14 +177,14 @@ def _pose_record(seen: ObjectInView) -> Any:
     }
 
 
-def _info_record(seen: ObjectInView, has_depth: BoolArray) -> Any:
+def _info_record(has_depth: BoolArray, seen: ObjectInView, silhouette: Silhouette) -> Any:
     """As BOP's ``calc_gt_info.py`` counts; a pixel is valid that has a depth, of whatever object."""
-    whole_px = seen.silhouette.count_px
+    whole_px = silhouette.count_px
     return {
-        "bbox_obj": _pixels_of(seen.silhouette.box_px),
+        "bbox_obj": _pixels_of(silhouette.box_px),
         "bbox_visib": seen.box_px or _NO_BOX,
         "px_count_all": whole_px,
-        "px_count_valid": int((seen.silhouette.mask & has_depth).sum()),
+        "px_count_valid": int((silhouette.mask & has_depth).sum()),
         "px_count_visib": seen.area_px,
         "visib_fract": seen.area_px / whole_px if whole_px else 0.0,
     }

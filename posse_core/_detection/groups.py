@@ -35,9 +35,10 @@ def groups(dataset: LabelledImages, judged: Sequence[Judged]) -> list[Group]:
     """Return the metrics of all frames, then by class, quartile of range, phase angle and background.
 
     A frame is in the group of each class of which a craft is in it, and there it counts with the craft
-    of that class alone. Range, phase angle and background are those of the target; there, a frame counts
-    with all craft that it shows. Where keypoints were sought, the metrics include the share of craft
-    whose pose was estimated, and the errors of these poses.
+    of that class alone. Bodies beside the target whose class the detector does not know have no group.
+    Range, phase angle and background are those of the target; there, a frame counts with all craft that
+    it shows. Where keypoints were sought, the metrics include the share of craft whose pose was
+    estimated, and the errors of these poses.
 
     Args:
         dataset: of the frames.
@@ -92,7 +93,8 @@ def _members(
 ) -> Iterator[tuple[str, Sequence[Judged]]]:
     lines = [j.labels for j in judged]
     yield "all", judged
-    names = sorted(set().union(*map(_names, lines)))
+    targets = {line.spacecraft for line in lines if line.has("spacecraft")}
+    names = sorted(targets | {body.truth.label for j in judged for body in j.bodies})
     if len(names) > 1:
         for name in names:
             yield name, [_of_class(j, name) for j in judged if name in _names(j.labels)]

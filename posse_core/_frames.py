@@ -58,9 +58,31 @@ def R_eci_from_rtn(r_eci_m: FloatArray, v_eci_m_s: FloatArray) -> FloatArray:
 
 
 def rtn_rate_rad_s(r_eci_m: FloatArray, v_eci_m_s: FloatArray) -> FloatArray:
-    """Angular velocity (...,) of the RTN axes about N for Keplerian motion, |r × v| / r²."""
+    """Angular velocity (...,) of the RTN axes about N, |r × v| / r²."""
     h = np.linalg.norm(np.cross(r_eci_m, v_eci_m_s), axis=-1)
     return np.asarray(h / np.sum(np.asarray(r_eci_m) ** 2, axis=-1))
+
+
+def rtn_spin_rad_s(
+    r_eci_m: FloatArray, v_eci_m_s: FloatArray, plane_turn_rad_s: FloatArray | float = 0.0
+) -> FloatArray:
+    """Angular velocity (..., 3) of the RTN axes, in RTN components.
+
+    Args:
+        r_eci_m, v_eci_m_s: (..., 3) of the target.
+        plane_turn_rad_s: (...) rate at which a force turns the orbit's plane about R; 0 for two bodies.
+    """
+    about_n = rtn_rate_rad_s(r_eci_m, v_eci_m_s)
+    about_r = np.broadcast_to(plane_turn_rad_s, about_n.shape)
+    return np.stack([about_r, np.zeros_like(about_n), about_n], axis=-1)
+
+
+def by_plane_turn(plane_turn_rad_s: FloatArray | float, r_rtn_m: FloatArray) -> FloatArray:
+    """Velocities (..., 3) that a turn of the orbit's plane (...) about R gives to positions (..., 3)
+    that rest in the RTN axes, in RTN components."""
+    turn = np.asarray(plane_turn_rad_s)
+    x, y, z = np.moveaxis(r_rtn_m, -1, 0)
+    return np.stack([np.zeros_like(x), -turn * z, turn * y], axis=-1)
 
 
 def eci_from_rtn(
@@ -68,11 +90,12 @@ def eci_from_rtn(
     v_target_eci_m_s: FloatArray,
     r_rtn_m: FloatArray,
     v_rtn_m_s: FloatArray,
+    plane_turn_rad_s: FloatArray | float = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
-    """Convert the chaser's RTN state (velocity in the rotating axes) to ECI; all (..., 3)."""
+    """Convert the chaser's RTN state (velocity in the rotating axes) to ECI; all (..., 3), but the turn
+    of the plane (...), as in :func:`rtn_spin_rad_s`."""
     R = R_eci_from_rtn(r_target_eci_m, v_target_eci_m_s)
-    omega = np.zeros_like(r_rtn_m)
-    omega[..., 2] = rtn_rate_rad_s(r_target_eci_m, v_target_eci_m_s)
+    omega = rtn_spin_rad_s(r_target_eci_m, v_target_eci_m_s, plane_turn_rad_s)
     r = r_target_eci_m + _apply(R, r_rtn_m)
     v = v_target_eci_m_s + _apply(R, v_rtn_m_s + np.cross(omega, r_rtn_m))
     return r, v
@@ -83,21 +106,25 @@ def rtn_from_eci(
     v_target_eci_m_s: FloatArray,
     r_chaser_eci_m: FloatArray,
     v_chaser_eci_m_s: FloatArray,
+    plane_turn_rad_s: FloatArray | float = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
-    """Convert the chaser's ECI state to RTN (velocity in the rotating axes); all (..., 3)."""
+    """Convert the chaser's ECI state to RTN (velocity in the rotating axes); all (..., 3), but the turn
+    of the plane (...), as in :func:`rtn_spin_rad_s`."""
     R = np.swapaxes(R_eci_from_rtn(r_target_eci_m, v_target_eci_m_s), -1, -2)
     r_rtn_m = _apply(R, r_chaser_eci_m - r_target_eci_m)
-    omega = np.zeros_like(r_rtn_m)
-    omega[..., 2] = rtn_rate_rad_s(r_target_eci_m, v_target_eci_m_s)
+    omega = rtn_spin_rad_s(r_target_eci_m, v_target_eci_m_s, plane_turn_rad_s)
     v_rtn_m_s = _apply(R, v_chaser_eci_m_s - v_target_eci_m_s) - np.cross(omega, r_rtn_m)
     return r_rtn_m, v_rtn_m_s
 
 
-def relative_rtn_from_eci(r_target_eci_m: FloatArray, v_target_eci_m_s: FloatArray) -> FloatArray:
+def relative_rtn_from_eci(
+    r_target_eci_m: FloatArray, v_target_eci_m_s: FloatArray, plane_turn_rad_s: float = 0.0
+) -> FloatArray:
     """Matrix (6, 6) that takes a chaser's position and velocity minus the target's, ECI axes, to its RTN
-    position and velocity (in the rotating axes); from the target's state, (3,) and (3,)."""
+    position and velocity (in the rotating axes); from the target's state, (3,) and (3,), and the turn
+    of its plane, as in :func:`rtn_spin_rad_s`."""
     R = R_eci_from_rtn(r_target_eci_m, v_target_eci_m_s).T
-    spin = np.array([0.0, 0.0, float(rtn_rate_rad_s(r_target_eci_m, v_target_eci_m_s))])
+    spin = rtn_spin_rad_s(r_target_eci_m, v_target_eci_m_s, plane_turn_rad_s)
     matrix = np.zeros((6, 6))
     matrix[:3, :3] = matrix[3:, 3:] = R
     matrix[3:, :3] = -cross_matrix(spin) @ R

@@ -1,4 +1,4 @@
-"""Checks that a state is an orbit that a spacecraft can fly."""
+"""Checks that a state is an orbit that a spacecraft can fly; and how J2 turns an orbit's plane."""
 
 from __future__ import annotations
 
@@ -41,3 +41,20 @@ def check_orbit(
         )
     if elliptic and energy >= 0:
         raise InputError(f"{where}: the orbit is not elliptic (e = {e:.6g}); use propagator nonlinear")
+
+
+def plane_turn_rad_s(r_m: FloatArray, v_m_s: FloatArray, constants: Constants) -> FloatArray:
+    """Rate (...) at which J2 turns an orbit's plane about R.
+
+    It is r f_N / |r × v| with the force f_N per mass along N (Battin 1999, section 10.3), at most
+    1.5 J2 n (Rₑ/r)².
+
+    Args:
+        r_m, v_m_s: (..., 3) geocentric state, inertial axes with z along the Earth's axis.
+        constants: of the Earth.
+    """
+    momentum = np.cross(r_m, v_m_s)
+    h2 = np.sum(momentum**2, axis=-1)
+    strength = -3 * constants.j2 * constants.mu_earth_m3_s2 * constants.earth_radius_m**2
+    r2 = np.sum(np.asarray(r_m) ** 2, axis=-1)
+    return np.asarray(strength * r_m[..., 2] * momentum[..., 2] / (r2**2 * h2))

@@ -11,7 +11,7 @@ from posse_core import _frames as frames
 from posse_core._arrays import FloatArray
 from posse_core._constants import Constants
 from posse_core._dynamics import elements, roe
-from posse_core._dynamics.orbit import check_orbit
+from posse_core._dynamics.orbit import check_orbit, plane_turn_rad_s
 from posse_core._errors import InputError
 
 SINGULAR_SIN_I = 1e-6
@@ -26,6 +26,8 @@ class Target:
         constants: gravity and radii.
         t_s: seconds from the epoch of the problem to this instant.
         where: what messages call the target, such as the key of a scenario.
+        turns_plane: whether velocities in RTN are in axes that turn with the orbit's plane under J2, as
+            under a propagator that has J2.
 
     Attributes:
         mu_m3_s2: the Earth's gravitational parameter. The arguments are attributes too.
@@ -39,12 +41,13 @@ class Target:
         *,
         t_s: float = 0.0,
         where: str = "the target",
+        turns_plane: bool = False,
     ) -> None:
         self.r_eci_m = np.asarray(r_eci_m, dtype=np.float64)
         self.v_eci_m_s = np.asarray(v_eci_m_s, dtype=np.float64)
         self.constants = constants
         self.mu_m3_s2 = constants.mu_earth_m3_s2
-        self.t_s, self.where = t_s, where
+        self.t_s, self.where, self.turns_plane = t_s, where, turns_plane
         self._flown: tuple[FloatArray, tuple[FloatArray, FloatArray]] | None = None
 
     def check(self, *, elliptic: bool) -> None:
@@ -95,10 +98,22 @@ class Target:
         """(3, 3) rotation from the target's RTN axes to GCRF axes."""
         return frames.R_eci_from_rtn(self.r_eci_m, self.v_eci_m_s)
 
+    def plane_turn_rad_s(self, r_eci_m: FloatArray, v_eci_m_s: FloatArray) -> FloatArray:
+        """Rate (...) at which the plane turns about R where the target is at (..., 3) and (..., 3)."""
+        if not self.turns_plane:
+            return np.zeros(np.shape(r_eci_m)[:-1])
+        return plane_turn_rad_s(r_eci_m, v_eci_m_s, self.constants)
+
     @cached_property
-    def spin_rad_s(self) -> float:
-        """Angular velocity of the target's RTN axes about N."""
-        return float(frames.rtn_rate_rad_s(self.r_eci_m, self.v_eci_m_s))
+    def spin_rtn_rad_s(self) -> FloatArray:
+        """(3,) angular velocity of the target's RTN axes, RTN components."""
+        turn = self.plane_turn_rad_s(self.r_eci_m, self.v_eci_m_s)
+        return frames.rtn_spin_rad_s(self.r_eci_m, self.v_eci_m_s, turn)
+
+    def in_turning_axes(self, rtn: FloatArray) -> FloatArray:
+        """(6,) an RTN state whose velocity leaves out the turn of the plane → with that of the axes."""
+        turn = self.spin_rtn_rad_s[0]
+        return np.concatenate([rtn[:3], rtn[3:] - frames.by_plane_turn(turn, rtn[:3])])
 
 
 class Start:
@@ -155,7 +170,7 @@ class Start:
         """
         r_rtn, v_rtn = np.asarray(r_rtn_m, dtype=np.float64), np.asarray(v_rtn_m_s, dtype=np.float64)
         R = target.R_eci_from_rtn
-        turning = target.spin_rad_s * np.array([-r_rtn[1], r_rtn[0], 0.0])
+        turning = np.cross(target.spin_rtn_rad_s, r_rtn)
         start = cls(target, R @ r_rtn, R @ (v_rtn + turning), where=where)
         start.rtn = np.concatenate([r_rtn, v_rtn])
         return start
@@ -177,7 +192,7 @@ class Start:
         chief = target.qns
         _refuse_singular(chief)
         small = given / chief[0]
-        rtn = roe.rtn_from_roe(chief, small, target.mu_m3_s2, 0.0)
+        rtn = target.in_turning_axes(roe.rtn_from_roe(chief, small, target.mu_m3_s2, 0.0))
         start = cls.from_rtn(target, rtn[:3], rtn[3:], where=where)
         start.roe_m, start.roe = given, small
         start.roe_equinoctial = roe.equinoctial_roe_from_roe(chief, small, target.sign)
@@ -201,7 +216,8 @@ class Start:
         """
         chief = target.equinoctial
         small = np.asarray(roe_m, dtype=np.float64) / chief[0]
-        rtn = roe.rtn_from_equinoctial_roe(chief, target.sign, small, target.mu_m3_s2, 0.0)
+        kepler = roe.rtn_from_equinoctial_roe(chief, target.sign, small, target.mu_m3_s2, 0.0)
+        rtn = target.in_turning_axes(kepler)
         start = cls.from_rtn(target, rtn[:3], rtn[3:], where=where)
         start.roe_equinoctial = small
         return start
@@ -223,8 +239,8 @@ class Start:
     @cached_property
     def rtn(self) -> FloatArray:
         """(6,) the chaser's RTN position (m) and velocity (m/s, derivative in the rotating axes)."""
-        r, v = self.target.r_eci_m, self.target.v_eci_m_s
-        return np.concatenate(frames.rtn_from_eci(r, v, r + self.dr_eci_m, v + self.dv_eci_m_s))
+        r, v, turn = self.target.r_eci_m, self.target.v_eci_m_s, self.target.spin_rtn_rad_s[0]
+        return np.concatenate(frames.rtn_from_eci(r, v, r + self.dr_eci_m, v + self.dv_eci_m_s, turn))
 
     @cached_property
     def roe_equinoctial(self) -> FloatArray:

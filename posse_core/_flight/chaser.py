@@ -40,6 +40,7 @@ class Chaser:
             self._problem.constants,
             t_s=burn.t_s,
             where=f"the target at {burn.t_s:g} s",
+            turns_plane=self._start.target.turns_plane,
         )
         rtn = flight.rtn[0]
         where = f"the chaser after the impulse at {burn.t_s:g} s"

@@ -25,7 +25,7 @@ from posse_core._flight.watch import Step, Watch
 from posse_core._frames import matrix_from_quaternion, quaternion_from_matrix
 from posse_core._interfaces.navigator import Estimate, NavigationProblem, Readings
 from posse_core._model.flight_record import FlightRecord
-from posse_core._model.trajectory import Trajectory
+from posse_core._model.trajectory import PLANE_TURN, Trajectory
 from posse_core._plugins.registry import Registry
 from posse_core._scenario.track import TrackConfig
 from posse_core._view.flight.page import write_flight_page
@@ -193,6 +193,7 @@ class _Tracking:
             config.constants,
             t_s=float(rows.t_s[0]),
             where=f"{dataset.folder / TRAJECTORY}: the target",
+            turns_plane=PLANE_TURN in rows.extras,
         )
         target.check(elliptic=False)
         craft = dataset.spacecraft

@@ -8,7 +8,7 @@ from posse_core._arrays import FloatArray
 from posse_core._dynamics import elements, roe
 from posse_core._dynamics.linear import yamanaka_ankersen_stm
 from posse_core._dynamics.start import Target
-from posse_core._frames import R_eci_from_rtn, rtn_rate_rad_s
+from posse_core._frames import R_eci_from_rtn, by_plane_turn, rtn_spin_rad_s
 
 
 class RelativeMotion:
@@ -39,12 +39,16 @@ class RelativeMotion:
         bodies."""
         target = self._target
         r, v = (part[0] for part in target.two_body(np.array([self._since_s])))
-        R, spin = R_eci_from_rtn(r, v), float(rtn_rate_rad_s(r, v))
-        turning = spin * np.array([-rtn[1], rtn[0], 0.0])
+        R = R_eci_from_rtn(r, v)
+        turning = np.cross(rtn_spin_rad_s(r, v, target.plane_turn_rad_s(r, v)), rtn[:3])
         chief = elements.later(target.equinoctial, target.mu_m3_s2, np.array(self._since_s))
         relative = roe.equinoctial_roe_from_states(
             r, v, R @ rtn[:3], R @ (rtn[3:] + turning), target.sign, target.mu_m3_s2
         )
-        return roe.rtn_from_equinoctial_roe(
+        states = roe.rtn_from_equinoctial_roe(
             chief, target.sign, relative, target.mu_m3_s2, t_s - self.t_s
         )
+        if target.turns_plane:
+            turn = target.plane_turn_rad_s(*target.two_body(t_s - target.t_s))
+            states[:, 3:] -= by_plane_turn(turn, states[:, :3])
+        return states

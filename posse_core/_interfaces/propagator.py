@@ -14,7 +14,7 @@ from posse_core._constants import Constants
 from posse_core._dynamics.plan import Burn
 from posse_core._dynamics.start import Start, Target
 from posse_core._environment.time import Epoch
-from posse_core._model.trajectory import Motion
+from posse_core._model.trajectory import PLANE_TURN, Motion
 from posse_core._plugins.component import Component, OptionsT
 
 
@@ -93,6 +93,10 @@ class FirstState:
 class Propagator(Component[OptionsT]):
     """Computes the motion of target and chaser."""
 
+    turns_plane: bool = False
+    """Whether this model turns the target's orbital plane by J2. The axes of velocities in RTN then turn
+    with it, in the motion and in what the scenario gives: ``Target.plane_turn_rad_s`` is the rate, and
+    the motion's extra of that name."""
     needs_starts: ClassVar[bool] = True
     """False for a motion that was made elsewhere: the problem then has no starts, and the orbit and
     the relative motion of the scenario need not be such as can be flown."""
@@ -172,12 +176,12 @@ class FlightPropagator(Propagator[OptionsT]):
         if problem.forced is not None:
             flight = self.fly(problem, problem.starts[0], t_s)
             beside = Flight(flight.r_target_eci_m, flight.v_target_eci_m_s, problem.forced.rtn)
-            return _motion(t_s, [beside], problem.forced.sequence)
+            return _motion(t_s, [beside], problem.forced.sequence, problem.target)
         if problem.burns:
             flights = [self._fly_burns(problem, start, t_s) for start in problem.starts]
         else:
             flights = self.fly_together(problem, problem.starts, t_s)
-        return _motion(t_s, flights, np.repeat(np.arange(len(flights)), len(t_s)))
+        return _motion(t_s, flights, np.repeat(np.arange(len(flights)), len(t_s)), problem.target)
 
     def _fly_burns(self, problem: PropagationProblem, start: Start, t_s: FloatArray) -> Flight:
         """Fly from impulse to impulse."""
@@ -201,6 +205,7 @@ class FlightPropagator(Propagator[OptionsT]):
                 problem.constants,
                 t_s=burn.t_s,
                 where=f"the target at {burn.t_s:g} s",
+                turns_plane=start.target.turns_plane,
             )
             start = Start.from_rtn(
                 target,
@@ -213,13 +218,19 @@ class FlightPropagator(Propagator[OptionsT]):
         return out
 
 
-def _motion(t_s: FloatArray, flights: list[Flight], sequence: IntArray) -> Motion:
+def _motion(t_s: FloatArray, flights: list[Flight], sequence: IntArray, target: Target) -> Motion:
     rtn = np.concatenate([flight.rtn for flight in flights])
+    r_target_eci_m = np.concatenate([flight.r_target_eci_m for flight in flights])
+    v_target_eci_m_s = np.concatenate([flight.v_target_eci_m_s for flight in flights])
+    extras = {}
+    if target.turns_plane:
+        extras[PLANE_TURN] = target.plane_turn_rad_s(r_target_eci_m, v_target_eci_m_s)
     return Motion(
         t_s=np.tile(t_s, len(flights)),
-        r_target_eci_m=np.concatenate([flight.r_target_eci_m for flight in flights]),
-        v_target_eci_m_s=np.concatenate([flight.v_target_eci_m_s for flight in flights]),
+        r_target_eci_m=r_target_eci_m,
+        v_target_eci_m_s=v_target_eci_m_s,
         r_chaser_rtn_m=rtn[:, :3],
         v_chaser_rtn_m_s=rtn[:, 3:],
         sequence=sequence,
+        extras=extras,
     )

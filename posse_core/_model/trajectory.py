@@ -5,7 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 
+import numpy as np
+
 from posse_core._arrays import AnyArray, FloatArray, IntArray
+
+PLANE_TURN = "plane_turn_rad_s"
+"""Name of the extra (F,) with the rate at which the orbit's plane turns about R under J2. Velocities in
+RTN are in axes that turn at it too; without the extra it is 0."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +36,11 @@ class Motion:
     v_chaser_rtn_m_s: FloatArray
     sequence: IntArray
     extras: Mapping[str, FloatArray] = field(default_factory=dict)
+
+    @property
+    def plane_turn_rad_s(self) -> FloatArray:
+        """(F,) see :data:`PLANE_TURN`."""
+        return self.extras.get(PLANE_TURN, np.zeros(len(self.t_s)))
 
 
 @dataclass(frozen=True)
@@ -78,6 +89,11 @@ class Trajectory:
     earth_infrared_w_m2: FloatArray
     earth_rotation_rad: FloatArray
     extras: Mapping[str, FloatArray] = field(default_factory=dict)
+
+    @property
+    def plane_turn_rad_s(self) -> FloatArray:
+        """(F,) see :data:`PLANE_TURN`."""
+        return self.extras.get(PLANE_TURN, np.zeros(len(self.t_s)))
 
     def __len__(self) -> int:
         return len(self.t_s)

@@ -40,16 +40,18 @@ class Instant:
     Attributes:
         t_s: seconds since the scenario's epoch.
         r_eci_m, v_eci_m_s: (3,) the target's geocentric position and velocity, GCRF axes.
+        plane_turn_rad_s: rate at which its plane turns about R.
     """
 
     t_s: float
     r_eci_m: FloatArray
     v_eci_m_s: FloatArray
+    plane_turn_rad_s: float
 
     @property
     def rtn_from_eci(self) -> FloatArray:
         """(6, 6) the chaser's relative state from GCRF axes to the target's RTN axes."""
-        return frames.relative_rtn_from_eci(self.r_eci_m, self.v_eci_m_s)
+        return frames.relative_rtn_from_eci(self.r_eci_m, self.v_eci_m_s, self.plane_turn_rad_s)
 
     @property
     def R_eci_from_rtn(self) -> FloatArray:
@@ -95,7 +97,8 @@ class Dynamics:
             options.acceleration_m_s2_rthz**2,
             math.radians(options.angular_acceleration_deg_s2_rthz) ** 2,
         )
-        self._epoch = Instant(target.t_s, target.r_eci_m, target.v_eci_m_s)
+        self._target = target
+        self._epoch = self._at(target.t_s, target.r_eci_m, target.v_eci_m_s)
 
     def instant(self, t_s: float) -> Instant:
         """The target's orbit at an instant."""
@@ -141,7 +144,7 @@ class Dynamics:
                 TURNING, TURNING
             ] @ by_before.T + turning * _doubled(h)
         r, v, dr, dv = np.split(state, 4)
-        return Flow(Instant(t_s, r, v), Kinematics(dr, dv, R, omega), transition, noise)
+        return Flow(self._at(t_s, r, v), Kinematics(dr, dv, R, omega), transition, noise)
 
     def moved(self, at: Instant, x: Kinematics, t_s: float) -> Kinematics:
         """Move N motions, whose arrays have a leading axis, from an instant to ``t_s``."""
@@ -163,7 +166,10 @@ class Dynamics:
             state = self._step(state, h)
             now_s += h
         r, v, dr, dv = np.split(state, 4, axis=1)
-        return Instant(t_s, r[0], v[0]), dr, dv
+        return self._at(t_s, r[0], v[0]), dr, dv
+
+    def _at(self, t_s: float, r_eci_m: FloatArray, v_eci_m_s: FloatArray) -> Instant:
+        return Instant(t_s, r_eci_m, v_eci_m_s, float(self._target.plane_turn_rad_s(r_eci_m, v_eci_m_s)))
 
     def _next_step(self, r_m: FloatArray, left_s: float) -> float:
         """The next step of the orbit, of which ``left_s`` is left, either way; 0 at the end."""

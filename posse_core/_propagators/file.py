@@ -18,7 +18,7 @@ from posse_core._files.oem import Ephemeris, first_epoch, read_oem
 from posse_core._files.tables import Table, check_orbit, read_table
 from posse_core._frames import rtn_from_eci
 from posse_core._interfaces.propagator import FirstState, PropagationProblem, Propagator
-from posse_core._model.trajectory import Motion
+from posse_core._model.trajectory import PLANE_TURN, Motion
 from posse_core._propagators.options import FileOptions
 from posse_core._scenario.model import at_rate
 
@@ -80,7 +80,7 @@ class FilePropagator(Propagator[FileOptions]):
         check_orbit(self.options.path, r_target, v_target)
         r, v = (table[name] for name in (_ECI if _in_eci(table) else _RTN))
         if _in_eci(table):
-            r, v = rtn_from_eci(r_target, v_target, r, v)
+            r, v = rtn_from_eci(r_target, v_target, r, v, table.extras.get(PLANE_TURN, 0.0))
         sequence = table.arrays.get("sequence", np.zeros(len(t_s)))
         if table.epoch_utc is not None:
             t_s = t_s + epoch.seconds_until(Epoch.from_iso(table.epoch_utc))

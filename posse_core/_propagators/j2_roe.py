@@ -11,6 +11,7 @@ from posse_core._dynamics.j2 import j2_secular, j2_stm, mean_from_osculating, os
 from posse_core._dynamics.roe import qns_from_roe, roe_from_qns, rtn_from_roe
 from posse_core._dynamics.start import Start
 from posse_core._errors import InputError
+from posse_core._frames import by_plane_turn
 from posse_core._interfaces.propagator import Flight, FlightPropagator, PropagationProblem
 from posse_core._propagators.options import J2RoeOptions
 
@@ -24,6 +25,8 @@ class J2RoePropagator(FlightPropagator[J2RoeOptions]):
     the exact map. The inclination must not be 0° or 180°, where these ROE are singular, and for Brouwer
     and Lyddane's mean elements not within 1° of 63.43° or 116.57°.
     """
+
+    turns_plane = True
 
     def fly(self, problem: PropagationProblem, start: Start, after_s: FloatArray) -> Flight:
         constants, mu = problem.constants, start.target.mu_m3_s2
@@ -45,7 +48,9 @@ class J2RoePropagator(FlightPropagator[J2RoeOptions]):
         states = rtn(linear)
         whole = rtn(j2_secular(deputy_0, constants, after_s))
         warn_if_far_off("j2-roe", states[:, :3], whole[:, :3], "linear in the separation", "nonlinear")
-        return Flight(*state_from_qns(chief_osculating, mu), states)
+        r, v = state_from_qns(chief_osculating, mu)
+        states[:, 3:] -= by_plane_turn(start.target.plane_turn_rad_s(r, v), states[:, :3])
+        return Flight(r, v, states)
 
 
 def _refuse_critical(i_rad: float) -> None:

@@ -11,7 +11,7 @@ from posse_core._dynamics.nonlinear import Body, ForceModel, integrate
 from posse_core._dynamics.start import Start
 from posse_core._environment.ephemeris import moon_eci_m, sun_eci_m
 from posse_core._environment.time import Epoch
-from posse_core._frames import R_eci_from_rtn, rtn_rate_rad_s
+from posse_core._frames import R_eci_from_rtn, rtn_spin_rad_s
 from posse_core._interfaces.propagator import Flight, FlightPropagator, PropagationProblem
 from posse_core._propagators.options import NonlinearOptions
 
@@ -25,6 +25,10 @@ class NonlinearPropagator(FlightPropagator[NonlinearOptions]):
 
     elliptic = False
 
+    @property
+    def turns_plane(self) -> bool:  # type: ignore[override]
+        return self.options.gravity == "j2"
+
     def fly(self, problem: PropagationProblem, start: Start, after_s: FloatArray) -> Flight:
         epoch = problem.epoch.shifted(start.target.t_s)
         r, v, dr, dv = integrate(
@@ -35,8 +39,7 @@ class NonlinearPropagator(FlightPropagator[NonlinearOptions]):
         )
         R = np.swapaxes(R_eci_from_rtn(r, v), -1, -2)
         position = np.einsum("fij,fj->fi", R, dr)
-        spin = np.zeros_like(position)
-        spin[:, 2] = rtn_rate_rad_s(r, v)
+        spin = rtn_spin_rad_s(r, v, start.target.plane_turn_rad_s(r, v))
         velocity = np.einsum("fij,fj->fi", R, dv) - np.cross(spin, position)
         return Flight(r, v, np.concatenate([position, velocity], axis=-1))
 

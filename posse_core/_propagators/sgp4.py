@@ -19,6 +19,8 @@ class Sgp4Propagator(FlightPropagator):
     rounding of SGP4 and its old constants leave errors of some mm in the relative state.
     """
 
+    turns_plane = True
+
     def fly(self, problem: PropagationProblem, start: Start, after_s: FloatArray) -> Flight:
         if problem.tle is None:
             raise InputError("propagator sgp4 starts from orbit.tle; give it, or use propagator roe")
@@ -27,5 +29,6 @@ class Sgp4Propagator(FlightPropagator):
         v_chaser = start.target.v_eci_m_s + start.dv_eci_m_s
         chaser = tle.neighbour(r_chaser, v_chaser, start_s)
         r, v = tle.state(start_s + after_s)
-        rtn = np.concatenate(rtn_from_eci(r, v, *chaser.state(start_s + after_s)), axis=-1)
+        turn = start.target.plane_turn_rad_s(r, v)
+        rtn = np.concatenate(rtn_from_eci(r, v, *chaser.state(start_s + after_s), turn), axis=-1)
         return Flight(r, v, rtn)

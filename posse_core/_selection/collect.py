@@ -47,7 +47,7 @@ from posse_core._model.manifest import (
     Selection,
     Source,
 )
-from posse_core._model.trajectory import Trajectory
+from posse_core._model.trajectory import PLANE_TURN, Trajectory
 from posse_core._run.shards import LabelLog
 from posse_core._selection.balance import Balance, Bin, balanced
 from posse_core._selection.rules import Rule, first_that_drops
@@ -287,7 +287,13 @@ def _seconds_between(start: Epoch, end: Epoch) -> float:
 
 
 def _joined(trajectories: Sequence[Trajectory]) -> Trajectory:
-    """Join trajectories into one, with those extras that all of them have."""
+    """Join trajectories into one, with those extras that all of them have. The turn of the orbit's plane
+    is 0 where it is not said, so it is kept if any has it."""
+    if any(PLANE_TURN in each.extras for each in trajectories):
+        trajectories = [
+            replace(each, extras={**each.extras, PLANE_TURN: each.plane_turn_rad_s})
+            for each in trajectories
+        ]
     first, *others = trajectories
     arrays = {
         name: np.concatenate([each.arrays()[name] for each in trajectories]) for name in first.arrays()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
 
@@ -14,7 +14,7 @@ from posse_core._arrays import FloatArray, IntArray, evenly_spread
 from posse_core._errors import InputError
 from posse_core._interfaces.propagator import Propagator
 from posse_core._model.scene import FrameState, Onward, Scene
-from posse_core._model.trajectory import Motion, Trajectory
+from posse_core._model.trajectory import PLANE_TURN, Motion, Trajectory
 from posse_core._plugins.registry import Registry
 from posse_core._scenario.component import create
 from posse_core._scenario.model import Scenario
@@ -316,7 +316,13 @@ def _row_of(motion: Motion | Trajectory, i: int) -> Motion:
         r_chaser_rtn_m=motion.r_chaser_rtn_m[[i]],
         v_chaser_rtn_m_s=motion.v_chaser_rtn_m_s[[i]],
         sequence=motion.sequence[[i]],
+        extras=_turn(motion, motion.plane_turn_rad_s[[i]]),
     )
+
+
+def _turn(motion: Motion | Trajectory, plane_turn_rad_s: FloatArray) -> Mapping[str, FloatArray]:
+    """The extra that velocities in RTN need, if the motion has it."""
+    return {PLANE_TURN: plane_turn_rad_s} if PLANE_TURN in motion.extras else {}
 
 
 def _interpolated(motion: Motion, t_s: float) -> Iterator[Motion]:
@@ -338,4 +344,13 @@ def _interpolated(motion: Motion, t_s: float) -> Iterator[Motion]:
             (r_target, r_chaser), (v_target, v_chaser) = (
                 np.split(curve([t_s], order), 2, axis=1) for order in (0, 1)
             )
-            yield Motion(np.array([t_s]), r_target, v_target, r_chaser, v_chaser, np.array([number]))
+            turn = np.interp([t_s], motion.t_s[ends], motion.plane_turn_rad_s[ends])
+            yield Motion(
+                np.array([t_s]),
+                r_target,
+                v_target,
+                r_chaser,
+                v_chaser,
+                np.array([number]),
+                _turn(motion, turn),
+            )

@@ -13,6 +13,7 @@ from posse_core._environment.ephemeris import sun_eci_m
 from posse_core._environment.time import Epoch
 from posse_core._errors import InputError
 from posse_core._frames import (
+    by_plane_turn,
     eci_from_rtn,
     matrix_from_quaternion,
     rtn_from_eci,
@@ -162,10 +163,15 @@ class _Flying:
     def state(self, row: Trajectory, index: int, every_t_s: FloatArray | None) -> BodyState:
         """See :meth:`OtherBodies.states`."""
         t_s = float(row.t_s[0])
-        r_rtn_m, v_rtn_m_s = self._motion(t_s, every_t_s)
+        r_rtn_m, v_m_s = self._motion(t_s, every_t_s)
+        v_rtn_m_s = v_m_s - by_plane_turn(row.plane_turn_rad_s[0], r_rtn_m)
         t_body_cam_m, v_body_cam_m_s = seen_from_chaser(row, 0, r_rtn_m, v_rtn_m_s)
         r_eci_m, v_eci_m_s = eci_from_rtn(
-            row.r_target_eci_m, row.v_target_eci_m_s, r_rtn_m[None], v_rtn_m_s[None]
+            row.r_target_eci_m,
+            row.v_target_eci_m_s,
+            r_rtn_m[None],
+            v_rtn_m_s[None],
+            row.plane_turn_rad_s,
         )
         R_eci_from_body, omega_body_rad_s = self._attitude(row, index, r_eci_m, v_eci_m_s)
         articulation = self.joint_laws.articulation(
@@ -194,7 +200,7 @@ class _Flying:
         return self.known[t_s]
 
     def _propagated(self, t_s: FloatArray) -> Mapping[float, tuple[FloatArray, FloatArray]]:
-        """Time → position and velocity at (F,) times."""
+        """Time → position, and velocity in axes that leave out the turn of the plane, at (F,) times."""
         own_frames = "own-frames" in self.registry.spec("propagator", self.choice.name).capabilities
         try:
             motion = propagated(
@@ -204,7 +210,8 @@ class _Flying:
             raise InputError(f"{self.where}: {error}") from None
         if motion.sequence.min() != motion.sequence.max():
             raise InputError(f"{self.where}.relative: is several relative orbits; a body has one")
-        rows = zip(motion.r_chaser_rtn_m, motion.v_chaser_rtn_m_s, strict=True)
+        v_m_s = motion.v_chaser_rtn_m_s + by_plane_turn(motion.plane_turn_rad_s, motion.r_chaser_rtn_m)
+        rows = zip(motion.r_chaser_rtn_m, v_m_s, strict=True)
         return dict(zip(motion.t_s.tolist(), rows, strict=True))
 
     def _problem(self, t_s: FloatArray) -> PropagationProblem:
@@ -216,6 +223,7 @@ class _Flying:
             t_s,
             scenario.constants,
             needs_starts=self.propagator.needs_starts,
+            turns_plane=self.propagator.turns_plane,
         )
         problem = replace(problem, requested=True)
         draw = random_generator(scenario.seed, -1, f"body {self.name}: spread")
@@ -232,7 +240,7 @@ class _Flying:
     ) -> tuple[FloatArray, FloatArray]:
         """R_eci_from_body (3, 3) and the angular velocity (3,), body axes, at a state (1, 3)."""
         r_chaser_m, v_chaser_m_s = rtn_from_eci(
-            r_eci_m, v_eci_m_s, row.r_chaser_eci_m, row.v_chaser_eci_m_s
+            r_eci_m, v_eci_m_s, row.r_chaser_eci_m, row.v_chaser_eci_m_s, row.plane_turn_rad_s
         )
         epoch = Epoch.from_iso(row.epoch_utc)
         around = Surroundings(
@@ -259,11 +267,10 @@ class _Flying:
 def _moved(start: Start, dr_rtn_m: FloatArray, dv_rtn_m_s: FloatArray) -> Start:
     """A start that is displaced in the target's RTN axes, (3,) m and m/s."""
     target = start.target
-    spin = np.array([0.0, 0.0, target.spin_rad_s])
     R = target.R_eci_from_rtn
     return Start(
         target,
         start.dr_eci_m + R @ dr_rtn_m,
-        start.dv_eci_m_s + R @ (dv_rtn_m_s + np.cross(spin, dr_rtn_m)),
+        start.dv_eci_m_s + R @ (dv_rtn_m_s + np.cross(target.spin_rtn_rad_s, dr_rtn_m)),
         where=start.where,
     )

@@ -68,6 +68,7 @@ def scenario_problem(scenario: Scenario, propagator: Propagator, t_s: FloatArray
         t_s,
         scenario.constants,
         needs_starts=propagator.needs_starts,
+        turns_plane=propagator.turns_plane,
     )
 
 
@@ -153,7 +154,13 @@ def trajectory_of(
     """
     given = given or GivenAttitude()
     r_target, v_target = motion.r_target_eci_m, motion.v_target_eci_m_s
-    r_chaser, v_chaser = eci_from_rtn(r_target, v_target, motion.r_chaser_rtn_m, motion.v_chaser_rtn_m_s)
+    r_chaser, v_chaser = eci_from_rtn(
+        r_target,
+        v_target,
+        motion.r_chaser_rtn_m,
+        motion.v_chaser_rtn_m_s,
+        motion.plane_turn_rad_s,
+    )
     tdb = epoch.tdb(motion.t_s)
     r_sun = sun_eci_m(*tdb)
     r_sun_epoch = sun_eci_m(*epoch.tdb(np.zeros(())))

@@ -43,6 +43,7 @@ def resolve(
     constants: Constants,
     *,
     needs_starts: bool = True,
+    turns_plane: bool = False,
 ) -> PropagationProblem:
     """Return the problem that a scenario gives to a propagator.
 
@@ -52,6 +53,7 @@ def resolve(
         t_s: (F,) seconds after the orbit's epoch.
         constants: of the Earth.
         needs_starts: whether the propagator needs start states; if not, ``relative`` is ignored.
+        turns_plane: whether the propagator turns the orbit's plane, and with it the RTN axes.
 
     Raises:
         InputError: The TLE or date is malformed; a state is not an orbit, has its perigee below the
@@ -59,6 +61,7 @@ def resolve(
             that is not one natural orbit; or the window of a transfer is too short.
     """
     target = target_at_epoch(orbit, constants)
+    target.turns_plane = turns_plane
     problem = PropagationProblem(orbit_epoch(orbit), target, (), t_s, tle=orbit.tle)
     if not needs_starts:
         return problem

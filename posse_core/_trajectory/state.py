@@ -9,7 +9,7 @@ from posse_core._constants import Constants
 from posse_core._environment.earth import R_itrf_from_gcrf
 from posse_core._environment.eclipse import sun_angular_radius_rad
 from posse_core._environment.time import Epoch
-from posse_core._frames import R_eci_from_rtn, matrix_from_quaternion, rtn_rate_rad_s
+from posse_core._frames import R_eci_from_rtn, matrix_from_quaternion, rtn_spin_rad_s
 from posse_core._model.craft_state import Rates
 from posse_core._model.joints import RIGID, Articulation
 from posse_core._model.scene import FrameState
@@ -71,7 +71,7 @@ def seen_from_chaser(
     target = trajectory.r_target_eci_m[index], trajectory.v_target_eci_m_s[index]
     R_eci_from_cam = matrix_from_quaternion(trajectory.q_eci_from_camera[index])
     R_cam_from_rtn = R_eci_from_cam.T @ R_eci_from_rtn(*target)
-    omega_rtn = np.array([0.0, 0.0, float(rtn_rate_rad_s(*target))])
+    omega_rtn = rtn_spin_rad_s(*target, trajectory.plane_turn_rad_s[index])
     # The difference of the ECI positions would have the rounding error of an orbit's radius.
     from_body_m = trajectory.r_chaser_rtn_m[index] - r_rtn_m
     v_from_body_m_s = trajectory.v_chaser_rtn_m_s[index] - v_rtn_m_s + np.cross(omega_rtn, from_body_m)

@@ -15,9 +15,9 @@ from posse_core._dynamics.domain import DomainWarning
 from posse_core._environment.ephemeris import sun_eci_m
 from posse_core._environment.time import Epoch
 from posse_core._errors import InputError
-from posse_core._frames import eci_from_rtn
+from posse_core._frames import eci_from_rtn, rtn_from_eci
 from posse_core._interfaces.propagator import PropagationProblem
-from posse_core._model.trajectory import Motion
+from posse_core._model.trajectory import PLANE_TURN, Motion
 from posse_core._plugins.loading import load_plugins
 from posse_core._scenario.design import PlanConfig
 from posse_core._scenario.orbit import OrbitConfig, RelativeConfig
@@ -41,11 +41,17 @@ LEO = {
 PERIOD_S = 2 * np.pi * np.sqrt(7.1e6**3 / CONSTANTS.mu_earth_m3_s2)
 
 
-def problem(relative: Any, orbit: Any = None, t_s: Any = None) -> PropagationProblem:
+def problem(
+    relative: Any, orbit: Any = None, t_s: Any = None, turns_plane: bool = False
+) -> PropagationProblem:
     orbit = orbit or {"elements": LEO}
     times = np.linspace(0, PERIOD_S, 101) if t_s is None else np.asarray(t_s, dtype=np.float64)
     return resolve(
-        OrbitConfig.model_validate(orbit), RelativeConfig.model_validate(relative), times, CONSTANTS
+        OrbitConfig.model_validate(orbit),
+        RelativeConfig.model_validate(relative),
+        times,
+        CONSTANTS,
+        turns_plane=turns_plane,
     )
 
 
@@ -60,15 +66,28 @@ def ranges(motion: Motion) -> Any:
     return np.linalg.norm(motion.r_chaser_rtn_m, axis=-1)
 
 
-def plane_turn_rad_s(r: Any, v: Any) -> float:
-    """What J2 turns the RTN axes by about R: docs/dynamics.md."""
-    h = np.cross(r, v)
-    normal = h / np.linalg.norm(h)
-    strength = 3 * CONSTANTS.j2 * CONSTANTS.mu_earth_m3_s2 * CONSTANTS.earth_radius_m**2
-    return float(-strength * r[2] * normal[2] / (np.linalg.norm(r) ** 4 * np.linalg.norm(h)))
-
-
 FLYING = ["hcw", "roe", "roe-near-circular", "yamanaka-ankersen", "j2-roe", "nonlinear", "sgp4"]
+TURNING = ["j2-roe", "nonlinear", "sgp4"]
+"""Models with J2, which turns the orbit's plane."""
+
+
+@pytest.mark.parametrize("name", FLYING)
+def test_models_say_whether_they_turn_the_plane(name: str) -> None:
+    made = REGISTRY.create("propagator", name, REGISTRY.options("propagator", name, {}))
+    assert made.turns_plane == (name in TURNING)
+
+
+@pytest.mark.parametrize("turns_plane", [True, False])
+@pytest.mark.parametrize("name", TURNING)
+def test_the_motion_says_that_the_axes_turn(name: str, turns_plane: bool) -> None:
+    orbit = {"tle": TLE} if name == "sgp4" else None
+    asked = problem({"roe_m": [0, 0.5, 6, 8, -7, 4]}, orbit, [0.0, 700.0], turns_plane=turns_plane)
+    assert (PLANE_TURN in flown(name, asked).extras) == turns_plane
+
+
+def test_without_j2_the_plane_keeps_still() -> None:
+    still = REGISTRY.options("propagator", "nonlinear", {"gravity": "two-body"})
+    assert not REGISTRY.create("propagator", "nonlinear", still).turns_plane
 
 
 @pytest.mark.parametrize("name", FLYING)
@@ -78,16 +97,13 @@ def test_velocities_are_the_slopes_of_positions(name: str) -> None:
     orbit = {"tle": TLE} if name == "sgp4" else None
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DomainWarning)
-        m = flown(name, problem({"roe_m": [0, 10, 60, 80, -70, 40]}, orbit, t_s))
+        relative = {"roe_m": [0, 10, 60, 80, -70, 40]}
+        m = flown(name, problem(relative, orbit, t_s, turns_plane=name in TURNING))
     slope = (m.r_chaser_rtn_m[2] - m.r_chaser_rtn_m[0]) / (2 * step)
-    v_rtn = m.v_chaser_rtn_m_s[1]
-    if name in ("j2-roe", "nonlinear", "sgp4"):
-        turning = np.array([plane_turn_rad_s(m.r_target_eci_m[1], m.v_target_eci_m_s[1]), 0.0, 0.0])
-        v_rtn = v_rtn - np.cross(turning, m.r_chaser_rtn_m[1])
     # First-order theories give a velocity that is their position's slope to first order only, and SGP4
     # rounds at 1e-5 m.
     off_m_s = {"sgp4": 2e-4, "j2-roe": 2e-4}.get(name, 1e-7)
-    assert v_rtn == pytest.approx(slope, abs=off_m_s)
+    assert m.v_chaser_rtn_m_s[1] == pytest.approx(slope, abs=off_m_s)
     slope = (m.r_target_eci_m[2] - m.r_target_eci_m[0]) / (2 * step)
     off_m_s = {"sgp4": 1.0, "j2-roe": 0.1}.get(name, 0.01)
     assert m.v_target_eci_m_s[1] == pytest.approx(slope, abs=off_m_s)
@@ -106,6 +122,38 @@ def test_every_way_to_give_the_chaser_is_the_same(name: str) -> None:
     for way in ways:
         # A state in ECI is rounded at 1e-9 m and 1e-12 m/s, which an orbit makes 1e-7 m of.
         assert flown(name, problem(way)).r_chaser_rtn_m == pytest.approx(by_roe.r_chaser_rtn_m, abs=1e-5)
+
+
+RELATIVE = [
+    {"roe_m": [5, 100, 600, 800, -700, 400]},
+    {"state_rtn": {"r_m": [1300, -200, 900], "v_m_s": [0.2, -1.1, 0.4]}},
+    {"design": {"name": "hold-point", "r_rtn_m": [900, -500, 1300]}},
+]
+
+
+@pytest.mark.parametrize("relative", RELATIVE)
+def test_rtn_velocities_are_exact_both_ways_under_j2(relative: Any) -> None:
+    """At a separation of 1.3 km: in RTN the slope of the position in RTN, in ECI that of the one in
+    ECI."""
+    t_s = 2600 + np.arange(-2.0, 3.0)
+    m = flown("nonlinear", problem(relative, t_s=t_s, turns_plane=True))
+    target, turn = (m.r_target_eci_m, m.v_target_eci_m_s), m.plane_turn_rad_s
+    assert 1e-7 < abs(turn[2]) < 1.6e-6
+    r_eci, v_eci = eci_from_rtn(*target, m.r_chaser_rtn_m, m.v_chaser_rtn_m_s, turn)
+    apart = r_eci - target[0], v_eci - target[1]
+    for position, velocity in ((m.r_chaser_rtn_m, m.v_chaser_rtn_m_s), apart):
+        slope = (position[0] - 8 * position[1] + 8 * position[3] - position[4]) / 12
+        assert velocity[2] == pytest.approx(slope, abs=1e-8)
+    back = rtn_from_eci(*target, r_eci, v_eci, turn)
+    assert back[1] == pytest.approx(m.v_chaser_rtn_m_s, abs=1e-9)
+
+
+def test_a_start_in_rtn_is_the_state_that_was_given() -> None:
+    """The motion at the start, and from there 100 s back and again."""
+    given = {"r_m": [1300.0, -200.0, 900.0], "v_m_s": [0.2, -1.1, 0.4]}
+    m = flown("nonlinear", problem({"state_rtn": given}, t_s=[-100, 0], turns_plane=True))
+    np.testing.assert_allclose(m.v_chaser_rtn_m_s[1], given["v_m_s"], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(m.r_chaser_rtn_m[1], given["r_m"], rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize(

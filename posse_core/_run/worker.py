@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
+import warnings
 
 from posse_core._dataset.layout import IMAGES, INPUTS, SCENARIO, TRAJECTORY, TRUTH, reading_file
 from posse_core._dataset.remarks import remark_on
@@ -36,7 +37,10 @@ class RunWorker:
             scenario = load_scenario(str(scenario_file), registry)
             with self._store.local_copy(TRAJECTORY) as path:
                 trajectory = load_trajectory(path)
-            self._simulator = Simulator(scenario, registry, trajectory)
+            with warnings.catch_warnings():
+                # The plan of the run has built the spacecraft before, and has warned of the user's file.
+                warnings.filterwarnings("ignore", module=r"posse_core\._spacecraft\.")
+                self._simulator = Simulator(scenario, registry, trajectory)
             stack.callback(self._simulator.close)
             write_renderer(self._simulator, self._store)
             self._opened = stack.pop_all()

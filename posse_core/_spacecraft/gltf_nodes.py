@@ -166,8 +166,8 @@ def _warn_of_faults(file: GltfFile, nodes: Mapping[int, Node], drawn: tuple[Node
             each = None if each.above is None else nodes[each.above]
     if faults:
         warnings.warn(
-            f"{file.path}: no joint moves as the animations do with {', '.join(faults)}, so what they"
-            " move stays at rest",
+            f"{file.path}: the animations of some nodes are not those of joints, so they stay at rest:"
+            f" {', '.join(faults)}",
             stacklevel=2,
         )
 

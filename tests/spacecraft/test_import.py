@@ -293,3 +293,20 @@ def test_joints_of_a_file_can_be_left_out(imported, tmp_path):
     assert craft.joints == ()
     assert craft.keypoint_joints == {}
     assert {part.joint for part in craft.parts} == {None}
+
+
+def test_a_run_tells_once_what_it_leaves_of_the_animations(posse, tmp_path):
+    scene = AnimatedScene()
+    arm = scene.add("arm", None, trimesh.creation.box((1.0, 2.0, 3.0)))
+    scene.animate(arm, "scale", [0, 5], [(1, 1, 1), (2, 2, 2)])
+    scene.write(tmp_path / "a.glb")
+    done = posse("import", "a.glb", "--out", "p", "--scale", 1)
+    assert done.returncode == 0, done.stderr
+    nodes = "the animations of some nodes are not those of joints, so they stay at rest: arm (scale)"
+    said = f"a.glb: {nodes}\n"
+    assert done.stderr == f"posse: warning: {said}"
+    size = ["-o", "camera.width_px=80", "-o", "camera.height_px=60", "-o", "sky.earth=false"]
+    done = posse("run", "p/scenario.yaml", "--renderer", "flat", "--frames", 1, "--out", "d", *size)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count("warning") == 1, done.stderr
+    assert f"/p/{said}" in done.stderr

@@ -97,6 +97,7 @@ from ._model.craft_state import WorldPoses as WorldPoses
 from ._model.distortion import BrownConrady as BrownConrady
 from ._model.distortion import Distortion as Distortion
 from ._model.distortion import Fisheye as Fisheye
+from ._model.finish import Finish as Finish
 from ._model.flight_record import FlightRecord as FlightRecord
 from ._model.joint_curve import JointCurve as JointCurve
 from ._model.joints import Articulation as Articulation

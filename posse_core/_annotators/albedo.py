@@ -21,7 +21,9 @@ class AlbedoAnnotator(Annotator):
         view = look.view()
         color = np.full((*view.part_id.shape, 3), np.nan, dtype=np.float32)
         _, _, x_link_m = surface_points(look.state.craft, look.scene, view)
-        color[view.hit] = self._surface(look.scene).at(view.triangle[view.hit], x_link_m).base_color
+        surface, materials = self._surface(look.scene), look.scene.materials(look.state.craft)
+        made = surface.at(view.triangle[view.hit], x_link_m, materials)
+        color[view.hit] = made.base_color
         return Labels(arrays={"base_color_rgb": color})
 
     def _surface(self, scene: Scene) -> Surface:

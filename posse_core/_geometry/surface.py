@@ -47,7 +47,12 @@ class Surface:
         self._materials = [piece.material for piece in pieces]
         self._material = np.repeat(np.arange(len(parts)), [len(part.faces) for part in parts])
 
-    def at(self, triangle: IntArray, point_body_m: FloatArray) -> SurfaceMaterial:
+    def at(
+        self,
+        triangle: IntArray,
+        point_body_m: FloatArray,
+        materials: Sequence[Material] | None = None,
+    ) -> SurfaceMaterial:
         """The material at points.
 
         Textures are sampled as the renderers do: row 0 is at v = 1, they repeat, and values between the
@@ -56,7 +61,10 @@ class Surface:
         Args:
             triangle: (N,) as in :class:`posse_core.RayHits`; −1 for no surface.
             point_body_m: (N, 3) point on each triangle, in the axes of its link.
+            materials: of the pieces in a frame, by :meth:`posse_core.Scene.materials`; None for their
+                own.
         """
+        materials = self._materials if materials is None else materials
         count = len(triangle)
         base_color = np.full((count, 3), np.nan)
         metallic, roughness, specular = np.full((3, count), np.nan)
@@ -64,7 +72,7 @@ class Surface:
         uv = np.full((count, 2), np.nan)
         uv[on] = _between(self._weights(triangle[on], point_body_m[on]), self._uv[triangle[on]])
         for index in np.unique(self._material[triangle[on]]):
-            material = self._materials[index]
+            material = materials[index]
             rows = on[self._material[triangle[on]] == index]
             base_color[rows], both = _textures(material, uv[rows])
             metallic[rows], roughness[rows] = both.T

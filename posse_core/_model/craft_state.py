@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple, Self
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from posse_core._arrays import FloatArray
 from posse_core._frames import matrix_from_rotation_vector, turned
+from posse_core._model.finish import Finish
 from posse_core._model.joints import RIGID, Articulation
 from posse_core._model.mount import Mount
 
@@ -55,6 +57,7 @@ class BodyState:
         articulation: the joints that move.
         is_carried: whether the chaser carries the body, so that it stays where it is in camera axes
             whatever the rates are.
+        finishes: key of a material → its factors, of those that vary from frame to frame.
     """
 
     R_cam_from_body: FloatArray
@@ -62,6 +65,7 @@ class BodyState:
     rates: Rates = AT_REST
     articulation: Articulation = RIGID
     is_carried: bool = False
+    finishes: Mapping[str, Finish] = field(default_factory=dict)
 
     def after(self, after_s: float) -> Self:
         """The state ``after_s`` later (or earlier, if negative), by its rates."""
@@ -274,6 +278,7 @@ class CraftState(BodyState):
             rates=body.rates,
             articulation=body.articulation,
             is_carried=body.is_carried,
+            finishes=body.finishes,
             others=tuple(_body_of(bodies[k]) for k in range(len(bodies)) if k != number),
         )
 
@@ -285,5 +290,10 @@ class CraftState(BodyState):
 
 def _body_of(state: BodyState) -> BodyState:
     return BodyState(
-        state.R_cam_from_body, state.t_body_cam_m, state.rates, state.articulation, state.is_carried
+        state.R_cam_from_body,
+        state.t_body_cam_m,
+        state.rates,
+        state.articulation,
+        state.is_carried,
+        state.finishes,
     )

@@ -147,6 +147,20 @@ class JointLabels(BaseModel):
     t_link_cam_m: Vector
 
 
+class FinishLabels(BaseModel):
+    """Factors of a material in one frame.
+
+    Attributes:
+        base_color: of the base colour in red, green, blue.
+        roughness: of the roughness.
+    """
+
+    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+
+    base_color: Vector
+    roughness: Annotated[float, Field(gt=0)]
+
+
 class BodyLabels(BaseModel):
     """The labels of one body in one frame; ``docs/labels.md`` explains each of them.
 
@@ -234,6 +248,7 @@ class LabelLine(BodyLabels):
     sun_fraction_target: Fraction = _NOT_MADE
     sun_fraction_camera: Fraction = _NOT_MADE
     solar_flux_w_m2: Annotated[float, Field(ge=0)] = _NOT_MADE
+    finishes: dict[str, FinishLabels] = _NOT_MADE
     bodies: dict[str, BodyLabels] = _NOT_MADE
     exposure_s: Annotated[float, Field(gt=0)] = _NOT_MADE
     image: str = _NOT_MADE
@@ -247,6 +262,8 @@ class LabelLine(BodyLabels):
     def as_json(self) -> dict[str, Any]:
         """The labels that were made, as a mapping for :func:`json.dumps`, in the order of a line."""
         values = super().as_json()
+        if "finishes" in values:
+            values["finishes"] = {name: made.model_dump() for name, made in self.finishes.items()}
         if "bodies" in values:
             values["bodies"] = {name: body.as_json() for name, body in self.bodies.items()}
         if "sensors" in values:

@@ -15,6 +15,7 @@ from posse_core._frames import matrix_from_rotation_vector
 from posse_core._model.bands import SOLAR_BAND_FRACTIONS
 from posse_core._model.camera import Camera, PixelBox
 from posse_core._model.craft_state import AT_REST, BodyState, CraftState, Rates
+from posse_core._model.finish import Finish
 from posse_core._model.joints import RIGID, Articulation
 from posse_core._model.mount import Mount
 from posse_core._model.spacecraft import Material, Part, Spacecraft
@@ -95,6 +96,22 @@ class Scene:
         """(P,) number of the body that each of :attr:`pieces` belongs to."""
         counts = [len(spacecraft.parts) for spacecraft in self.bodies]
         return np.repeat(np.arange(len(counts)), counts)
+
+    def finishes(self, craft: CraftState) -> tuple[Finish | None, ...]:
+        """For each of :attr:`pieces` the factors of its material in a frame; None if none vary."""
+        bodies = craft.bodies
+        return tuple(
+            bodies[body].finishes.get(piece.part.material)
+            for piece, body in zip(self.pieces, self.body_of_part, strict=True)
+        )
+
+    def materials(self, craft: CraftState) -> tuple[Material, ...]:
+        """The material of each of :attr:`pieces` in a frame: the piece's own, with the factors that
+        vary."""
+        return tuple(
+            piece.material if finish is None else finish.on(piece.material)
+            for piece, finish in zip(self.pieces, self.finishes(craft), strict=True)
+        )
 
     def about(self, number: int) -> Scene:
         """The same scene with body ``number`` in the target's place, and the target among the others."""

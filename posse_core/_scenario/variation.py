@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated
+from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, model_validator
 
 from posse_core._plugins.options import Options
 
@@ -37,8 +37,11 @@ class MaterialVariation(Options):
 
 
 class VariationConfig(Options):
-    """Random materials of the target, the same in all frames of a run."""
+    """Random materials of the target."""
 
+    per: Literal["run", "frame"] = Field(
+        "run", description="whether all frames have the same materials, or each frame its own"
+    )
     seed: int | None = Field(
         None, ge=0, lt=2**63, description="seed of the variation; null is the scenario's"
     )
@@ -46,3 +49,10 @@ class VariationConfig(Options):
         description='name of a material, or a pattern such as "foil_*" for those without a key of their'
         " own → how it varies"
     )
+
+    @model_validator(mode="after")
+    def _factors_alone(self) -> VariationConfig:
+        for name, ranges in self.materials.items():
+            if self.per == "frame" and (ranges.pattern or ranges.metallic != (1.0, 1.0)):
+                raise ValueError(f"materials.{name}: metallic and pattern vary per run, not per frame")
+        return self

@@ -12,7 +12,7 @@ from posse_core._environment.time import Epoch
 from posse_core._errors import ComponentError
 from posse_core._interfaces.annotator import Annotator
 from posse_core._interfaces.look import Look
-from posse_core._model.label_line import LabelLine, ReadingLabels, first_fault
+from posse_core._model.label_line import FinishLabels, LabelLine, ReadingLabels, first_fault
 from posse_core._model.labels import Labels
 from posse_core._plugins.registry import Registry
 from posse_core._scenario.component import ComponentChoice, create
@@ -96,6 +96,11 @@ class Annotation:
         """
         frame = look.state
         beside: dict[str, Any] = {"sensors": dict(sensors)} if sensors else {}
+        if frame.craft.finishes:
+            beside["finishes"] = {
+                name: FinishLabels(base_color=finish.base_color, roughness=finish.roughness)
+                for name, finish in frame.craft.finishes.items()
+            }
         try:
             return LabelLine(
                 index=frame.index,

@@ -18,6 +18,7 @@ from posse_core._model.trajectory import PLANE_TURN, Motion, Trajectory
 from posse_core._plugins.registry import Registry
 from posse_core._scenario.component import create
 from posse_core._scenario.model import Scenario
+from posse_core._spacecraft.variation import RandomFinishes
 from posse_core._trajectory.attitude import GivenAttitude, Laws
 from posse_core._trajectory.bodies import OtherBodies
 from posse_core._trajectory.build import (
@@ -226,10 +227,21 @@ class States:
         motion = BodyMotion.of_target(row, np.array([drawn]))
         joints = self.joint_laws.articulation(motion, given)
         state = replace(frame_state(row, 0, self._scenario.constants, joints), index=index)
+        if self._finishes is not None:
+            finishes = self._finishes.of_frame(drawn)
+            state = replace(state, craft=replace(state.craft, finishes=finishes))
         if not self._scenario.bodies:
             return state
         others = self._others.states(row, drawn, every_t_s)
         return replace(state, craft=replace(state.craft, others=others))
+
+    @cached_property
+    def _finishes(self) -> RandomFinishes | None:
+        """What varies of the target's materials from frame to frame, if anything does."""
+        variation = self._scenario.variation
+        if variation is None or variation.per == "run":
+            return None
+        return RandomFinishes(self._scene.spacecraft, variation, self._scenario.seed)
 
     @cached_property
     def _others(self) -> OtherBodies:

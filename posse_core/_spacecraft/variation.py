@@ -10,6 +10,7 @@ from scipy.ndimage import gaussian_filter
 
 from posse_core._arrays import FloatArray
 from posse_core._errors import InputError
+from posse_core._model.finish import Finish
 from posse_core._model.spacecraft import Material, Spacecraft
 from posse_core._model.srgb import linear_from_srgb, srgb_from_linear
 from posse_core._plugins.options import nearest
@@ -35,6 +36,42 @@ def varied_materials(spacecraft: Spacecraft, variation: VariationConfig, seed: i
         InputError: the spacecraft has no such material.
     """
     seed = seed if variation.seed is None else variation.seed
+    chosen = _chosen(spacecraft, variation)
+    # Materials that vary per frame are the target's own even beside bodies of the same spacecraft.
+    made = {
+        name: replace(spacecraft.materials[name])
+        if variation.per == "frame"
+        else _varied(spacecraft.materials[name], ranges, _generator(seed, -1, name))
+        for name, ranges in chosen.items()
+    }
+    return replace(spacecraft, materials={**spacecraft.materials, **made})
+
+
+class RandomFinishes:
+    """Factors of a spacecraft's materials that are drawn for each frame."""
+
+    def __init__(self, spacecraft: Spacecraft, variation: VariationConfig, seed: int) -> None:
+        """The arguments are those of :func:`varied_materials`."""
+        self._seed = seed if variation.seed is None else variation.seed
+        self._ranges = _chosen(spacecraft, variation)
+        self._most = {name: _most(spacecraft.materials[name]) for name in self._ranges}
+
+    def of_frame(self, index: int) -> dict[str, Finish]:
+        """The factors of a frame by material, cut where a reflectance or a roughness would exceed 1."""
+        return {name: self._drawn(index, name) for name in self._ranges}
+
+    def _drawn(self, index: int, name: str) -> Finish:
+        ranges, rng = self._ranges[name], _generator(self._seed, index, name)
+        brightness, roughness = (float(_factor(x, rng)) for x in (ranges.brightness, ranges.roughness))
+        most_color, most_roughness = self._most[name]
+        color = np.minimum(brightness * _factor(ranges.tint, rng, 3), most_color)
+        return Finish(
+            (float(color[0]), float(color[1]), float(color[2])), min(roughness, most_roughness)
+        )
+
+
+def _chosen(spacecraft: Spacecraft, variation: VariationConfig) -> dict[str, MaterialVariation]:
+    """Name of each material that varies → how."""
     names, choices = spacecraft.materials, variation.materials
     for key in choices:
         if not any(fnmatchcase(name, key) for name in names):
@@ -42,12 +79,26 @@ def varied_materials(spacecraft: Spacecraft, variation: VariationConfig, seed: i
                 f"variation.materials.{key}: {spacecraft.name} has no such material{nearest(key, names)}"
                 f" (its materials: {', '.join(names)})"
             )
-    made = {}
-    for name, material in names.items():
+    chosen = {}
+    for name in names:
         fitting = [key for key in (name, *choices) if key in choices and fnmatchcase(name, key)]
-        rng = random_generator(seed, -1, f"variation {name}")
-        made[name] = _varied(material, choices[fitting[0]], rng) if fitting else material
-    return replace(spacecraft, materials=made)
+        if fitting:
+            chosen[name] = choices[fitting[0]]
+    return chosen
+
+
+def _generator(seed: int, index: int, name: str) -> np.random.Generator:
+    return random_generator(seed, index, f"variation {name}")
+
+
+def _most(material: Material) -> tuple[FloatArray, float]:
+    """The greatest factors (3,) of the base colour and of the roughness with which neither exceeds 1."""
+    brightest, roughest = np.array(material.base_color), material.roughness
+    if material.base_color_texture is not None:
+        brightest = brightest * linear_from_srgb(material.base_color_texture.max(axis=(0, 1)) / 255.0)
+    if material.metallic_roughness_texture is not None:
+        roughest *= float(material.metallic_roughness_texture[..., 1].max()) / 255.0
+    return 1.0 / np.maximum(brightest, 1e-6), 1.0 / max(roughest, 1e-6)
 
 
 def _varied(material: Material, ranges: MaterialVariation, rng: np.random.Generator) -> Material:

@@ -3,6 +3,7 @@ that move, and behaviour."""
 
 from __future__ import annotations
 
+from posse_core.testing.finishes import FinishesConformance
 from posse_core.testing.geometry import GeometryConformance
 from posse_core.testing.light import LightConformance
 from posse_core.testing.manners import MannersConformance
@@ -11,6 +12,11 @@ from posse_core.testing.worlds import WorldsConformance
 
 
 class RendererConformance(
-    LightConformance, GeometryConformance, WorldsConformance, SkyConformance, MannersConformance
+    LightConformance,
+    GeometryConformance,
+    FinishesConformance,
+    WorldsConformance,
+    SkyConformance,
+    MannersConformance,
 ):
     """What every renderer must do; see :class:`posse_core.testing.stage.RendererStage`."""

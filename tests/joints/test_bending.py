@@ -2,31 +2,45 @@
 
 from __future__ import annotations
 
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-import posse_core
 from posse_core import InputError
+from posse_core._plugins.loading import Plugins
+from posse_core._scenario.load import load_scenario
+from posse_core._simulator.simulator import Simulator
 
+FLAT = Path(__file__).parents[1] / "packages" / "flat"
 LAW = {"law": "bending", "amplitude_m": 0.2, "frequency_hz": 0.5}
 
 
-def simulator(joints, seed=15):
+@pytest.fixture(scope="module")
+def registry():
+    """With a renderer that is quick."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(FLAT)
+        yield Plugins([EntryPoint("render_flat", "posse_flat", "posse")]).registry
+
+
+def simulator(registry, joints, seed=15):
     changes = {
         "target": {"name": "family", "seed": seed},
         "joints": joints,
-        "renderer": {"name": "raster"},
+        "renderer": {"name": "flat"},
         "annotators": ["pose"],
         "camera": {"width_px": 32, "height_px": 24},
         "sky": {"earth": False},
     }
-    return posse_core.open("aqua", overrides=changes)
+    return Simulator(load_scenario("aqua", registry, changes), registry)
 
 
 @pytest.fixture(scope="module")
-def wings():
-    with simulator({"wing_*_hinge_*": LAW}) as opened:
+def wings(registry):
+    with simulator(registry, {"wing_*_hinge_*": LAW}) as opened:
         yield opened
 
 
@@ -87,9 +101,9 @@ def test_the_rates_are_those_of_the_vibration(wings):
     np.testing.assert_allclose(state.rates, (later - earlier) / 2e-4, rtol=1e-4)
 
 
-def test_damping_makes_it_smaller_by_the_logarithmic_decrement():
+def test_damping_makes_it_smaller_by_the_logarithmic_decrement(registry):
     damped = {"wing_1_hinge_*": {**LAW, "amplitude_m": 0.01, "damping_ratio": 0.05}}
-    with simulator(damped) as opened:
+    with simulator(registry, damped) as opened:
         period_s = 2.0 / np.sqrt(1 - 0.05**2)
         first = opened.state(0, t_s=0.0).craft.articulation.values
         second = opened.state(0, t_s=period_s).craft.articulation.values
@@ -97,8 +111,10 @@ def test_damping_makes_it_smaller_by_the_logarithmic_decrement():
         np.testing.assert_allclose(second / first, np.exp(-decrement), rtol=1e-4)
 
 
-def test_a_joint_with_a_key_of_its_own_is_not_the_patterns():
-    with simulator({"wing_1_*": LAW, "wing_1_hinge_2": {"law": "fixed", "value_deg": 1.0}}) as opened:
+def test_a_joint_with_a_key_of_its_own_is_not_the_patterns(registry):
+    with simulator(
+        registry, {"wing_1_*": LAW, "wing_1_hinge_2": {"law": "fixed", "value_deg": 1.0}}
+    ) as opened:
         moving = {joint.name for joint in opened.spacecraft.joints}
         assert "wing_1_hinge_2" in moving
         assert not any(name.startswith("wing_2") for name in moving)
@@ -112,6 +128,6 @@ def test_a_joint_with_a_key_of_its_own_is_not_the_patterns():
         ({"wing_1*": LAW}, "beside its axis"),
     ],
 )
-def test_what_cannot_bend_is_refused(joints, message):
-    with pytest.raises(InputError, match=message), simulator(joints) as opened:
+def test_what_cannot_bend_is_refused(registry, joints, message):
+    with pytest.raises(InputError, match=message), simulator(registry, joints) as opened:
         opened.state(0)

@@ -46,7 +46,7 @@ def no_light(*_: object) -> None:
 def test_what_returns_to_a_lidar_is_what_the_sun_shows_from_behind(opened, seed: int) -> None:
     """Textures, normal maps and lobes of every material of Aqua, part by part."""
     registry = Plugins([]).registry
-    aqua = registry.create("scene", "aqua").build()
+    aqua = registry.create("scene", "aqua").build().welded(())
     R = Rotation.random(None, np.random.default_rng(seed)).as_matrix()
     state = scenes.frame(
         t_body_cam_m=(0.0, 0.0, DISTANCE_M),

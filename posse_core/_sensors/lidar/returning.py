@@ -72,7 +72,7 @@ def returning(
         normal[points] = np.einsum("nij,nj->ni", R_sensor_from_link[beam[points]], shading[points])
     behind = np.sum(normal * hits.normal[on], axis=-1) < 0
     normal[behind] *= -1
-    material = surface.at(triangle, point_body_m)
+    material = surface.at(triangle, point_body_m, look.scene.materials(craft))
     reflectance = reflectance_at(material.base_color, options.wavelength_m)
     to_sensor, range_m = -directions[on], hits.distance_m[on]
 

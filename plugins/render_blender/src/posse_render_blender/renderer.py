@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from posse_core import AnyArray, ComponentError, FloatArray, Radiance, Renderer, RenderRequest, Scene
+from posse_core import AnyArray, ComponentError, Radiance, Renderer, RenderRequest, Scene
 from posse_render_blender.child import Child
 from posse_render_blender.interpreter import find_interpreter
 from posse_render_blender.options import BlenderOptions
@@ -28,7 +28,7 @@ class BlenderRenderer(Renderer[BlenderOptions]):
     def __init__(self, options: BlenderOptions) -> None:
         super().__init__(options)
         self._child: Child | None = None
-        self._radii_m: FloatArray = np.zeros(0)
+        self._scene: Scene | None = None
         self._described: dict[str, str] = {}
 
     def open(self, scene: Scene) -> None:
@@ -45,7 +45,7 @@ class BlenderRenderer(Renderer[BlenderOptions]):
         except BaseException:
             self.close()
             raise
-        self._radii_m = scene.link_radii_m
+        self._scene = scene
         self._described = {
             "blender": self._child.blender_version,
             "interpreter": interpreter.path,
@@ -60,10 +60,10 @@ class BlenderRenderer(Renderer[BlenderOptions]):
             WorkerLost: the worker died; the message contains the end of its log.
             ComponentError: Cycles failed, or the renderer is not open.
         """
-        if self._child is None:
+        if self._child is None or self._scene is None:
             raise ComponentError("blender: the renderer is not open")
         answer = self._child.ask(
-            frame_message(request, self._radii_m, self.options.adaptive_threshold),
+            frame_message(request, self._scene, self.options.adaptive_threshold),
             f"rendering frame {request.index}",
         )
         return Radiance(
@@ -157,14 +157,17 @@ def scene_message(scene: Scene, options: BlenderOptions) -> Message:
     return Message("open", values, arrays)
 
 
-def frame_message(request: RenderRequest, radii_m: FloatArray, adaptive_threshold: float) -> Message:
-    """The request ``render``; ``radii_m`` are those of :attr:`posse_core.Scene.link_radii_m`.
+def frame_message(request: RenderRequest, scene: Scene, adaptive_threshold: float) -> Message:
+    """The request ``render``.
+
+    Its value ``materials`` has the base colour and the roughness of each, in the order of the request
+    ``open``.
 
     Cycles stops sampling a pixel of radiance L when the error of L, divided by √L, is below a threshold.
     This threshold has the unit of √L. The option's value is meant for a white plate of radiance 1, so it
     is multiplied by the square root of a white plate's radiance in the light of this frame.
     """
-    craft, box = request.craft, request.box
+    craft, box, radii_m = request.craft, request.box, scene.link_radii_m
     ranges_m = np.linalg.norm(craft.link_poses().t_link_cam_m, axis=1)[radii_m > 0]
     reach_m = CLIP_RADII * radii_m[radii_m > 0]
     arrays: dict[str, AnyArray] = {
@@ -174,7 +177,9 @@ def frame_message(request: RenderRequest, radii_m: FloatArray, adaptive_threshol
     }
     if request.environment is not None:
         arrays["environment"] = request.environment.radiance_rgb
+    now = {id(p.material): m for p, m in zip(scene.pieces, scene.materials(craft), strict=True)}
     values = {
+        "materials": [[*material.base_color, material.roughness] for material in now.values()],
         "box": [box.x0, box.y0, box.width, box.height],
         "seed": request.seed % 2**31,
         "adaptive_threshold": adaptive_threshold * math.sqrt(_white(request)),

@@ -3,6 +3,7 @@ imported."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import mitsuba as mi
@@ -11,19 +12,17 @@ import numpy as np
 from posse_core import AnyArray, Float32Array, Material, Part, Piece, Scene, linear_from_srgb
 
 
-def fixed_shapes(scene: Scene) -> dict[str, Any]:
-    """Scene entries of all parts where their vertices are."""
-    materials = _bsdfs(scene)
+def fixed_shapes(scene: Scene, materials: Mapping[int, Any]) -> dict[str, Any]:
+    """Scene entries of all parts where their vertices are, with their BSDFs by :func:`bsdfs`."""
     return {
         f"part_{i}": _mesh(piece.part, materials[id(piece.material)])
         for i, piece in enumerate(scene.pieces)
     }
 
 
-def link_shapes(scene: Scene) -> dict[str, Any]:
-    """Scene entries of all links with parts: the instance ``link_0`` and so on, of a group of meshes.
-    Bodies that are the same spacecraft share the groups."""
-    materials = _bsdfs(scene)
+def link_shapes(scene: Scene, materials: Mapping[int, Any]) -> dict[str, Any]:
+    """Scene entries of all links with parts: the instance ``link_0`` and so on, of a group of meshes
+    with their BSDFs by :func:`bsdfs`. Bodies that are the same spacecraft share the groups."""
     links: dict[int, list[Piece]] = {}
     for piece in scene.pieces:
         links.setdefault(piece.link, []).append(piece)
@@ -41,8 +40,8 @@ def link_shapes(scene: Scene) -> dict[str, Any]:
     return entries
 
 
-def _bsdfs(scene: Scene) -> dict[int, Any]:
-    """The materials of all pieces, by identity."""
+def bsdfs(scene: Scene) -> dict[int, Any]:
+    """The BSDFs of the materials of all pieces, by the identity of the material."""
     materials = {id(piece.material): piece.material for piece in scene.pieces}
     return {key: _bsdf(material) for key, material in materials.items()}
 

@@ -99,6 +99,9 @@ class Passes:
             index += 1
         return mean_of_samples(total[..., :4], total[..., 4])
 
+    def trace_again(self) -> None:
+        """Nothing is traced by the scalar variant."""
+
     def _pass(
         self,
         world: World,

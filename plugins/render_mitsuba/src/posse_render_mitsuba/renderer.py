@@ -59,6 +59,8 @@ class MitsubaRenderer(Renderer[MitsubaOptions]):
         world = self._worlds[kind]
         place = Place.of(request.craft, self._scene.link_radii_m)
         world.move(place.poses)
+        if world.finish(request.craft):
+            self._painter.trace_again()
         if environment is not None:
             world.set_environment(environment, place.poses)
         image = self._painter.draw(world, place, request)

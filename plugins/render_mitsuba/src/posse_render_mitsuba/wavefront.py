@@ -51,7 +51,7 @@ class Wavefront:
         # The kernel is traced once and then replayed, because tracing costs 0.1 s. Dr.Jit traces it
         # again if the number of samples equals the length of one of the scene's arrays, which happens
         # often with small boxes.
-        self._sample_pixels = dr.freeze(sample_pixels, limit=MAX_KERNELS, warn_after=NEVER)
+        self._sample_pixels: Any = dr.freeze(sample_pixels, limit=MAX_KERNELS, warn_after=NEVER)
 
     def draw(self, world: World, place: Place, request: RenderRequest) -> FloatArray:
         """(h, w, 4) radiance in three bands, W m⁻² sr⁻¹, and coverage of the request's box."""
@@ -81,6 +81,11 @@ class Wavefront:
             more = self._round(sample_pixels, centres_px[pixels], random)
             np.add.at(sums, pixels, more[:, :5])
         return mean_of_samples(sums[:, :4], sums[:, 4]).reshape(box.height, box.width, 4)
+
+    def trace_again(self) -> None:
+        """Trace the kernel anew for the next image, because other textures are in use. Dr.Jit does not
+        see those of nested BSDFs when it replays a kernel. What is traced is not compiled again."""
+        self._sample_pixels.clear()
 
     def _round(
         self, sample_pixels: Callable[..., Any], centres_px: FloatArray, random: Any

@@ -9,11 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from posse_core import CraftState, EnvironmentMap, Float32Array, FloatArray, Scene, WorldPoses
+
+if TYPE_CHECKING:
+    from posse_render_mitsuba.finishes import Finishing
 
 MITSUBA_FROM_CAM: FloatArray = np.diag([-1.0, -1.0, 1.0])
 """Rotates OpenCV camera axes to Mitsuba's (x left, y up, z forward); it is its own inverse."""
@@ -64,9 +67,12 @@ class World:
     ) -> None:
         import mitsuba as mi
 
-        from posse_render_mitsuba.craft import fixed_shapes, link_shapes
+        from posse_render_mitsuba.craft import bsdfs, fixed_shapes, link_shapes
 
-        shapes = fixed_shapes(scene) if is_one_link(scene) else link_shapes(scene)
+        self._bsdfs = bsdfs(scene)
+        self._finishings: dict[int, Finishing] = {}
+        self._described = scene
+        shapes = (fixed_shapes if is_one_link(scene) else link_shapes)(scene, self._bsdfs)
         entries: dict[str, Any] = {"type": "scene", **lamps, **shapes}
         if environment is not None:
             entries["sky"] = {"type": "envmap", "bitmap": mi.Bitmap(environment.radiance_rgb.copy())}
@@ -86,6 +92,25 @@ class World:
         }
         if transforms:
             self.set(transforms)
+
+    def finish(self, craft: CraftState) -> bool:
+        """Give the materials that vary the factors of a frame.
+
+        Returns:
+            Whether any are others than before.
+        """
+        from posse_render_mitsuba.finishes import PLAIN, Finishing
+
+        finishes = self._described.finishes(craft)
+        factors = {
+            id(piece.material): finish
+            for piece, finish in zip(self._described.pieces, finishes, strict=True)
+            if finish is not None
+        }
+        for key in factors.keys() - self._finishings.keys():
+            self._finishings[key] = Finishing(self._bsdfs[key])
+        changed = [finishing.set(factors.get(key, PLAIN)) for key, finishing in self._finishings.items()]
+        return any(changed)
 
     def set(self, values: Mapping[str, Any]) -> None:
         """Set parameters of the scene as opaque values; Dr.Jit would compile constants into the

@@ -30,7 +30,6 @@ def program(context: moderngl.Context, vertex: str, fragment: str) -> moderngl.P
 class _LoadedPiece:
     """A part of a body, loaded into OpenGL."""
 
-    material: Material
     textures: Sequence[moderngl.Texture]
     radiance: moderngl.VertexArray
     depth: moderngl.VertexArray
@@ -47,6 +46,7 @@ class Link:
         vertices_m: (3, V) of all its parts, in its axes.
         radius_m: of a sphere about the origin of its axes that contains them.
         pieces: its parts.
+        indices: of its parts among the scene's pieces.
     """
 
     number: int
@@ -54,6 +54,7 @@ class Link:
     vertices_m: FloatArray
     radius_m: float
     pieces: Sequence[_LoadedPiece]
+    indices: Sequence[int]
 
 
 class Craft:
@@ -88,6 +89,7 @@ class Craft:
                 vertices_m=np.concatenate([scene.pieces[i].part.vertices_body_m for i in own]).T,
                 radius_m=float(scene.link_radii_m[number]),
                 pieces=[loaded[_key(scene.pieces[i])] for i in own],
+                indices=own,
             )
             for number, own in sorted(links.items())
         )
@@ -105,11 +107,12 @@ class Craft:
         for piece in link.pieces:
             piece.shadow.render()
 
-    def draw_radiance(self, link: Link, poses: LinkPoses) -> None:
-        """Draw a link with the program :attr:`radiance`, each part with its own material."""
+    def draw_radiance(self, link: Link, poses: LinkPoses, materials: Sequence[Material]) -> None:
+        """Draw a link with the program :attr:`radiance`, each part with the material that its piece has
+        in this frame."""
         _place(self.radiance, link, poses)
-        for piece in link.pieces:
-            material = piece.material
+        for piece, index in zip(link.pieces, link.indices, strict=True):
+            material = materials[index]
             self.radiance["base_color"] = material.base_color
             self.radiance["metallic"] = material.metallic
             self.radiance["roughness"] = material.roughness
@@ -130,7 +133,6 @@ class Craft:
         attributes = ("position_link_m", "normal_link", "uv")
         position = [(vertices, "3f 5x4", attributes[0])]
         return _LoadedPiece(
-            material=piece.material,
             textures=textures,
             radiance=context.vertex_array(
                 self.radiance, [(vertices, "3f 3f 2f", *attributes)], index_buffer=faces

@@ -11,11 +11,11 @@ import moderngl
 import numpy as np
 
 from posse_core import (
-    Camera,
     ComponentError,
     EnvironmentMap,
     Float32Array,
     LinkPoses,
+    Material,
     PixelBox,
     Radiance,
     Renderer,
@@ -55,11 +55,13 @@ class _Drawing:
         poses: of the links.
         shades: of the bodies.
         layers: the links, the farthest first.
+        materials: of the scene's pieces.
     """
 
     poses: LinkPoses
     shades: Sequence[Shade]
     layers: Sequence[Layer]
+    materials: Sequence[Material]
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,7 @@ class _Stage:
     """The OpenGL objects that exist from open to close."""
 
     context: moderngl.Context
-    camera: Camera
+    scene: Scene
     craft: Craft
     shadows: Sequence[_ShadowMap]
     depths: moderngl.Framebuffer
@@ -158,7 +160,10 @@ class RasterRenderer(Renderer[RasterOptions]):
         """Draw the shadow maps, and set the uniforms and textures that all tiles of a frame share."""
         craft, radiance = request.craft, stage.craft.radiance
         poses = craft.link_poses()
-        drawing = _Drawing(poses, shades(stage.craft.links, craft), layers(stage.craft.links, poses))
+        links = stage.craft.links
+        drawing = _Drawing(
+            poses, shades(links, craft), layers(links, poses), stage.scene.materials(craft)
+        )
         stage.context.enable_only(moderngl.DEPTH_TEST)
         stage.context.enable_direct(GL_DEPTH_CLAMP)
         for shade, shadow in zip(drawing.shades, stage.shadows, strict=True):
@@ -198,7 +203,7 @@ class RasterRenderer(Renderer[RasterOptions]):
         Returns:
             (h, w, 4) radiance and coverage, and (h, w) planar depth in m, 0 where there is none.
         """
-        n, camera = self.options.samples_per_axis, stage.camera
+        n, camera = self.options.samples_per_axis, stage.scene.camera
         size_px = TILE_SAMPLES // n
         for target in (stage.craft.depth, stage.craft.radiance):
             target["focal_and_centre"] = (
@@ -245,7 +250,7 @@ class RasterRenderer(Renderer[RasterOptions]):
             texels = stage.shadows[link.body].depth.width
             craft.radiance["shadow_texel_m"] = shade.widest_m / texels
             stage.shadows[link.body].depth.use(FREE_UNIT)
-            craft.draw_radiance(link, drawing.poses)
+            craft.draw_radiance(link, drawing.poses, drawing.materials)
         stage.context.depth_func = "<"
 
 
@@ -266,7 +271,7 @@ def _set_up(context: moderngl.Context, scene: Scene, options: RasterOptions) -> 
     lookup.repeat_x = lookup.repeat_y = False
     return _Stage(
         context=context,
-        camera=scene.camera,
+        scene=scene,
         craft=Craft(context, scene),
         shadows=[_shadow_map(context, shadow_px) for _ in scene.bodies],
         depths=context.framebuffer(depth_attachment=depth),

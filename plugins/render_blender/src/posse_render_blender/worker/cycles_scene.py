@@ -91,14 +91,15 @@ class CyclesScene:
         self._set_up_cycles(values)
         self._camera = self._add_camera(**values["camera"])
         self._sun = self._add_sun()
-        materials = [
+        self._materials = [
             _material(material, arrays, f"material{i}.")
             for i, material in enumerate(values["materials"])
         ]
+        self._factors = [[*each["base_color"], each["roughness"]] for each in values["materials"]]
         meshes = []
         for i, part in enumerate(values["parts"]):
             mesh = _mesh(part["name"], arrays, f"part{i}.")
-            mesh.materials.append(materials[part["material"]])
+            mesh.materials.append(self._materials[part["material"]])
             meshes.append(mesh)
         self._pieces: list[tuple[bpy.types.Object, int]] = []
         for i, link in values["pieces"]:
@@ -119,6 +120,10 @@ class CyclesScene:
         self._camera.matrix_world = Matrix(np.linalg.inv(camera_from_world).tolist())
         self._camera.data.clip_start, self._camera.data.clip_end = values["clip_m"]
         self._move(arrays["R_world_from_link"], arrays["t_link_world_m"])
+        for i, factors in enumerate(values["materials"]):
+            if factors != self._factors[i]:
+                self._factors[i] = factors
+                _finish(self._materials[i], factors[:3], factors[3])
         self._point_sun(arrays["sun_direction_world"], arrays["sun_irradiance_rgb_w_m2"], values)
         self._set_sky(arrays.get("environment"), R_cam_from_world)
         self._crop(*values["box"])
@@ -284,6 +289,7 @@ def _material(values: dict[str, Any], arrays: dict[str, np.ndarray], prefix: str
     color = texture("base_color_texture", "sRGB")
     if color is not None:
         product = nodes.new("ShaderNodeVectorMath")
+        product.name = "Base Color factor"
         product.operation = "MULTIPLY"
         links.new(color, product.inputs[0])
         product.inputs[1].default_value = values["base_color"]
@@ -294,6 +300,7 @@ def _material(values: dict[str, Any], arrays: dict[str, np.ndarray], prefix: str
         links.new(both, split.inputs[0])
         for channel, name in enumerate(("Metallic", "Roughness")):
             product = nodes.new("ShaderNodeMath")
+            product.name = f"{name} factor"
             product.operation = "MULTIPLY"
             links.new(split.outputs[channel], product.inputs[0])
             product.inputs[1].default_value = values[name.lower()]
@@ -305,6 +312,18 @@ def _material(values: dict[str, Any], arrays: dict[str, np.ndarray], prefix: str
         links.new(normal, turn.inputs["Color"])
         links.new(turn.outputs[0], bsdf.inputs["Normal"])
     return material
+
+
+def _finish(material: bpy.types.Material, color: list[float], roughness: float) -> None:
+    """Set the factors of a material in a frame."""
+    nodes = material.node_tree.nodes
+    own = nodes["Principled BSDF"].inputs
+    if "Base Color factor" in nodes:
+        nodes["Base Color factor"].inputs[1].default_value = color
+    else:
+        own["Base Color"].default_value = (*color, 1.0)
+    rough = nodes["Roughness factor"].inputs[1] if "Roughness factor" in nodes else own["Roughness"]
+    rough.default_value = roughness
 
 
 def _world(name: str) -> bpy.types.World:

@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from posse_core import _frames as frames
 from posse_core._arrays import BoolArray, FloatArray
@@ -98,12 +97,12 @@ def _joints(case: Case, body: BodyCase) -> Iterator[str]:
             yield f"{joint.name}: q_cam_from_link is no unit quaternion with a scalar part of at least 0"
             continue
         R, by_joints_m = body.placed.link_pose(link)
-        off_rad = (Rotation.from_matrix(R).inv() * Rotation.from_quat(q[[1, 2, 3, 0]])).magnitude()
-        if off_rad > JOINT_ERROR:
-            off_deg = np.degrees(off_rad)
+        chord = np.linalg.norm(R - frames.matrix_from_quaternion(q)) / np.sqrt(8)
+        if not 2 * chord <= JOINT_ERROR:
+            off_deg = np.degrees(2 * np.arcsin(min(1.0, chord)))
             yield f"{joint.name}: q_cam_from_link is {off_deg:.3g}° from where pose and values put it"
         off_m = float(np.linalg.norm(t_m - by_joints_m))
-        if off_m > JOINT_ERROR * max(1.0, float(np.linalg.norm(t_m))):
+        if not off_m <= JOINT_ERROR * max(1.0, float(np.linalg.norm(by_joints_m))):
             yield f"{joint.name}: t_link_cam_m is {off_m:.3g} m from where pose and values put it"
         least, greatest = joint.limits
         if not least - JOINT_ERROR <= said.value <= greatest + JOINT_ERROR:
@@ -230,6 +229,8 @@ def _mask(case: Case, body: BodyCase) -> Iterator[str]:
     area = int(body.mask.sum())
     if body.has("mask_area_px") and body.labels.mask_area_px != area:
         yield f"mask_area_px is {body.labels.mask_area_px}, the mask has {area} pixels"
+    if area and body.labels.has("fraction_visible") and body.labels.fraction_visible is None:
+        yield f"fraction_visible is null, and the mask has {area} pixels"
     mesh = case.body_seen == body.number
     off = int((mesh != body.mask).sum())
     allowed = OUTLINE_DISAGREEMENT_PX + OUTLINE_DISAGREEMENT_SHARE * outline_px(mesh)

@@ -27,6 +27,8 @@ from posse_core._evaluation.body_checks import (
 from posse_core._evaluation.case import DEPTH_ERROR_M, POSE, Case
 from posse_core._model.label_line import BodyLabels
 
+LARGEST = 1e15
+"""Largest number of a pose: what is as far has no image, and squares of some are infinite."""
 COMPARED_PIXELS = 1 << 13
 """Pixels of a frame whose normals or flow are compared, evenly spread; fewer if it has fewer."""
 
@@ -82,6 +84,8 @@ def _schema_of(body: BodyCase) -> Iterator[str]:
     for name in POSE:
         if labels.has(name) and not any(getattr(labels, name)):
             yield f"{name}: all of its numbers are 0"
+        elif labels.has(name) and max(map(abs, getattr(labels, name))) > LARGEST:
+            yield f"{name}: has a number beyond {LARGEST:.0e}"
     if labels.has("keypoints") and labels.keypoints.keys() != craft.keypoints_body_m.keys():
         yield f"keypoints: their names are not those of {body.where}.json"
     if labels.has("q_cam_from_body") and body.joints.keys() != {joint.name for joint in craft.joints}:

@@ -93,10 +93,14 @@ class SensorChecks:
         except InputError as error:
             yield str(error)
             return
-        q = np.array(said.q_sensor_from_body)
-        if abs(np.linalg.norm(q) - 1) > MOUNT_ERROR or q[0] < 0:
-            yield "q_sensor_from_body is not a unit quaternion with a scalar part of at least 0"
-            return
+        of_all: dict[str, ReadingLabels | BodyReading] = {"": said, **said.bodies}
+        for name, each in of_all.items():
+            q = np.array(each.q_sensor_from_body)
+            if not abs(np.linalg.norm(q) - 1) <= MOUNT_ERROR or q[0] < 0:
+                which = f"{name}: " if name else ""
+                fault = "is not a unit quaternion with a scalar part of at least 0"
+                yield f"{which}q_sensor_from_body {fault}"
+                return
         if said.bodies.keys() != (labels.bodies.keys() if labels.has("bodies") else set()):
             yield "its bodies are not those of the frame"
             return

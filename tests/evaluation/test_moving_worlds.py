@@ -251,6 +251,29 @@ def test_a_wrong_rate_under_a_rolling_shutter(copied):
     assert all(message.startswith("1: ") for message in found["keypoints"])
 
 
+@pytest.mark.parametrize(
+    ("path", "value", "check"),
+    [
+        (("joints", "wing", "value"), 1e300, "joints"),
+        (("joints", "wing", "t_link_cam_m", 0), 1e300, "joints"),
+        (("t_body_cam_m", 2), 1e300, "schema"),
+        (("fraction_visible",), None, "mask"),
+    ],
+)
+def test_numbers_that_can_be_of_nothing(copied, path, value, check):
+    folder = copied("joints")
+
+    def alter(line):
+        place = line
+        for step in path[:-1]:
+            place = place[step]
+        place[path[-1]] = value
+
+    with np.errstate(all="ignore"):
+        change(folder, alter)
+        assert faults(folder)[check][0].startswith("1: ")
+
+
 def test_joints_of_another_spacecraft(copied):
     folder = copied("joints")
     change(folder, lambda line: line["joints"].pop("slide"))
@@ -501,6 +524,10 @@ def scanned(tmp_path_factory) -> Path:
         (
             lambda said: said["bodies"]["left"]["t_body_sensor_m"].__setitem__(2, 6.0),
             "left: t_body_sensor_m is",
+        ),
+        (
+            lambda said: said["bodies"]["arm"].update(q_sensor_from_body=[0.0, 0.0, 0.0, 0.0]),
+            "arm: q_sensor_from_body is not a unit quaternion",
         ),
         (
             lambda said: said["bodies"]["arm"].update(

@@ -155,6 +155,7 @@ def test_every_label_of_an_annotator_is_documented_as_its():
         *IN_EVERY_LINE,
         "bodies",
         "exposure_s",
+        "finishes",
         "origin",
         "sensors",
     }

@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 BLENDER_VENV := .venv-blender
+DIST_VENV := .venv-dist
 PLUGINS := $(wildcard plugins/*/pyproject.toml)
 OUT ?= out/aqua-$(shell date +%Y%m%d-%H%M%S)
 FRAMES ?= 12
@@ -10,7 +11,7 @@ START := $(shell date +%s)
 # $(call timed,command) runs a command and prints how long the target took, with its set-up.
 timed = @$(1) || exit $$?; echo "make $@ took $$(( $$(date +%s) - $(START) )) s"
 
-.PHONY: run test check bench clean
+.PHONY: run test check bench dist clean
 
 run: $(VENV)/ready
 	$(call timed,$(BIN)/posse run aqua --renderer mitsuba --frames $(FRAMES) --out $(OUT))
@@ -25,6 +26,15 @@ check: $(VENV)/ready-to-test
 
 bench: $(VENV)/ready
 	$(call timed,$(BIN)/python benchmarks/stages.py)
+
+# Wheels and sdists of all distributions in dist/; the wheels are tried alone in a new environment of $(PYTHON).
+dist: $(DIST_VENV)/ready
+	$(call timed,$(DIST_VENV)/bin/python packaging/try_dist.py dist --python $(PYTHON))
+
+$(DIST_VENV)/ready:
+	$(PYTHON) -m venv $(DIST_VENV)
+	$(DIST_VENV)/bin/python -m pip install -qq 'build>=1.2' 'setuptools>=77' 'twine>=6'
+	touch $@
 
 $(VENV)/ready: pyproject.toml plugins/render_mitsuba/pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13) and "POSSE needs Python 3.11 to 3.13; name one by make PYTHON=python3.11")'
@@ -51,4 +61,4 @@ $(BLENDER_VENV)/ready:
 	touch $@
 
 clean:
-	rm -rf $(VENV) $(BLENDER_VENV) out build
+	rm -rf $(VENV) $(BLENDER_VENV) $(DIST_VENV) out build dist

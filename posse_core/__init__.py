@@ -6,6 +6,7 @@ used. Modules whose names begin with an underscore are private and change withou
 """
 
 import os
+from pathlib import Path
 
 import lazy_loader
 
@@ -14,6 +15,6 @@ import lazy_loader
 os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(16384**2))
 os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
 
-__version__ = "0.1.0"
+__version__ = Path(__file__).with_name("VERSION").read_text("utf-8").strip()
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from posse_core._cli import completing
 from posse_core._cli.common import echo_json
 from posse_core._cli.progress import bar
 from posse_core._errors import InputError
@@ -31,6 +32,7 @@ from posse_core._selection.rules import RULES, named
     "--drop",
     multiple=True,
     metavar="RULE",
+    shell_complete=completing.words({rule.name: rule.why for rule in RULES.values()}),
     help="Drop the frames that this rule names. May be repeated.",
 )
 @click.option(
@@ -38,6 +40,7 @@ from posse_core._selection.rules import RULES, named
     "by",
     multiple=True,
     metavar="AXIS",
+    shell_complete=completing.words({axis.name: axis.why for axis in AXES.values()}),
     help="Keep equally many of the remaining frames in each bin of this axis. With several axes, a bin"
     " is a combination of theirs.",
 )

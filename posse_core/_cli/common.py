@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from posse_core._cli import completing
 from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
 
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
     from posse_core._scenario.model import Scenario
 
 DEFAULT_SCENARIO = "aqua"
+COMPLETING = "_POSSE_COMPLETE"
+"""Environment variable by which a shell asks what may follow."""
 STOPPED = 130
 """Exit code after Ctrl-C, as shells have it: 128 and the number of the signal."""
 
@@ -32,6 +35,7 @@ def scenario_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "-o",
             "overrides",
             multiple=True,
+            shell_complete=completing.scenario_keys,
             metavar="KEY=VALUE",
             help="Set any key of the scenario, as in -o renderer.spp=64. May be repeated.",
         ),
@@ -47,6 +51,7 @@ def model_options(command: Callable[..., Any]) -> Callable[..., Any]:
         "overrides",
         multiple=True,
         metavar="KEY=VALUE",
+        shell_complete=completing.model_keys,
         help="Set an option of the model, as in -o threads=1. May be repeated.",
     )(command)
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from posse_core._cli import completing
 from posse_core._cli.common import DEFAULT_SCENARIO, echo_json, echo_table, read_scenario
 from posse_core._cli.progress import bar
 from posse_core._errors import CheckFailed, ComponentError, InputError
@@ -51,9 +52,14 @@ _COLUMNS = (
 
 
 @click.command(name="crosscheck", epilog=f"Columns: {_COLUMNS}.")
-@click.argument("scenarios", metavar="[SCENARIO]...", nargs=-1)
+@click.argument(
+    "scenarios", metavar="[SCENARIO]...", nargs=-1, shell_complete=completing.crosscheck_cases
+)
 @click.option(
-    "--renderers", metavar="A,B,C", help="Renderers to compare; by default all that are installed."
+    "--renderers",
+    metavar="A,B,C",
+    shell_complete=completing.renderers_by_commas,
+    help="Renderers to compare; by default all that are installed.",
 )
 @click.option(
     "--frames", type=click.IntRange(min=1), default=20, show_default=True, help="Frames per scenario."
@@ -73,6 +79,7 @@ _COLUMNS = (
     "overrides",
     multiple=True,
     metavar="KEY=VALUE",
+    shell_complete=completing.crosscheck_keys,
     help="Set an option of a renderer, as in -o blender.spp=64, or a key of the scenarios, as in"
     " -o camera.width_px=640. May be repeated.",
 )

@@ -4,25 +4,28 @@ from __future__ import annotations
 
 import json
 import math
-from typing import Any, Literal, get_args, get_origin
+from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 
 import click
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
+from posse_core._cli import completing
 from posse_core._cli.common import echo_json
 from posse_core._errors import InputError
-from posse_core._model.joints import Joint
 from posse_core._plugins.kinds import KINDS, Kind, shown
 from posse_core._plugins.loading import load_plugins
 from posse_core._plugins.options import nearest
 from posse_core._plugins.registry import Registry
 from posse_core._scenario.component import ComponentChoice
 
+if TYPE_CHECKING:
+    from posse_core._model.joints import Joint
+
 
 @click.command()
-@click.argument("kind")
-@click.argument("name", required=False)
+@click.argument("kind", shell_complete=completing.described_kinds)
+@click.argument("name", required=False, shell_complete=completing.described_names)
 @click.option("--json", "as_json", is_flag=True, help="Print the JSON schema.")
 def command(kind: str, name: str | None, as_json: bool) -> None:
     """Describe the keys of a scenario or a track, a named camera, a kind of component, or one component.
@@ -34,7 +37,7 @@ def command(kind: str, name: str | None, as_json: bool) -> None:
     posse describe renderer            what renderers are, and which are installed
     posse describe renderer mitsuba    the options of one renderer
     """
-    from posse_core._scenario.load import built_in_names
+    from posse_core._scenario.built_in_names import built_in_names
     from posse_core._scenario.model import Scenario
     from posse_core._scenario.track import TrackConfig
 

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING
 
 import click
 
+from posse_core._cli import completing
 from posse_core._cli.common import echo_json, echo_table, model_options, options_from
 from posse_core._cli.progress import bar, phase
+from posse_core._dataset.layout import PARTS
 from posse_core._detection.glossary import METRICS
 from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
 @click.option(
     "--part",
     default="test",
+    shell_complete=completing.words({**dict.fromkeys(PARTS, ""), "all": "all frames"}),
     show_default=True,
     help="Part of the dataset (train, valid, test), or 'all'.",
 )

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from posse_core._cli import completing
 from posse_core._cli.progress import phase
 from posse_core._plugins.loading import load_plugins
 
@@ -17,6 +18,7 @@ from posse_core._plugins.loading import load_plugins
     "formats",
     multiple=True,
     required=True,
+    shell_complete=completing.components("writer"),
     help="Format to write, such as coco. May be repeated.",
 )
 @click.option(

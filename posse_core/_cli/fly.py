@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
+from posse_core._cli import completing
 from posse_core._cli.common import (
     echo_json,
     echo_table,
@@ -33,9 +34,18 @@ if TYPE_CHECKING:
     " the time within it. Δv over the least: the sum of the impulses over that of the best plan that"
     f" knows everything and has exact thrusters. {MEANINGS}"
 )
-@click.argument("scenario", required=False)
-@click.option("--renderer", metavar="NAME", help="Renderer to use; 'posse plugins' lists the names.")
-@click.option("--out", help="Folder of the flight's dataset; by default a new one in out/.")
+@click.argument("scenario", required=False, shell_complete=completing.scenarios)
+@click.option(
+    "--renderer",
+    metavar="NAME",
+    shell_complete=completing.components("renderer"),
+    help="Renderer to use; 'posse plugins' lists the names.",
+)
+@click.option(
+    "--out",
+    shell_complete=completing.folders,
+    help="Folder of the flight's dataset; by default a new one in out/.",
+)
 @click.option(
     "--seeds",
     type=click.IntRange(min=1),

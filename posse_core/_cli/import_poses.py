@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from posse_core._cli import completing
 from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
 
@@ -18,6 +19,7 @@ from posse_core._plugins.loading import load_plugins
 @click.option(
     "--target",
     required=True,
+    shell_complete=completing.components("scene"),
     help="Name of the spacecraft to render; 'posse plugins' lists them as scenes.",
 )
 @click.option(

@@ -11,9 +11,10 @@ from collections.abc import Sequence
 from typing import Final, TextIO
 
 import click
+from click.shell_completion import CompletionItem
 
 from posse_core import __version__
-from posse_core._cli.common import STOPPED
+from posse_core._cli.common import COMPLETING, STOPPED
 from posse_core._errors import PosseError
 from posse_core._plugins.loading import load_plugins
 from posse_core._plugins.options import nearest
@@ -44,6 +45,12 @@ class _Commands(click.Group):
         if args and not args[0].startswith("-") and args[0] not in names:
             ctx.fail(f"no command {args[0]!r}{nearest(args[0], names)}")
         return super().resolve_command(ctx, args)
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem[str]]:
+        specs = load_plugins().registry.specs("subcommand")
+        begun = [s for s in specs if s.name.startswith(incomplete)]
+        items = [CompletionItem(spec.name, help=spec.summary) for spec in begun]
+        return [*items, *click.Command.shell_complete(self, ctx, incomplete)]
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         rows = [(spec.name, spec.summary) for spec in load_plugins().registry.specs("subcommand")]
@@ -79,6 +86,10 @@ def _show_warning(
 
 def _run(arguments: Sequence[str] | None) -> int:
     warnings.showwarning = _show_warning
+    if COMPLETING in os.environ:
+        from posse_core._cli.completion import know_shells
+
+        know_shells()
     try:
         code = posse.main(arguments, prog_name="posse", standalone_mode=False)
         return code if isinstance(code, int) else 0

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import click
 
+from posse_core._cli import completing
 from posse_core._cli.common import echo_json, echo_table, naming, read_scenario, scenario_options
 from posse_core._cli.progress import phase
 from posse_core._errors import InputError
 
 
 @click.command()
-@click.argument("scenario")
+@click.argument("scenario", shell_complete=completing.scenarios)
 @click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
 @scenario_options
 def command(

@@ -8,6 +8,7 @@ from typing import Final
 
 import click
 
+from posse_core._cli import completing
 from posse_core._cli.common import options_from
 from posse_core._cli.progress import phase
 from posse_core._errors import InputError
@@ -19,7 +20,7 @@ _QUICKEST: Final = "raster"
 
 
 @click.command()
-@click.argument("scenario")
+@click.argument("scenario", shell_complete=completing.scenarios)
 @click.option("--frame", type=click.IntRange(min=0), help="Index of the frame; by default 0.")
 @click.option(
     "--time",
@@ -31,6 +32,7 @@ _QUICKEST: Final = "raster"
 @click.option(
     "--renderer",
     metavar="NAME",
+    shell_complete=completing.components("renderer"),
     help="Renderer to use; by default raster, where it is installed, else the scenario's.",
 )
 @click.option(
@@ -44,6 +46,7 @@ _QUICKEST: Final = "raster"
     "overrides",
     multiple=True,
     metavar="KEY=VALUE",
+    shell_complete=completing.scenario_keys,
     help="Set any key of the scenario, as in -o camera.width_px=320. May be repeated.",
 )
 def command(

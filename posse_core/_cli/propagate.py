@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from posse_core._cli import completing
 from posse_core._cli.common import naming, read_scenario, scenario_options
 from posse_core._cli.progress import phase
 from posse_core._errors import InputError
@@ -13,7 +14,7 @@ from posse_core._plugins.loading import load_plugins
 
 
 @click.command()
-@click.argument("scenario")
+@click.argument("scenario", shell_complete=completing.scenarios)
 @click.option(
     "--out",
     type=click.Path(path_type=Path),

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from posse_core._cli import completing
 from posse_core._cli.common import (
     DEFAULT_SCENARIO,
     STOPPED,
@@ -30,15 +31,23 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("scenario", required=False)
-@click.option("--renderer", metavar="NAME", help="Renderer to use; 'posse plugins' lists the names.")
+@click.argument("scenario", required=False, shell_complete=completing.scenarios)
 @click.option(
-    "--out", help="Folder of the dataset, or s3://BUCKET/FOLDER; by default a new one in out/."
+    "--renderer",
+    metavar="NAME",
+    shell_complete=completing.components("renderer"),
+    help="Renderer to use; 'posse plugins' lists the names.",
+)
+@click.option(
+    "--out",
+    shell_complete=completing.folders,
+    help="Folder of the dataset, or s3://BUCKET/FOLDER; by default a new one in out/.",
 )
 @click.option("--workers", type=click.IntRange(min=1), help="Number of workers; by default 1.")
 @click.option(
     "--executor",
     default="local",
+    shell_complete=completing.components("executor"),
     show_default=True,
     help="Executor that makes the frames; 'posse plugins' lists the names.",
 )

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from posse_core._cli import completing
 from posse_core._cli.common import echo_json, echo_table, options_from
 from posse_core._cli.flight_output import MEANINGS, flight_bar, plain, shown
 from posse_core._plugins.loading import load_plugins
@@ -19,7 +20,12 @@ if TYPE_CHECKING:
 
 @click.command(epilog=MEANINGS)
 @click.argument("dataset", type=click.Path(path_type=Path))
-@click.option("--navigator", metavar="NAME", help="Navigator; 'posse plugins' lists the names.")
+@click.option(
+    "--navigator",
+    metavar="NAME",
+    shell_complete=completing.components("navigator"),
+    help="Navigator; 'posse plugins' lists the names.",
+)
 @click.option("--sequence", type=int, metavar="N", help="Number of the sequence, if there are several.")
 @click.option(
     "--out", type=click.Path(path_type=Path), help="Folder of record and page; by default DATASET."
@@ -30,6 +36,7 @@ if TYPE_CHECKING:
     "overrides",
     multiple=True,
     metavar="KEY=VALUE",
+    shell_complete=completing.track_keys,
     help="Set a key, as in -o measurement.source=truth; 'posse describe track' lists them.",
 )
 def command(

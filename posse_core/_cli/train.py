@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from posse_core._cli import completing
 from posse_core._cli.common import model_options, options_from
 from posse_core._cli.progress import phase
 from posse_core._errors import InputError
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     "--detector",
     required=True,
     metavar="NAME",
+    shell_complete=completing.components("detector", "train"),
     help="Detector to train; 'posse plugins' lists the names.",
 )
 @click.option(

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import os
 from collections.abc import Callable, Iterable
-from pathlib import Path
 
 import numpy as np
 
 from posse_core._arrays import AnyArray
 from posse_core._files.atomic import atomic_file
+from posse_core._files.cache_folder import cache_folder
 
 
 def cached_array(name: str, made_of: Iterable[bytes], make: Callable[[], AnyArray]) -> AnyArray:
@@ -44,8 +43,3 @@ def cached_array(name: str, made_of: Iterable[bytes], make: Callable[[], AnyArra
             if other != path:
                 other.unlink()
     return array
-
-
-def cache_folder() -> Path:
-    """The folder ``posse`` in the user's cache (XDG Base Directory Specification)."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "posse"

@@ -27,6 +27,7 @@ class CameraConfig(Options):
 
     preset: str | None = Field(
         None,
+        examples=list(PRESETS),
         description=f"a published camera by name ({', '.join(PRESETS)}): it sets every key of camera and"
         " sensor that the scenario does not; 'posse describe camera NAME' shows them",
     )

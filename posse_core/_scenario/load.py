@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -18,17 +17,11 @@ from posse_core._plugins.options import nearest, validated
 from posse_core._plugins.registry import Registry
 from posse_core._scenario.attitude import LawChoice, Subject, check_law
 from posse_core._scenario.bodies import BodyConfig
+from posse_core._scenario.built_in_names import BUILT_IN, built_in_names
 from posse_core._scenario.component import ComponentChoice
 from posse_core._scenario.files import anchored, keys_of, with_files
 from posse_core._scenario.model import Scenario
 from posse_core._scenario.yaml_lines import KeyPath, YamlText
-
-_BUILT_IN = resources.files("posse_core") / "_scenario" / "built_in"
-
-
-def built_in_names() -> list[str]:
-    """Names of the scenarios that come with the core."""
-    return sorted(p.name.removesuffix(".yaml") for p in _BUILT_IN.iterdir() if p.name.endswith(".yaml"))
 
 
 def scenario_members(source: str) -> list[str]:
@@ -126,7 +119,7 @@ def dump_scenario(scenario: Scenario) -> str:
 def _read(source: str) -> YamlText:
     names = built_in_names()
     if source in names:
-        return YamlText((_BUILT_IN / f"{source}.yaml").read_text("utf-8"), f"scenario {source!r}")
+        return YamlText((BUILT_IN / f"{source}.yaml").read_text("utf-8"), f"scenario {source!r}")
     path = Path(source)
     if path.is_file() or path.suffix in (".yaml", ".yml") or "/" in source:
         return YamlText.read(path)

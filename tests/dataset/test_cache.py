@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from posse_core._files.cache import cache_folder, cached_array
+from posse_core._files.cache import cached_array
+from posse_core._files.cache_folder import cache_folder
 
 
 @pytest.fixture(autouse=True)

@@ -6,7 +6,8 @@ import pytest
 from posse_core import create
 from posse_core._flight.problem import FlightProblem, flight_problem
 from posse_core._plugins.loading import load_plugins
-from posse_core._scenario.load import built_in_names, load_scenario, scenario_members
+from posse_core._scenario.built_in_names import built_in_names
+from posse_core._scenario.load import load_scenario, scenario_members
 
 FLIGHTS = [name for name in built_in_names() if name.startswith("fly-")]
 

@@ -15,9 +15,9 @@ from posse_core._cli.describe import command as describe
 from posse_core._errors import InputError
 from posse_core._imaging.image_sensor import FULL_WELL_E_M2, ImageSensor
 from posse_core._plugins.loading import load_plugins
+from posse_core._scenario.built_in_names import built_in_names
 from posse_core._scenario.camera import preset_camera
 from posse_core._scenario.load import (
-    built_in_names,
     dump_scenario,
     load_scenario,
     parse_override,

@@ -86,6 +86,11 @@ def posse_subcommands() -> list[ComponentSpec]:
             "collect", "join datasets and drop frames by rules", "posse_core._cli.collect:command"
         ),
         ComponentSpec(
+            "completion",
+            "let bash, zsh or fish complete commands, names, keys and values",
+            "posse_core._cli.completion:command",
+        ),
+        ComponentSpec(
             "crosscheck",
             "compare renderers with exact geometry and with each other",
             "posse_core._cli.crosscheck:command",

@@ -13,7 +13,8 @@ from posse_core import AnyArray, Float32Array, Material, Part, Piece, Scene, lin
 
 
 def fixed_shapes(scene: Scene, materials: Mapping[int, Any]) -> dict[str, Any]:
-    """Scene entries of all parts where their vertices are, with their BSDFs by :func:`bsdfs`."""
+    """Scene entries of all pieces, ``part_0`` and so on, where their vertices are, with their BSDFs by
+    :func:`bsdfs`."""
     return {
         f"part_{i}": _mesh(piece.part, materials[id(piece.material)])
         for i, piece in enumerate(scene.pieces)

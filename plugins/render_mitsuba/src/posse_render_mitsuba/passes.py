@@ -36,7 +36,6 @@ from posse_render_mitsuba.world import (
     Place,
     World,
     homogeneous,
-    is_one_link,
 )
 
 SAMPLES_PER_PASS = 16
@@ -67,8 +66,7 @@ class Passes:
         self._count = -(-options.spp // SAMPLES_PER_PASS)
         self._integrator = mi.load_dict(
             {
-                # In the scalar variant, "path" with hidden emitters crashes at the first instance.
-                "type": "path" if is_one_link(scene) else "volpath",
+                "type": "path",
                 "max_depth": options.max_depth,
                 "hide_emitters": True,
                 "block_size": BLOCK_PX,

@@ -1,8 +1,11 @@
 """The Mitsuba scene, which is kept from frame to frame, and the parameters that each frame sets.
 
 Mitsuba's world axes are those of :class:`posse_core.WorldPoses`, so for a rigid target only the camera,
-the Sun and the sky move between frames. Where there are joints or other bodies, each link is an instance
-whose transform is set. Nothing is loaded or compiled again.
+the Sun and the sky move between frames. Otherwise the links move: nothing is loaded or compiled again.
+
+In the compiled variants each link is an instance of a group of meshes, since recorded kernels keep the
+normals of a mesh. In the scalar variant, where instances would cost 8 % of a frame and Mitsuba's path
+tracer ends the process at one (3.9.1), the vertices of the links are moved.
 """
 
 from __future__ import annotations
@@ -20,11 +23,6 @@ if TYPE_CHECKING:
 
 MITSUBA_FROM_CAM: FloatArray = np.diag([-1.0, -1.0, 1.0])
 """Rotates OpenCV camera axes to Mitsuba's (x left, y up, z forward); it is its own inverse."""
-
-
-def is_one_link(scene: Scene) -> bool:
-    """Whether nothing in the scene moves on its own."""
-    return len(scene.link_radii_m) == 1
 
 
 @dataclass(frozen=True)
@@ -72,26 +70,42 @@ class World:
         self._bsdfs = bsdfs(scene)
         self._finishings: dict[int, Finishing] = {}
         self._described = scene
-        shapes = (fixed_shapes if is_one_link(scene) else link_shapes)(scene, self._bsdfs)
+        links = len(scene.link_radii_m)
+        instances = links > 1 and mi.variant() != "scalar_rgb"
+        shapes = (link_shapes if instances else fixed_shapes)(scene, self._bsdfs)
         entries: dict[str, Any] = {"type": "scene", **lamps, **shapes}
         if environment is not None:
             entries["sky"] = {"type": "envmap", "bitmap": mi.Bitmap(environment.radiance_rgb.copy())}
         self.scene = mi.load_dict(entries)
         self._parameters = mi.traverse(self.scene)
-        self._links = [i for i in range(len(scene.link_radii_m)) if f"link_{i}" in shapes]
+        self._instances = [k for k in range(links) if f"link_{k}" in shapes]
+        self._pieces = () if instances else scene.pieces
+        self._R_world_from_link = np.tile(np.eye(3), (links, 1, 1))
+        self._t_link_world_m = np.zeros((links, 3))
 
     def move(self, poses: WorldPoses) -> None:
-        """Put the links in their places."""
+        """Put those links in their places that are elsewhere."""
         import mitsuba as mi
 
-        transforms = {
-            f"link_{i}.to_world": mi.Transform4f(
-                homogeneous(poses.R_world_from_link[i], poses.t_link_world_m[i])
-            )
-            for i in self._links
-        }
-        if transforms:
-            self.set(transforms)
+        R_world_from_link, t_link_world_m = poses.R_world_from_link, poses.t_link_world_m
+        moved = (R_world_from_link != self._R_world_from_link).any(axis=(1, 2))
+        moved |= (t_link_world_m != self._t_link_world_m).any(axis=1)
+        values: dict[str, Any] = {}
+        for link in self._instances:
+            if moved[link]:
+                pose = homogeneous(R_world_from_link[link], t_link_world_m[link])
+                values[f"link_{link}.to_world"] = mi.Transform4f(pose)
+        for i, (part, _, link) in enumerate(self._pieces):
+            if moved[link]:
+                R, t_m = R_world_from_link[link], t_link_world_m[link]
+                positions_m, normals = part.vertices_body_m @ R.T + t_m, part.normals_body @ R.T
+                values[f"part_{i}.vertex_positions"] = np.ravel(positions_m).astype(np.float32)
+                values[f"part_{i}.vertex_normals"] = np.ravel(normals).astype(np.float32)
+                # Mitsuba would make its own normals for new positions if these were not new too.
+                self._parameters.set_dirty(f"part_{i}.vertex_normals")
+        if values:
+            self.set(values)
+        self._R_world_from_link, self._t_link_world_m = R_world_from_link, t_link_world_m
 
     def finish(self, craft: CraftState) -> bool:
         """Give the materials that vary the factors of a frame.

@@ -27,9 +27,11 @@ check: $(VENV)/ready-to-test
 bench: $(VENV)/ready
 	$(call timed,$(BIN)/python benchmarks/stages.py)
 
-# Wheels and sdists of all distributions in dist/; the wheels are tried alone in a new environment of $(PYTHON).
+# Wheels and sdists of all distributions in dist/; the wheels are tried alone in a new environment of each
+# Python in PYTHONS.
+PYTHONS ?= $(PYTHON)
 dist: $(DIST_VENV)/ready
-	$(call timed,$(DIST_VENV)/bin/python packaging/try_dist.py dist --python $(PYTHON))
+	$(call timed,$(DIST_VENV)/bin/python packaging/try_dist.py dist $(PYTHONS))
 
 $(DIST_VENV)/ready:
 	$(PYTHON) -m venv $(DIST_VENV)

@@ -1,7 +1,8 @@
 """Build all distributions, check them, and try the wheels alone in a fresh environment.
 
-``python packaging/try_dist.py DIST`` writes sdists and wheels to the folder DIST. It needs build,
-setuptools and twine, which ``make dist`` provides, and git, which knows the files of the project.
+``python packaging/try_dist.py DIST PYTHON...`` writes sdists and wheels to the folder DIST and tries the
+wheels with each PYTHON. It needs build, setuptools and twine, which ``make dist`` provides, and git,
+which knows the files of the project.
 """
 
 from __future__ import annotations
@@ -52,9 +53,7 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("dist", type=Path)
-    parser.add_argument(
-        "--python", default=sys.executable, help="interpreter that the wheels are tried with"
-    )
+    parser.add_argument("python", nargs="+", help="interpreter that the wheels are tried with")
     given = parser.parse_args()
     dist: Path = given.dist.absolute()
     started = time.monotonic()
@@ -68,13 +67,16 @@ def main() -> None:
         say(f"built after {time.monotonic() - started:.0f} s")
         check(dist, source)
         shutil.rmtree(source)
-        work = Path(folder) / "work"
-        work.mkdir()
-        python = Path(folder) / "venv" / "bin" / "python"
-        run(given.python, "-m", "venv", str(python.parents[1]), cwd=work)
-        install(python, dist, work)
-        say(f"installed after {time.monotonic() - started:.0f} s")
-        try_commands(python, work)
+        for number, interpreter in enumerate(given.python):
+            work = Path(folder) / f"work-{number}"
+            work.mkdir()
+            python = Path(folder) / f"venv-{number}" / "bin" / "python"
+            run(interpreter, "-m", "venv", str(python.parents[1]), cwd=work)
+            install(python, dist, work)
+            version = run(str(python), "--version", cwd=work).strip()
+            say(f"{version}: installed after {time.monotonic() - started:.0f} s")
+            try_commands(python, work)
+            shutil.rmtree(python.parents[1])
     say(f"all passed after {time.monotonic() - started:.0f} s")
 
 
@@ -92,6 +94,8 @@ def check(dist: Path, source: Path) -> None:
     """Compare what the wheels hold with the packages, and check metadata and readmes."""
     wheels, sdists = sorted(dist.glob("*.whl")), sorted(dist.glob("*.tar.gz"))
     assert len(wheels) == len(sdists) == len(PACKAGES), "a distribution is missing"
+    plugins = {path.parent.relative_to(source) for path in source.glob("plugins/*/pyproject.toml")}
+    assert plugins <= set(map(Path, PACKAGES)), f"a plugin is not listed: {plugins}"
     version = (ROOT / "posse_core" / "VERSION").read_text("utf-8").strip()
     run(sys.executable, "-m", "twine", "check", "--strict", *map(str, (*wheels, *sdists)), cwd=dist)
     expected = {

@@ -202,6 +202,8 @@ def test_a_shell_completes_what_is_typed(shell: str, tmp_path: Path) -> None:
         typed.expect(re.escape(PROMPT))
     for begun, whole in {
         "posse prev": "posse preview ",
+        "TZ=UTC posse prev": "TZ=UTC posse preview ",
+        "true; posse prev": "true; posse preview ",
         "posse run aqua-t": "posse run aqua-tracking ",
         "posse run my-s": "posse run my-scenario.yaml ",
         "posse validate datas": "posse validate dataset-of-mine/",

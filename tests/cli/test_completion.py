@@ -102,6 +102,19 @@ def test_keys_and_values_are_offered(words: tuple[str, ...], expected: list[str]
     assert offered(*words) == expected
 
 
+def test_every_option_that_takes_a_component_or_keys_is_completed() -> None:
+    registry = load_plugins().registry
+    taken = [
+        (command, option.opts[0])
+        for command in registry.names("subcommand")
+        for option in registry.load("subcommand", command).params
+        if option.metavar == "KEY=VALUE" or "'posse plugins' lists" in str(getattr(option, "help", ""))
+    ]
+    assert ("run", "--renderer") in taken
+    assert ("run", "-o") in taken
+    assert [option for option in taken if not offered(*option, "")] == []
+
+
 def _paths(keys: dict[str, object], known: dict[str, Key], before: str = "") -> list[str]:
     """The dotted keys of a scenario's file, as deep as the table of keys knows them."""
     found = []

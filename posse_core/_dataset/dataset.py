@@ -54,10 +54,13 @@ class Partition(FileRecord):
     Attributes:
         parts: part → indices of its frames.
         by: what was shuffled, ``frame`` or ``sequence``.
+        seed, shares: by which the parts were drawn; None in lists of another origin.
     """
 
     parts: dict[str, tuple[Annotated[int, Field(ge=0, lt=2**63)], ...]]
     by: str = "frame"
+    seed: int | None = None
+    shares: tuple[float, ...] | None = None
 
 
 class Dataset(LabelledImages):

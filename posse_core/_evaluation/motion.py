@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from datetime import datetime
 
 import numpy as np
 
 from posse_core import _frames as frames
+from posse_core._arrays import FloatArray
 from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.layout import TRAJECTORY
+from posse_core._environment.time import Epoch
 from posse_core._errors import InputError
 from posse_core._evaluation.result import Fault, Result
 from posse_core._files.trajectory import load_trajectory
@@ -19,6 +22,11 @@ ANGLE_ERROR_RAD = 1e-9
 """Of rotations and of the Sun's direction, rad."""
 LENGTH_ERROR_SHARE = 1e-9
 """Of the position, over the range, and at least so many metres."""
+SPEED_ERROR_M_S = 1e-6
+TIME_ERROR_S = 1e-6
+EARTH_ROTATION_ERROR_RAD = 1e-4
+"""Of the Earth's rotation: 1.4 s, more than a leap second."""
+_J2000 = datetime(2000, 1, 1, 12)
 
 
 def check_motion(dataset: Dataset) -> Result:
@@ -29,6 +37,7 @@ def check_motion(dataset: Dataset) -> Result:
     except InputError as error:
         result.faults.append(Fault(None, str(error)))
         return result
+    result.faults += _trajectory_faults(trajectory)
     for line in dataset.label_lines:
         labels = LabelLine.from_json(line)
         index = labels.index
@@ -38,6 +47,43 @@ def check_motion(dataset: Dataset) -> Result:
         else:
             result.faults += [Fault(index, message) for message in _faults(labels, trajectory, index)]
     return result
+
+
+def _trajectory_faults(trajectory: Trajectory) -> Iterator[Fault]:
+    """Whether the trajectory agrees with itself: times, the Earth's rotation, and both ways in which it
+    has the chaser's motion."""
+    t_s = trajectory.t_s
+    for i in np.flatnonzero(t_s < 0):
+        yield Fault(int(i), f"the trajectory's t_s is {t_s[i]:.6g}, before the epoch")
+    same = np.diff(trajectory.sequence) == 0
+    for i in np.flatnonzero(same & (np.diff(t_s) <= 0)) + 1:
+        yield Fault(int(i), f"the trajectory's t_s is {t_s[i]:.6g}, not after the frame before")
+    angle = _earth_rotation_rad(trajectory.epoch_utc, t_s)
+    off = np.abs(np.angle(np.exp(1j * (trajectory.earth_rotation_rad - angle))))
+    for i in np.flatnonzero(off > EARTH_ROTATION_ERROR_RAD):
+        seconds = off[i] / _EARTH_RATE_RAD_S
+        yield Fault(int(i), f"earth_rotation_rad is {seconds:.3g} s from that of epoch and t_s")
+    r_m, v_m_s = trajectory.r_target_eci_m, trajectory.v_target_eci_m_s
+    R = np.array([frames.R_eci_from_rtn(r, v) for r, v in zip(r_m, v_m_s, strict=True)])
+    to_chaser_m = np.einsum("fij,fj->fi", R.reshape(-1, 3, 3), trajectory.r_chaser_rtn_m)
+    off_m = np.linalg.norm(r_m + to_chaser_m - trajectory.r_chaser_eci_m, axis=1)
+    for i in np.flatnonzero(off_m > LENGTH_ERROR_SHARE * np.linalg.norm(r_m, axis=1)):
+        yield Fault(int(i), f"r_chaser_eci_m is {off_m[i]:.3g} m from r_chaser_rtn_m")
+    turning = np.cross(r_m, v_m_s) / np.sum(r_m**2, axis=1, keepdims=True)
+    moving = np.einsum("fij,fj->fi", R.reshape(-1, 3, 3), trajectory.v_chaser_rtn_m_s)
+    v_chaser_m_s = v_m_s + moving + np.cross(turning, to_chaser_m)
+    off_m_s = np.linalg.norm(v_chaser_m_s - trajectory.v_chaser_eci_m_s, axis=1)
+    for i in np.flatnonzero(off_m_s > SPEED_ERROR_M_S):
+        yield Fault(int(i), f"v_chaser_eci_m_s is {off_m_s[i]:.3g} m/s from v_chaser_rtn_m_s")
+
+
+_EARTH_RATE_RAD_S = 2 * np.pi * 1.00273781191135448 / 86400
+
+
+def _earth_rotation_rad(epoch_utc: str, t_s: FloatArray) -> FloatArray:
+    """The Earth's rotation angle (IERS Conventions 2010, eq. 5.15), UT1 taken as UTC."""
+    since_s = (datetime.fromisoformat(epoch_utc[:26]) - _J2000).total_seconds()
+    return 2 * np.pi * 0.7790572732640 + _EARTH_RATE_RAD_S * (since_s + t_s)
 
 
 def _faults(labels: LabelLine, trajectory: Trajectory, i: int) -> Iterator[str]:
@@ -52,6 +98,15 @@ def _faults(labels: LabelLine, trajectory: Trajectory, i: int) -> Iterator[str]:
         if np.abs(R - R_cam_from_eci @ R_eci_from_body).max() > ANGLE_ERROR_RAD:
             yield "q_cam_from_body is not by the trajectory's attitudes"
     r_target_m, v_target_m_s = trajectory.r_target_eci_m[i], trajectory.v_target_eci_m_s[i]
+    epoch = Epoch.from_iso(trajectory.epoch_utc)
+    late_s = epoch.seconds_until(Epoch.from_iso(labels.epoch_utc)) - labels.t_s
+    if abs(late_s) > TIME_ERROR_S:
+        yield f"epoch_utc is {late_s:.6g} s after the trajectory's epoch and t_s"
+    if labels.has("v_body_cam_m_s"):
+        v_m_s = R_cam_from_eci @ (v_target_m_s - trajectory.v_chaser_eci_m_s[i])
+        off_m_s = float(np.linalg.norm(np.array(labels.v_body_cam_m_s) - v_m_s))
+        if off_m_s > SPEED_ERROR_M_S:
+            yield f"v_body_cam_m_s is {off_m_s:.3g} m/s from the trajectory's"
     if labels.has("t_body_cam_m"):
         R_eci_from_rtn = frames.R_eci_from_rtn(r_target_m, v_target_m_s)
         t_m = -R_cam_from_eci @ R_eci_from_rtn @ trajectory.r_chaser_rtn_m[i]

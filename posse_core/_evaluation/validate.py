@@ -12,20 +12,35 @@ import numpy as np
 
 from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.files import read_image
-from posse_core._dataset.layout import BODIES, IMAGES, INPUTS, LABELS, SENSORS, TRUTH, inside
+from posse_core._dataset.layout import (
+    BODIES,
+    IMAGES,
+    INPUTS,
+    LABELS,
+    PARTITION_FILE,
+    SENSORS,
+    TRUTH,
+    inside,
+)
 from posse_core._errors import InputError
+from posse_core._evaluation.agreement import check_camera, check_scenario, check_spacecraft
 from posse_core._evaluation.body_checks import BodyCheck
 from posse_core._evaluation.case import POSE, Case
 from posse_core._evaluation.checks import CHECKS, SCHEMA, Check
+from posse_core._evaluation.export_again import check_exports_again
 from posse_core._evaluation.exports import check_exports
 from posse_core._evaluation.motion import check_motion
 from posse_core._evaluation.motion_checks import MOTION_CHECKS
+from posse_core._evaluation.pictures import PictureChecks
 from posse_core._evaluation.result import Fault, Report, Result
+from posse_core._evaluation.scenarios import Scenarios
 from posse_core._evaluation.sensors import SensorChecks
+from posse_core._evaluation.sunlight import SUNLIGHT
 from posse_core._files.atomic import sha256
-from posse_core._files.reading import parsed_json
+from posse_core._files.reading import parsed_json, read_text
 from posse_core._model.label_line import BodyLabels, LabelLine
 from posse_core._model.manifest import Manifest
+from posse_core._selection.partition import By, partition
 
 _READING_FILE = re.compile(rf'"({SENSORS}/[^"]+)"')
 
@@ -70,9 +85,11 @@ def validate(dataset: Dataset, progress: Progress) -> Report:
         _partition(dataset, frames),
     ]
     schema = Result(SCHEMA.name, SCHEMA.proves)
-    checks: tuple[Check | BodyCheck, ...] = (*CHECKS, *MOTION_CHECKS)
+    checks: tuple[Check | BodyCheck, ...] = (*CHECKS, SUNLIGHT, *MOTION_CHECKS)
     results = [Result(check.name, check.proves) for check in checks]
     sensors = SensorChecks(dataset)
+    scenarios = Scenarios(dataset)
+    pictures = PictureChecks(scenarios)
     for position in progress(range(len(lines)), len(lines)):
         frame = frames[position]
         schema.checked += 1
@@ -89,9 +106,28 @@ def validate(dataset: Dataset, progress: Progress) -> Report:
                 result.checked += 1
                 result.faults += [Fault(frame.index, message) for message in check.run(case)]
         sensors.check(case.labels)
+        pictures.check(case)
     is_sound = not (schema.faults or whole[0].faults)
-    compared = [check_motion(dataset), *check_exports(dataset)] if is_sound else []
-    return Report(dataset.folder, len(lines), (*whole, schema, *results, *sensors.results, *compared))
+    compared = _compared(dataset, scenarios) if is_sound else []
+    return Report(
+        dataset.folder,
+        len(lines),
+        (*whole, schema, *results, *pictures.results, *sensors.results, *compared),
+    )
+
+
+def _compared(dataset: Dataset, scenarios: Scenarios) -> list[Result]:
+    """Checks of the whole dataset whose label lines are right."""
+    exports = check_exports(dataset)
+    sound = frozenset(result.name for result in exports if not result.faults)
+    return [
+        check_camera(dataset),
+        check_spacecraft(dataset, scenarios),
+        check_scenario(dataset, scenarios),
+        check_motion(dataset),
+        *exports,
+        *check_exports_again(dataset, sound),
+    ]
 
 
 def _frame(index: int, line: bytes) -> _Frame:
@@ -215,9 +251,9 @@ def _partition(dataset: Dataset, frames: Sequence[_Frame]) -> Result:
     result = Result("partition", "no frame, and no sequence kept whole, is in two parts")
     if not dataset.is_divided:
         return result
-    partition = dataset.partition
+    divided = dataset.partition
     part_of: dict[int, str] = {}
-    for part, indices in partition.parts.items():
+    for part, indices in divided.parts.items():
         for index in indices:
             result.checked += 1
             if part_of.setdefault(index, part) != part:
@@ -227,9 +263,31 @@ def _partition(dataset: Dataset, frames: Sequence[_Frame]) -> Result:
         Fault(i, "is in a part, and not in the dataset") for i in sorted(set(part_of) - there)
     ]
     result.faults += [Fault(i, "is in no part") for i in sorted(there - set(part_of))]
-    if partition.by == "sequence":
+    if divided.by == "sequence":
         result.faults += _leaks(frames, part_of)
+    if not result.faults:
+        result.faults += [Fault(None, text) for text in _redivided(dataset, frames)]
     return result
+
+
+def _redivided(dataset: Dataset, frames: Sequence[_Frame]) -> Iterator[str]:
+    """The parts are those that seed and shares give, and the lists beside are of their images."""
+    divided = dataset.partition
+    if divided.seed is not None and divided.shares is not None:
+        sequences = np.array([-1 if frame.sequence is None else frame.sequence for frame in frames])
+        by: By = "sequence" if divided.by == "sequence" else "frame"
+        expected = partition(dataset.indices, sequences, divided.shares, divided.seed, by)
+        for part, indices in expected.items():
+            if list(divided.parts.get(part, ())) != indices:
+                yield f"{part} is not the part that seed {divided.seed} and the shares give"
+    image_of = {frame.index: frame.files[0] for frame in frames if frame.files}
+    for part, members in divided.parts.items():
+        for kind in ("images", "pose"):
+            path = (dataset.folder / PARTITION_FILE).parent / f"{part}_{kind}.csv"
+            if path.is_file():
+                rows = read_text(path).splitlines()[1:]
+                if [row.split(",")[0] for row in rows] != [image_of.get(i) for i in members]:
+                    yield f"partition/{path.name} does not list the images of {part}"
 
 
 def _leaks(frames: Sequence[_Frame], part_of: Mapping[int, str]) -> Iterator[Fault]:

@@ -115,7 +115,7 @@ def relabel(folder: Path, scene: Scene, alter: Callable[[FrameState], FrameState
 def test_clean_worlds_have_no_faults(worlds, kind, camera):
     report = prove(worlds(kind, camera))
     assert not [fault for result in report.results for fault in result.faults]
-    unchosen = {"partition"} | ({"joints"} if kind == "rigid" else set())
+    unchosen = {"partition", "picture", "scenario"} | ({"joints"} if kind == "rigid" else set())
     assert {result.name for result in report.results if result.checked == 0} == unchosen
 
 

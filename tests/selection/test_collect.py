@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import shutil
+from datetime import datetime
 
 import cuboid
 import cv2
@@ -24,7 +25,14 @@ def two(tmp_path):
     plate = cuboid.write_dataset(tmp_path / "plate", (("plate", np.array([2.0, 1.0, 0.1])),))
     for folder, epoch in ((brick, "2016-12-31T23:30:00"), (plate, "2017-01-01T00:30:00")):
         trajectory = load_trajectory(folder / "trajectory.npz")
-        save_trajectory(dataclasses.replace(trajectory, epoch_utc=epoch), folder / "trajectory.npz")
+        begin = datetime.fromisoformat(epoch)
+        turned = cuboid.earth_rotation(trajectory.t_s, begin)
+        moved = dataclasses.replace(trajectory, epoch_utc=epoch, earth_rotation_rad=turned)
+        save_trajectory(moved, folder / "trajectory.npz")
+        lines = cuboid.read_lines(folder)
+        cuboid.write_lines(
+            folder, [{**line, "epoch_utc": cuboid.instant(line["t_s"], begin)} for line in lines]
+        )
     return brick, plate
 
 
@@ -79,6 +87,8 @@ def spoil(folder):
         image = cv2.imread(str(folder / lines[index]["image"]), cv2.IMREAD_UNCHANGED)
         cv2.imwrite(str(folder / lines[index]["image"]), image // 20)
     lines[3]["sun_fraction_target"] = 0.0
+    for line in lines:
+        line["epoch_utc"] = cuboid.instant(line["t_s"])
     save_trajectory(cuboid.trajectory(lines), folder / "trajectory.npz")
     cuboid.write_lines(folder, lines)
 

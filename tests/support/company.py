@@ -144,7 +144,6 @@ class Image:
             "mask_rle": {"size": list(mask.shape), "counts": rle["counts"].decode()},
             "mask_area_px": int(mask.sum()),
             "fraction_visible": mask.sum() / silhouette if silhouette else None,
-            "fraction_lit": 1.0 if mask.any() else None,
             "part_area_px": {name: int((self.part == first + i).sum()) for i, name in enumerate(parts)},
             "keypoints": points,
             "q_cam_from_body": [w, x, y, z],
@@ -250,7 +249,7 @@ def write_dataset(folder: Path, frames: int = 8, *, moving: bool = True) -> Path
             {
                 "index": index,
                 "t_s": 10.0 * index,
-                "epoch_utc": f"2022-01-31T02:02:{index % 60:02d}",
+                "epoch_utc": cuboid.instant(10.0 * index),
                 "sequence": index,
                 "image": f"images/{index:06d}.png",
                 "truth": f"truth/{index:06d}.npz",

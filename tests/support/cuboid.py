@@ -10,6 +10,7 @@ import hashlib
 import json
 import shutil
 from collections.abc import Iterable
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,8 @@ HALF = np.array([1.5, 0.8, 0.5])
 CAMERA = Camera(160, 120, 150.0, 150.0, 79.5, 59.5, 0.036)
 SIDES = ("x-", "x+", "y-", "y+", "z-", "z+")
 SUN_BODY = np.array([0.6, 0.0, 0.8])
+LIT = (SIDES.index("x+"), SIDES.index("z+"))
+"""The sides that face the Sun; nothing shades a convex body."""
 NAMES = ("B1", "B2", "B3", "B4", "T1", "T2", "T3", "T4")
 """Corners, −x −y, +x −y, −x +y, +x +y of the bottom (−z), then of the top."""
 
@@ -107,7 +110,7 @@ def labels_of(
     labels = {
         "index": index,
         "t_s": 10.0 * index,
-        "epoch_utc": f"2022-01-31T02:02:{index:02d}",
+        "epoch_utc": instant(10.0 * index),
         "sequence": sequence,
         "spacecraft": craft.name,
         "image": f"images/{index:06d}.png",
@@ -120,7 +123,7 @@ def labels_of(
         "mask_rle": {"size": list(mask.shape), "counts": rle["counts"].decode()},
         "mask_area_px": int(mask.sum()),
         "fraction_visible": 1.0 if inside.all() else 0.5,
-        "fraction_lit": 1.0 if mask.any() else None,
+        "fraction_lit": float(np.isin(side[mask], LIT).mean()) if mask.any() else None,
         "part_area_px": {name: int((side == i).sum()) for i, name in enumerate(SIDES)},
         "keypoints": {
             name: [*map(float, uv[i]), int(visibility[i])]
@@ -142,6 +145,19 @@ def labels_of(
     return labels, arrays
 
 
+EPOCH = datetime(2022, 1, 31, 2, 2, 27, 580000)
+
+
+def instant(t_s: float, epoch: datetime = EPOCH) -> str:
+    return (epoch + timedelta(seconds=t_s)).isoformat()
+
+
+def earth_rotation(t_s: np.ndarray, epoch: datetime = EPOCH) -> np.ndarray:
+    """IERS Conventions 2010, eq. 5.15."""
+    days = ((epoch - datetime(2000, 1, 1, 12)).total_seconds() + t_s) / 86400
+    return 2 * np.pi * ((0.7790572732640 + 1.00273781191135448 * days) % 1)
+
+
 def trajectory(lines: list[dict[str, Any]]) -> Trajectory:
     """A motion that leads to these labels: the target anywhere on an orbit, the camera turned anyhow."""
     random = np.random.default_rng(3)
@@ -153,16 +169,22 @@ def trajectory(lines: list[dict[str, Any]]) -> Trajectory:
     q = np.array([line["q_cam_from_body"] for line in lines])
     eci_from_body = eci_from_camera * Rotation.from_quat(q[:, [1, 2, 3, 0]])
     to_chaser = -eci_from_camera.apply([line["t_body_cam_m"] for line in lines])
+    turning = np.cross(normal / np.sum(r**2, axis=1, keepdims=True), to_chaser)
+    still = np.zeros(3)
+    v_cam = np.array([line.get("v_body_cam_m_s", still) for line in lines])
+    given = np.array(["v_body_cam_m_s" in line for line in lines])[:, None]
+    v_to_chaser = np.where(given, -eci_from_camera.apply(v_cam), turning)
+    v_rtn = np.stack([np.sum(axis * (v_to_chaser - turning), axis=1) for axis in axes], axis=1)
     return Trajectory(
-        epoch_utc="2022-01-31T02:02:27.58",
+        epoch_utc=EPOCH.isoformat(),
         t_s=np.array([line["t_s"] for line in lines]),
         sequence=np.array([line["sequence"] for line in lines]),
         r_target_eci_m=r,
         v_target_eci_m_s=v,
         r_chaser_rtn_m=np.stack([np.sum(axis * to_chaser, axis=1) for axis in axes], axis=1),
-        v_chaser_rtn_m_s=np.zeros((count, 3)),
+        v_chaser_rtn_m_s=v_rtn,
         r_chaser_eci_m=r + to_chaser,
-        v_chaser_eci_m_s=v,
+        v_chaser_eci_m_s=v + v_to_chaser,
         q_eci_from_body=eci_from_body.as_quat(canonical=True)[:, [3, 0, 1, 2]],
         q_eci_from_camera=eci_from_camera.as_quat(canonical=True)[:, [3, 0, 1, 2]],
         omega_body_rad_s=np.zeros((count, 3)),
@@ -174,7 +196,7 @@ def trajectory(lines: list[dict[str, Any]]) -> Trajectory:
         solar_flux_w_m2=np.full(count, 1361.0),
         earth_albedo_w_m2=30.0 * np.arange(count),
         earth_infrared_w_m2=np.full(count, 200.0),
-        earth_rotation_rad=np.linspace(0, 6, count),
+        earth_rotation_rad=earth_rotation(np.array([line["t_s"] for line in lines])),
     )
 
 

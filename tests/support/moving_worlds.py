@@ -234,7 +234,7 @@ def write_world(
         line |= {
             "image": f"images/{state.index:06d}.png",
             "truth": f"truth/{state.index:06d}.npz",
-            "epoch_utc": "2022-01-31T02:02:27.580",
+            "epoch_utc": cuboid.instant(state.t_s),
         }
         lines.append(json.loads(json.dumps(line)))
         np.savez_compressed(folder / line["truth"], **labels.arrays)
@@ -256,6 +256,7 @@ def _save_trajectory(folder: Path, frames: Sequence[FrameState]) -> None:
                 Rotation.from_matrix(state.craft.R_cam_from_body).as_quat(canonical=True), 1
             ),
             "t_body_cam_m": state.craft.t_body_cam_m,
+            "v_body_cam_m_s": state.craft.rates.v_body_cam_m_s,
         }
         for state in frames
     ]

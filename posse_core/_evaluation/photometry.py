@@ -1,0 +1,177 @@
+"""Whether a picture is of the scenario's image sensor, and as bright as Sun and exposure make it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import permutations
+
+import numpy as np
+
+from posse_core._arrays import AnyArray, BoolArray, FloatArray
+from posse_core._evaluation.case import Case
+from posse_core._imaging.image_sensor import FULL_WELL_E_M2, ImageSensor
+from posse_core._model.bands import SOLAR_BAND_FRACTIONS
+from posse_core._model.camera import Camera
+from posse_core._model.spacecraft import Material
+from posse_core._model.srgb import linear_from_srgb
+from posse_core._scenario.sensor import SensorConfig
+
+LEAST_PX = 100
+"""Least pixels of a mask whose brightness is compared."""
+LEAST_LIT, LEAST_SUNLIGHT = 0.3, 0.9
+"""Least share of the mask's pixels that the Sun lights, and of its disc that does."""
+MOST_PHASE_RAD = np.radians(100)
+"""Beyond it, surfaces are lit and seen at grazing angles."""
+REFLECTANCE = (0.004, 2.0)
+"""Bounds of the mean light of lit pixels, over that of a white plate that faces the Sun."""
+LEAST_CODES = 1.5
+"""Mean value, in steps of the picture, of a spacecraft of the least reflectance that is compared."""
+METERED_ERROR = 0.3
+"""How far the metered pixel may be from the level that auto exposure asks for, over it; noise and the
+lens come after the meter."""
+LEAST_METERED_PX = 400
+LEAST_COLOUR = 0.02
+"""Mean squared difference of the logarithms of two channels below which there is no colour."""
+COLOUR_LEAD = 0.6
+"""A wrong order of channels is one that explains the parts' colours so much better, as a share."""
+SATURATED = 0.98
+LEAST_SATURATING = 1.5
+"""Light of a white plate that faces the Sun, over white, from which half of a craft may saturate."""
+MOST_NOISE = 0.05
+"""Standard deviation of the darker half of a picture, over white, that is no sensor's noise."""
+_LEAST_PART_PX = 20
+_LEAST_CODED_STEPS = 12
+
+
+def format_faults(image: AnyArray, sensor: SensorConfig) -> Iterator[str]:
+    """Whether type and channels are the sensor's, and 16 bits are more than 8."""
+    channels = 1 if image.ndim == 2 else image.shape[2]
+    wanted = 3 if sensor.color == "rgb" else 1
+    if channels != wanted:
+        yield f"the picture has {channels} channel(s), and the scenario's sensor.color is {sensor.color}"
+    bits = 8 * image.dtype.itemsize
+    if bits != sensor.bit_depth:
+        yield f"the picture has {bits} bits, and the scenario's sensor.bit_depth is {sensor.bit_depth}"
+    elif bits == 16:
+        values = np.unique(image)
+        if len(values) > _LEAST_CODED_STEPS and any(not (values % step).any() for step in (256, 257)):
+            yield "the picture has 16 bits, but only 8 of them are used"
+        elif len(values) > 1 and values[-1] < 256 <= 2**sensor.bit_depth * 0.05 and not values[0]:
+            yield "the picture has 16 bits, but no value above 255"
+
+
+def linear(image: AnyArray, sensor: SensorConfig) -> FloatArray:
+    """(H, W, C) light as a share of white, C = 1 or 3."""
+    most = np.iinfo(image.dtype).max
+    offset = sensor.offset_dn if sensor.response == "linear" else 0.0
+    light = (image.astype(np.float64) - offset) / most
+    if sensor.response == "srgb":
+        light = linear_from_srgb(light)
+    return light if light.ndim == 3 else light[..., None]
+
+
+def white_share_s(sensor: SensorConfig, camera: Camera, flux_w_m2: float) -> float:
+    """Share of white per second that a white plate gives that faces the Sun.
+
+    Colours are balanced so that it is the same in each channel, and in a monochrome picture.
+    """
+    mono = sensor.model_copy(update={"color": "mono"})
+    radiance = flux_w_m2 * SOLAR_BAND_FRACTIONS / np.pi
+    electrons_s = float(ImageSensor(mono, camera).electrons_s(radiance)[0])
+    full_well_e = sensor.full_well_e or FULL_WELL_E_M2 * camera.pixel_pitch_m**2
+    gain_e_dn = sensor.gain_e_dn or full_well_e / (2**sensor.bit_depth - 1)
+    return float(electrons_s / gain_e_dn / (2**sensor.bit_depth - 1))
+
+
+def brightness_faults(case: Case, image: AnyArray, sensor: SensorConfig) -> Iterator[str]:
+    """Whether the target is as bright as exposure and Sun make any material."""
+    labels = case.labels
+    if not case.has("mask_rle", "fraction_lit", "phase_angle_rad", "exposure_s"):
+        return
+    mask, fraction_lit = case.target.mask, labels.fraction_lit or 0.0
+    is_lit = (
+        labels.mask_area_px >= LEAST_PX
+        and fraction_lit >= LEAST_LIT
+        and labels.sun_fraction_target >= LEAST_SUNLIGHT
+        and labels.phase_angle_rad <= MOST_PHASE_RAD
+    )
+    light = linear(image, sensor)[mask]
+    if is_lit:
+        white = white_share_s(sensor, case.camera, labels.solar_flux_w_m2) * labels.exposure_s
+        scale = white * fraction_lit * labels.sun_fraction_target
+        reflectance = float(light.mean()) / scale
+        step = (1.0 / 12.92 if sensor.response == "srgb" else 1.0) / (2**sensor.bit_depth - 1)
+        least, most = REFLECTANCE
+        if reflectance < least and least * scale > LEAST_CODES * step:
+            yield (
+                f"the target is too dark: as if it reflected {reflectance:.2g} of the light that"
+                f" {labels.exposure_s:.3g} s gives"
+            )
+        saturated = float((light.max(axis=1) >= SATURATED).mean())
+        if saturated > 0.5 and white < LEAST_SATURATING:
+            yield f"{saturated:.0%} of the target are saturated, and no white plate is at this exposure"
+        if reflectance > most and saturated < 0.5:
+            yield (
+                f"the target is too bright for {labels.exposure_s:.3g} s: {reflectance:.2g} of a white"
+                " plate"
+            )
+    rule = sensor.auto_exposure
+    if rule is None or labels.mask_area_px < LEAST_METERED_PX or labels.sun_fraction_target < 0.5:
+        return
+    if rule.shortest_s < labels.exposure_s < rule.longest_s:
+        metered = float(np.percentile(light.max(axis=1), rule.percentile))
+        if abs(metered / rule.level - 1) > METERED_ERROR:
+            yield (
+                f"auto exposure brings the {rule.percentile:g}th percentile of the target to"
+                f" {rule.level:g} of white, and it is {metered:.2g}"
+            )
+
+
+def colour_fault(
+    case: Case, image: AnyArray, sensor: SensorConfig, base_colours: Sequence[FloatArray | None]
+) -> str | None:
+    """Whether another order of the channels would explain the colours of the parts better.
+
+    base_colours: (3,) of each part of the scene, in order of their ids; None where it is not known.
+    """
+    if image.ndim != 3 or case.labels.sun_fraction_target < LEAST_SUNLIGHT:
+        return None
+    light = linear(image, sensor)
+    known, seen, weights = [], [], []
+    for part, colour in enumerate(base_colours):
+        here: BoolArray = case.part_seen == part
+        if colour is None or here.sum() < _LEAST_PART_PX or min(colour) <= 0:
+            continue
+        own = light[here]
+        own = own[(own.max(axis=1) < SATURATED) & (own.min(axis=1) > 0.004)]
+        if len(own) >= _LEAST_PART_PX:
+            known.append(_without_brightness(colour))
+            seen.append(_without_brightness(own.mean(axis=0)))
+            weights.append(len(own))
+    if not known:
+        return None
+    share = np.array(weights)[:, None] / sum(weights)
+    expected, got = np.array(known), np.array(seen)
+    if float((share * expected**2).sum()) < LEAST_COLOUR:
+        return None
+    errors = {
+        order: float((share * (got[:, order] - expected) ** 2).sum()) for order in permutations(range(3))
+    }
+    best = min(errors, key=lambda order: errors[order])
+    if best != (0, 1, 2) and errors[best] < (1 - COLOUR_LEAD) * errors[0, 1, 2]:
+        return f"the colour channels are in the order {''.join('RGB'[i] for i in best)}, not RGB"
+    return None
+
+
+def _without_brightness(colour: FloatArray) -> FloatArray:
+    logarithm = np.log(np.maximum(colour, 1e-6))
+    return np.asarray(logarithm - logarithm.mean())
+
+
+def base_colour(material: Material) -> FloatArray:
+    """(3,) mean reflectance of a material, its texture included."""
+    colour = np.array(material.base_color, dtype=np.float64)
+    if material.base_color_texture is not None:
+        texture = material.base_color_texture.astype(np.float64) / 255
+        colour = colour * linear_from_srgb(texture).reshape(-1, 3).mean(axis=0)
+    return np.asarray(colour)

@@ -11,7 +11,7 @@ START := $(shell date +%s)
 # $(call timed,command) runs a command and prints how long the target took, with its set-up.
 timed = @$(1) || exit $$?; echo "make $@ took $$(( $$(date +%s) - $(START) )) s"
 
-.PHONY: run test check bench dist clean
+.PHONY: run test check bench docs dist clean
 
 run: $(VENV)/ready
 	$(call timed,$(BIN)/posse run aqua --renderer mitsuba --frames $(FRAMES) --out $(OUT))
@@ -26,6 +26,10 @@ check: $(VENV)/ready-to-test
 
 bench: $(VENV)/ready
 	$(call timed,$(BIN)/python benchmarks/stages.py)
+
+# The site of the documentation, in docs/_build/html; a warning is an error.
+docs: $(VENV)/ready-to-test
+	$(call timed,$(BIN)/python -m sphinx -W --keep-going -q docs docs/_build/html)
 
 # Wheels and sdists of all distributions in dist/; the wheels are tried alone in a new environment of each
 # Python in PYTHONS.
@@ -50,7 +54,7 @@ $(VENV)/ready: pyproject.toml plugins/render_mitsuba/pyproject.toml
 # the newest, which on Linux is a build for CUDA of several GB; any version from 2.9 on works.
 TORCH ?= torch==2.13.0
 $(VENV)/ready-to-test: $(VENV)/ready $(PLUGINS)
-	$(BIN)/python -m pip install -qq --editable '.[test]'
+	$(BIN)/python -m pip install -qq --editable '.[test,docs]'
 	$(BIN)/python -m pip install -qq '$(TORCH)'
 	$(BIN)/python -m pip install -qq $(foreach plugin,$(PLUGINS),--editable $(dir $(plugin)))
 	touch $@
@@ -63,4 +67,4 @@ $(BLENDER_VENV)/ready:
 	touch $@
 
 clean:
-	rm -rf $(VENV) $(BLENDER_VENV) $(DIST_VENV) out build dist
+	rm -rf $(VENV) $(BLENDER_VENV) $(DIST_VENV) out build dist docs/_build docs/generated

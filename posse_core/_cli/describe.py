@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 
 import click
@@ -138,21 +140,45 @@ def _describe_camera(name: str | None, as_json: bool) -> None:
 def _describe(model: type[BaseModel], indent: str) -> None:
     if not model.model_fields:
         click.echo(f"{indent}no options")
+    for line in option_lines(model):
+        default = "" if line.default is None else f" [{line.default}]"
+        click.echo(f"{indent}{'  ' * line.depth}{line.key}{default}: {line.meaning}")
+
+
+@dataclass(frozen=True)
+class OptionLine:
+    """A key of a model, as it is described on the command line and in the documentation.
+
+    Attributes:
+        depth: 0 for the model's own keys, 1 for those of a model in one of them, and so on.
+        key: the key.
+        default: the default as it is written in YAML, or None where there is none to show.
+        meaning: one line of documentation.
+    """
+
+    depth: int
+    key: str
+    default: str | None
+    meaning: str
+
+
+def option_lines(model: type[BaseModel], depth: int = 0) -> Iterator[OptionLine]:
+    """Yield a model's keys, each followed by those of the models that its value may be."""
     is_choice = issubclass(model, ComponentChoice)  # its name and options are told by the key above
     for key, field in model.model_fields.items():
         if is_choice and key in ComponentChoice.model_fields:
             continue
         values = get_args(field.annotation) if get_origin(field.annotation) is Literal else ()
         if len(values) == 1:  # the key selects the model, which the docstring describes
-            click.echo(f"{indent}{key}: {values[0]}. {_first_sentence(model)}")
+            yield OptionLine(depth, key, None, f"{values[0]}. {_first_sentence(model)}")
             continue
-        default = "" if field.default is PydanticUndefined else f" [{_default(field.default)}]"
+        default = None if field.default is PydanticUndefined else _default(field.default)
         said = field.description or ""
         if not all(str(value) in said for value in values):
             said += f" ({', '.join(map(str, values))})"
-        click.echo(f"{indent}{key}{default}: {said}")
+        yield OptionLine(depth, key, default, said)
         for nested in _models(field.annotation):
-            _describe(nested, indent + "  ")
+            yield from option_lines(nested, depth + 1)
 
 
 def _first_sentence(model: type[BaseModel]) -> str:

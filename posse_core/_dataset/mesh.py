@@ -41,7 +41,7 @@ class Mesh:
     Attributes:
         vertices_body_m: (V, 3) float64.
         faces: (T, 3) int32 indices of vertices.
-        part_id: (T,) int16 index into :attr:`posse_core.SpacecraftInfo.parts`.
+        part_id: (T,) int16 index into ``SpacecraftInfo.parts``.
     """
 
     vertices_body_m: FloatArray

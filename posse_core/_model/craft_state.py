@@ -205,7 +205,7 @@ class CraftState(BodyState):
         sun_irradiance_rgb_w_m2: (3,) irradiance at the spacecraft on a plate that faces the Sun, in the
             red, green and blue band, already reduced by an eclipse.
         sun_angular_radius_rad: angular radius of the Sun's disc, seen from the spacecraft.
-        others: the bodies beside the target, in the order of :attr:`posse_core.Scene.others`. The Sun
+        others: the bodies beside the target, in the order of ``Scene.others``. The Sun
             lights them as it does the target.
     """
 

@@ -155,8 +155,8 @@ class BrownConrady(Distortion):
         """Radius r about the axis within which the mapping is one-to-one; at most 10.
 
         The eigenvalues of the Jacobian are at least those of its radial part, d(r L)/dr and L, minus
-        6 |p| r. Both must be positive, and so must the denominator D of L = N/D; multiplied by D and D²
-        they are polynomials.
+        6 r times the norm of p. Both must be positive, and so must the denominator D of L = N/D;
+        multiplied by D and D² they are polynomials.
         """
         N, D = np.zeros(7), np.zeros(7)
         N[::2] = 1.0, self.k1, self.k2, self.k3

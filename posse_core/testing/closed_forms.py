@@ -27,7 +27,7 @@ def disc_share(x: FloatArray) -> FloatArray:
 
 def lambertian_sphere(camera: Camera, frame: FrameState, radius_m: float, fine: int = 6) -> FloatArray:
     """(H, W, 3) radiance of a white Lambertian sphere at the origin of the body axes, E/π cos θ,
-    averaged over ``fine``² rays per pixel."""
+    averaged over the square of ``fine`` rays per pixel."""
     u = (np.arange(fine * camera.width_px) + 0.5) / fine - 0.5
     v = (np.arange(fine * camera.height_px) + 0.5) / fine - 0.5
     rays = camera.rays(np.stack(np.meshgrid(u, v), axis=-1))

@@ -19,4 +19,4 @@ class RendererConformance(
     SkyConformance,
     MannersConformance,
 ):
-    """What every renderer must do; see :class:`posse_core.testing.stage.RendererStage`."""
+    """What every renderer must do; see ``posse_core.testing.stage.RendererStage``."""

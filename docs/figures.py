@@ -22,7 +22,9 @@ from posse_core._dynamics.roe import rtn_from_roe
 
 IMAGES = Path(__file__).with_name("images")
 RED, GREEN, BLUE, GREY, ORANGE = "#c0392b", "#1e8449", "#1f5fa8", "#707b7c", "#b9770e"
-plt.rcParams.update({"svg.hashsalt": "posse", "font.size": 10, "savefig.facecolor": "white"})
+plt.rcParams.update(
+    {"svg.hashsalt": "posse", "font.size": 10, "axes.titlesize": 10, "savefig.facecolor": "white"}
+)
 
 
 def arrow(axes: Axes, start: FloatArray, end: FloatArray, colour: str, dashed: bool = False) -> None:
@@ -123,8 +125,8 @@ def camera_axes() -> None:
         arrow(space, place, end, colour)
         space.text(*(place + 1.16 * (end - place)), name, color=colour, ha="center", va="center")
     space.text(
-        *np.add(place, (0.4, -0.5)),
-        "body axes: those of the mesh,\norigin at the centre of mass",
+        *np.add(place, (0.1, -0.75)),
+        "body axes: the mesh's,\norigin at the centre of mass",
         va="top",
     )
     space.text(1.9, -1.95, "x_cam = R_cam_from_body · x_body + t_body_cam_m", ha="center")
@@ -156,7 +158,7 @@ def relative_orbits() -> None:
         times = np.linspace(0, orbits * period, 361)
         return rtn_from_roe(chief, np.array(roe_m) / a, constants.mu_earth_m3_s2, times)[:, :3]
 
-    figure, (ellipse, drift, tilt) = plt.subplots(1, 3, figsize=(13, 3.7), width_ratios=[58, 114, 40])
+    figure, (ellipse, drift, tilt) = plt.subplots(1, 3, figsize=(10.8, 3.0), width_ratios=[58, 96, 40])
     r = orbit([0, -30, 0, 10, 0, 0])
     ellipse.plot(r[:, 1], r[:, 0], color=BLUE)
     ellipse.plot(0, 0, "k.", ms=9)
@@ -164,7 +166,7 @@ def relative_orbits() -> None:
     arrow(ellipse, np.array([-30.0, 0]), np.array([-30.0, 10]), RED)
     ellipse.text(-29.3, 4.5, "a·|δe|", color=RED)
     arrow(ellipse, np.array([-30.0, 0]), np.array([-50.0, 0]), RED)
-    ellipse.text(-43, 0.9, "2 a·|δe|", color=RED)
+    ellipse.text(-46.5, 1.3, "2 a·|δe|", color=RED)
     arrow(ellipse, np.array([0.0, -14]), np.array([-30.0, -14]), GREEN)
     ellipse.text(-15, -13.2, "a·δλ", color=GREEN, ha="center")
     ellipse.set(title="roe_m: [0, −30, 0, 10, 0, 0]", xlabel="T, m", ylabel="R, m")
@@ -175,24 +177,25 @@ def relative_orbits() -> None:
     drift.plot(r[0, 1], r[0, 0], "o", color=BLUE, ms=4)
     drift.plot(0, 0, "k.", ms=9)
     arrow(drift, np.array([30.0, -15]), np.array([30.0 - 6 * np.pi, -15]), GREEN)
-    drift.text(32, -15, "−3π a·δa an orbit", color=GREEN, va="center", ha="left", fontsize=9)
+    drift.text(9, -15, "−3π a·δa an orbit", color=GREEN, va="center", ha="right")
     drift.axhline(2, color=RED, lw=0.9, ls="--")
-    drift.text(52, 2.8, "a·δa", color=RED)
+    drift.text(-49, -2.2, "a·δa", color=RED)
     drift.set(
-        title="roe_m: [2, 30, 0, 10, 0, 0], three orbits", xlabel="T, m", ylim=(-19, 19), xlim=(-50, 64)
+        title="roe_m: [2, 30, 0, 10, 0, 0], three orbits", xlabel="T, m", ylim=(-19, 19), xlim=(-50, 46)
     )
     drift.set_aspect("equal")
 
-    for last, colour, said in (
-        ([0.0, 10.0], BLUE, "δi ∥ δe"),
-        ([10.0, 0.0], ORANGE, "δi ⊥ δe"),
+    for last, colour in (
+        ([0.0, 10.0], BLUE),
+        ([10.0, 0.0], ORANGE),
     ):
         r = orbit([0, 0, 0, 10, *last])
-        tilt.plot(r[:, 2], r[:, 0], color=colour, label=said)
+        tilt.plot(r[:, 2], r[:, 0], color=colour)
     tilt.plot(0, 0, "k.", ms=9)
     tilt.set(title="δi and δe, 10 m each", xlabel="N, m", xlim=(-20, 20), ylim=(-19, 19))
     tilt.set_aspect("equal")
-    tilt.legend(loc="lower left", fontsize=9, frameon=False)
+    tilt.text(0, 11.5, "δi ∥ δe", color=BLUE)
+    tilt.text(1.5, -14.5, "δi ⊥ δe", color=ORANGE)
     for axes in (ellipse, drift, tilt):
         axes.grid(alpha=0.25)
     save(figure, "roe")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
@@ -62,7 +63,54 @@ def _resolve_public_name(
     return domain.resolve_xref(env, node["refdoc"], app.builder, "obj", public, node, shown)
 
 
+# What Sphinx cannot show as it was written: a constraint of pydantic beside the type, an alias
+# of a type within another type, and defaults whose text is no Python.
+_CONSTRAINED = re.compile(
+    r"~?(?:typing\.)?Annotated\[((?:[^\[\],]|\[[^\[\]]*\])+)(?:, [~\w.]+\((?:[^()]|\([^()]*\))*\))+\]"
+)
+_ALIAS = re.compile(r"~?(?:[\w.]+\.)?TypeAliasForwardRef\('([\w.]+)'\)")
+_NO_PYTHON = re.compile(r"= (?:<[^>]*>|not made)")
+
+
+def _readable_signature(
+    app: Sphinx,
+    what: str,
+    name: str,
+    found: object,
+    options: object,
+    parameters: str | None,
+    result: str | None,
+) -> tuple[str | None, str | None]:
+    def readable(text: str | None) -> str | None:
+        if text is None:
+            return None
+        return _NO_PYTHON.sub("= ...", _ALIAS.sub(r"\1", _CONSTRAINED.sub(r"\1", text)))
+
+    return readable(parameters), readable(result)
+
+
+# Napoleon takes what is before a colon in the first line of a property for its type; ours are sentences.
+# So the colon is another character while Napoleon reads.
+_HIDDEN_COLON = "\ue000"
+
+
+def _hide_colon(
+    app: Sphinx, what: str, name: str, found: object, options: object, lines: list[str]
+) -> None:
+    if what in ("property", "attribute") and lines:
+        lines[0] = lines[0].replace(":", _HIDDEN_COLON)
+
+
+def _show_colon(
+    app: Sphinx, what: str, name: str, found: object, options: object, lines: list[str]
+) -> None:
+    lines[:] = [line.replace(_HIDDEN_COLON, ":") for line in lines]
+
+
 def setup(app: Sphinx) -> None:
     app.connect("builder-inited", lambda app: reference.write())
     app.connect("source-read", _link_pages_from_elsewhere)
+    app.connect("autodoc-process-signature", _readable_signature)
+    app.connect("autodoc-process-docstring", _hide_colon, priority=400)
+    app.connect("autodoc-process-docstring", _show_colon, priority=600)
     app.connect("missing-reference", _resolve_public_name)

@@ -143,13 +143,14 @@ def _documented(name: str) -> str:
     return f"```{{py:data}} {full}\n:value: {found!r}\n```"
 
 
+_MEMBERS = """
+   :members:
+   :inherited-members: object, BaseModel, BaseException, Exception
+   :exclude-members: model_config"""
+
+
 def _directive(name: str, argument: str, members: bool = True) -> str:
-    options = (
-        "\n   :members:\n   :inherited-members: object, BaseModel, BaseException, Exception"
-        if members
-        else ""
-    )
-    return f"```{{eval-rst}}\n.. {name}:: {argument}{options}\n```"
+    return f"```{{eval-rst}}\n.. {name}:: {argument}{_MEMBERS if members else ''}\n```"
 
 
 def _contents(title: str, said: str, pages: list[str]) -> str:

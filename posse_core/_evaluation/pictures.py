@@ -60,11 +60,15 @@ class View:
 
     Attributes:
         name: of the body.
+        is_target: whether it is the target. Another body may look like what it is before, such as a
+            mirror before dark panels, so that its edges prove a picture wrong only where they fit
+            better elsewhere.
         outline: of its mask.
         lit: (N,) whether the Sun lights the surface at each of its points.
     """
 
     name: str
+    is_target: bool
     outline: Outline
     lit: BoolArray
 
@@ -100,7 +104,7 @@ def views_of(case: Case) -> Iterator[View]:
             continue
         outline = outline_of(mask)
         cosine = _cosine_to_sun(case, mask, depth_m, outline, sun_cam)
-        yield View(name or labels.spacecraft, outline, cosine > GRAZING)
+        yield View(name or labels.spacecraft, name is None, outline, cosine > GRAZING)
 
 
 def _longest_px(mask: BoolArray) -> int:
@@ -259,7 +263,9 @@ class PictureChecks:
         if moved_px >= SHIFT_PX and fit.gain > SHIFT_GAIN and fit.best > SHIFT_SHARE:
             return f"the picture is shifted by {fit.shift_px} px"
         before_light = float((bright & chosen).sum() / chosen.sum())
-        if fit.share < OTHER_SHARE + before_light * (OTHER_SHARE_BEFORE_LIGHT - OTHER_SHARE):
+        if view.is_target and fit.share < OTHER_SHARE + before_light * (
+            OTHER_SHARE_BEFORE_LIGHT - OTHER_SHARE
+        ):
             return f"the picture shows something else: its edges fit by {max(fit.share, 0):.0%}"
         return None
 

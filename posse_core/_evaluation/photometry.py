@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import permutations
 
 import numpy as np
 
@@ -33,7 +32,8 @@ LEAST_METERED_PX = 400
 LEAST_COLOUR = 0.02
 """Mean squared difference of the logarithms of two channels below which there is no colour."""
 COLOUR_LEAD = 0.6
-"""A wrong order of channels is one that explains the parts' colours so much better, as a share."""
+"""The reverse order of channels is a fault where it explains the parts' colours so much better, as a
+share."""
 SATURATED = 0.98
 LEAST_SATURATING = 1.5
 """Light of a white plate that faces the Sun, over white, from which half of a craft may saturate."""
@@ -89,14 +89,8 @@ def brightness_faults(case: Case, image: AnyArray, sensor: SensorConfig) -> Iter
     if not case.has("mask_rle", "fraction_lit", "phase_angle_rad", "exposure_s"):
         return
     mask, fraction_lit = case.target.mask, labels.fraction_lit or 0.0
-    is_lit = (
-        labels.mask_area_px >= LEAST_PX
-        and fraction_lit >= LEAST_LIT
-        and labels.sun_fraction_target >= LEAST_SUNLIGHT
-        and labels.phase_angle_rad <= MOST_PHASE_RAD
-    )
     light = linear(image, sensor)[mask]
-    if is_lit:
+    if _is_lit(case):
         white = white_share_s(sensor, case.camera, labels.solar_flux_w_m2) * labels.exposure_s
         scale = white * fraction_lit * labels.sun_fraction_target
         reflectance = float(light.mean()) / scale
@@ -127,14 +121,26 @@ def brightness_faults(case: Case, image: AnyArray, sensor: SensorConfig) -> Iter
             )
 
 
+def _is_lit(case: Case) -> bool:
+    """Whether most of the light of the target is the Sun's."""
+    labels = case.labels
+    return (
+        case.has("mask_rle", "fraction_lit", "phase_angle_rad")
+        and labels.mask_area_px >= LEAST_PX
+        and (labels.fraction_lit or 0.0) >= LEAST_LIT
+        and labels.sun_fraction_target >= LEAST_SUNLIGHT
+        and labels.phase_angle_rad <= MOST_PHASE_RAD
+    )
+
+
 def colour_fault(
     case: Case, image: AnyArray, sensor: SensorConfig, base_colours: Sequence[FloatArray | None]
 ) -> str | None:
-    """Whether another order of the channels would explain the colours of the parts better.
+    """Whether blue, green, red would explain the colours of the parts better than red, green, blue.
 
     base_colours: (3,) of each part of the scene, in order of their ids; None where it is not known.
     """
-    if image.ndim != 3 or case.labels.sun_fraction_target < LEAST_SUNLIGHT:
+    if image.ndim != 3 or not _is_lit(case):  # the light of Earth and sky has a colour of its own
         return None
     light = linear(image, sensor)
     known, seen, weights = [], [], []
@@ -154,12 +160,11 @@ def colour_fault(
     expected, got = np.array(known), np.array(seen)
     if float((share * expected**2).sum()) < LEAST_COLOUR:
         return None
-    errors = {
-        order: float((share * (got[:, order] - expected) ** 2).sum()) for order in permutations(range(3))
-    }
-    best = min(errors, key=lambda order: errors[order])
-    if best != (0, 1, 2) and errors[best] < (1 - COLOUR_LEAD) * errors[0, 1, 2]:
-        return f"the colour channels are in the order {''.join('RGB'[i] for i in best)}, not RGB"
+    as_said, reversed_ = (
+        float((share * (order - expected) ** 2).sum()) for order in (got, got[:, ::-1])
+    )
+    if reversed_ < (1 - COLOUR_LEAD) * as_said:
+        return "the colour channels are in the order BGR, not RGB"
     return None
 
 

@@ -14,6 +14,7 @@ from sphinx.environment import BuildEnvironment
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))
 
+# Only now: reference.py is found on the path that was set above.
 import reference  # noqa: E402
 
 import posse_core  # noqa: E402

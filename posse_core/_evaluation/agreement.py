@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import fields
+from typing import Any
 
 import numpy as np
 
@@ -125,8 +126,8 @@ def _unlike_the_scenario(info: SpacecraftInfo, mesh: Mesh, craft: Spacecraft) ->
         yield "its joints are not those that the scenario moves"
 
 
-def _values(record: object) -> list[object]:
-    values = [getattr(record, field.name) for field in fields(record)]  # type: ignore[arg-type]
+def _values(record: Any) -> list[object]:
+    values = [getattr(record, field.name) for field in fields(record)]
     return [np.asarray(x).tolist() if isinstance(x, np.ndarray | tuple) else x for x in values]
 
 

@@ -100,11 +100,6 @@ def points_seen_by_rows(
 def by_link(scene: Scene, part_id: IntArray) -> Iterator[tuple[int, int, IntArray]]:
     """Divide N points by the links of their parts (N,): number of the body, number of the link within
     it, and the indices of its points."""
-    link_of_part = np.array([piece.link for piece in scene.pieces])
-    first = 0
-    for body, spacecraft in enumerate(scene.bodies):
-        for link in range(len(spacecraft.joints) + 1):
-            points = np.flatnonzero(link_of_part[part_id] == first + link)
-            if len(points):
-                yield body, link, points
-        first += len(spacecraft.joints) + 1
+    links = scene.link_of_part[part_id]
+    for index in np.unique(links):
+        yield *scene.links[index], np.flatnonzero(links == index)

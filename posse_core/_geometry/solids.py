@@ -72,11 +72,6 @@ def solids_of(scene: Scene) -> tuple[Solid, ...]:
         links.setdefault(piece.link, []).append(index)
     faces = [len(piece.part.faces) for piece in scene.pieces]
     first_face = np.cumsum([0, *faces])
-    owner = [
-        (body, link)
-        for body, spacecraft in enumerate(scene.bodies)
-        for link in range(len(spacecraft.joints) + 1)
-    ]
     solids = []
     for scene_link in sorted(links):
         pieces = links[scene_link]
@@ -88,7 +83,7 @@ def solids_of(scene: Scene) -> tuple[Solid, ...]:
         triangles = Triangles.of_corners(corners_m, part_id, np.stack([low, high]))
         face = np.concatenate([first_face[k] + np.arange(faces[k]) for k in pieces])[triangles.face]
         vertices = np.cumsum([0, *(len(part.vertices_body_m) for part in parts)])
-        body, link = owner[scene_link]
+        body, link = scene.links[scene_link]
         solids.append(
             Solid(
                 tracer=Tracer(triangles),

@@ -70,22 +70,39 @@ class Scene:
         return (self.spacecraft, *(body.spacecraft for body in self.others))
 
     @cached_property
+    def links(self) -> tuple[tuple[int, int], ...]:
+        """Number of the body, and number of the link within it, of every link, in the order of
+        :class:`LinkPoses`."""
+        return tuple(
+            (body, link)
+            for body, spacecraft in enumerate(self.bodies)
+            for link in range(len(spacecraft.joints) + 1)
+        )
+
+    @cached_property
     def pieces(self) -> tuple[Piece, ...]:
         """The parts of all bodies. A part's id in the labels is its index here, which for the target is
         its index in ``spacecraft.parts``."""
-        pieces, first_link = [], 0
-        for spacecraft in self.bodies:
-            for part in spacecraft.parts:
-                link = first_link + spacecraft.link_of(part.joint)
-                pieces.append(Piece(part, spacecraft.materials[part.material], link))
-            first_link += len(spacecraft.joints) + 1
-        return tuple(pieces)
+        return tuple(
+            Piece(
+                part,
+                spacecraft.materials[part.material],
+                self.links.index((body, spacecraft.link_of(part.joint))),
+            )
+            for body, spacecraft in enumerate(self.bodies)
+            for part in spacecraft.parts
+        )
+
+    @cached_property
+    def link_of_part(self) -> IntArray:
+        """(P,) index of the link that moves each of :attr:`pieces`."""
+        return np.array([piece.link for piece in self.pieces], dtype=np.int64)
 
     @cached_property
     def link_radii_m(self) -> FloatArray:
         """(L,) radius of the smallest sphere about the origin of each link's axes that contains every
         vertex of the link, m; 0 for a link without a part."""
-        radii_m = np.zeros(sum(len(spacecraft.joints) + 1 for spacecraft in self.bodies))
+        radii_m = np.zeros(len(self.links))
         for piece in self.pieces:
             farthest_m = np.sqrt((piece.part.vertices_body_m**2).sum(axis=1).max())
             radii_m[piece.link] = max(radii_m[piece.link], farthest_m)

@@ -25,6 +25,7 @@ class NonlinearPropagator(FlightPropagator[NonlinearOptions]):
 
     elliptic = False
 
+    # A class variable of other models depends on an option of this one.
     @property
     def turns_plane(self) -> bool:  # type: ignore[override]
         return self.options.gravity == "j2"

@@ -9,6 +9,7 @@ import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from moving_worlds import part
 from scipy.spatial.transform import Rotation
 
 from posse_core._geometry.raycast import RayCaster
@@ -16,24 +17,11 @@ from posse_core._model.camera import Camera
 from posse_core._model.craft_state import BodyState, CraftState, Rates
 from posse_core._model.joints import Articulation, Joint
 from posse_core._model.scene import Body, Scene
-from posse_core._model.spacecraft import Material, Part, Spacecraft
+from posse_core._model.spacecraft import Material, Spacecraft
 
 seeds = st.integers(0, 2**32 - 1)
 CAMERA = Camera(160, 120, 150.0, 150.0, 79.5, 59.5, 0.036)
 MATERIALS = {"grey": Material("grey")}
-
-
-def part(name: str, mesh: trimesh.Trimesh, joint: str | None = None) -> Part:
-    """A part of a mesh; its name is that of no other."""
-    return Part(
-        name,
-        np.asarray(mesh.vertices, dtype=np.float64),
-        np.asarray(mesh.faces, dtype=np.int32),
-        np.asarray(mesh.vertex_normals, dtype=np.float32),
-        np.zeros((len(mesh.vertices), 2), dtype=np.float32),
-        "grey",
-        joint,
-    )
 
 
 def unit(rng: np.random.Generator) -> np.ndarray:

@@ -7,7 +7,7 @@ from abc import abstractmethod
 import numpy as np
 
 from posse_core._arrays import FloatArray, IntArray
-from posse_core._attitude.options import PointingErrorOptions, TrackOptions
+from posse_core._attitude.options import PointingErrorOptions, RandomPointingOptions, TrackOptions
 from posse_core._attitude.sight import R_rtn_by_sight
 from posse_core._frames import (
     R_GL_FROM_CAM,
@@ -73,6 +73,27 @@ class PointingErrorLaw(AimedLaw[PointingErrorOptions]):
         jitter = np.array([draw.standard_normal(3) for draw in draws]) * self.options.jitter_deg
         turn = np.radians(self.options.bias_deg + jitter)
         return np.asarray(aimed @ matrix_from_rotation_vector(turn))
+
+
+class RandomPointingLaw(AimedLaw[RandomPointingOptions]):
+    """The boresight in a random direction near the target or away from it, with a random roll.
+
+    Each frame draws its own: the direction evenly over the part of the sphere between the two angles,
+    and the roll evenly over a full turn. Between 0° and 180° all rotations are equally likely (they are
+    Euler's angles z-x-z, of which the cosine of the second is drawn evenly).
+    """
+
+    def R_rtn_from_camera(self, aimed: FloatArray, draws: list[np.random.Generator]) -> FloatArray:
+        least, largest = np.cos(np.radians(self.options.off_axis_deg))
+        share, roll, azimuth = np.array([draw.uniform(size=3) for draw in draws]).T
+        off = np.arccos(np.clip(least + share * (largest - least), -1, 1))
+        about = 2 * np.pi * azimuth
+        roll_vector = 2 * np.pi * roll[:, None] * _BORESIGHT_CAM
+        axis = np.stack([np.cos(about), np.sin(about), np.zeros_like(about)], axis=-1)
+        turn = matrix_from_rotation_vector(roll_vector) @ matrix_from_rotation_vector(
+            off[:, None] * axis
+        )
+        return np.asarray(aimed @ turn)
 
 
 def looking_at_target(r_chaser_rtn_m: FloatArray, indices: IntArray) -> FloatArray:

@@ -122,6 +122,23 @@ class TrackOptions(Options):
     )
 
 
+class RandomPointingOptions(Options):
+    """Options of the law ``random-pointing``."""
+
+    off_axis_deg: tuple[float, float] = Field(
+        (0.0, 0.0),
+        description="least and largest angle between the boresight and the target; [0, 180] is any"
+        " direction, and [90, 180] away from the target",
+    )
+
+    @model_validator(mode="after")
+    def _in_order(self) -> RandomPointingOptions:
+        least, largest = self.off_axis_deg
+        if not 0 <= least <= largest <= 180:
+            raise ValueError("off_axis_deg is the least and the largest angle, from 0 to 180")
+        return self
+
+
 class PointingErrorOptions(Options):
     """Options of the law ``pointing-error``."""
 

@@ -28,6 +28,7 @@ from posse_core._frames import (
 )
 from posse_core._interfaces.attitude_law import AttitudeLaw, Surroundings
 from posse_core._plugins.options import NoOptions
+from posse_core._randomness import random_generator
 
 _POLE_ANGLE_RAD = 1e-9
 """Angle from the Earth's axis below which north is undefined."""
@@ -116,6 +117,19 @@ class TrackingLaw(AttitudeLaw[TrackingOptions]):
         R_eci_rtn = R_eci_from_rtn(around.r_target_eci_m, around.v_target_eci_m_s)
         axes = body_axes(self.options.body_axis)
         return R_eci_rtn @ R_rtn_by_sight(around.r_chaser_rtn_m, *axes, around.indices)
+
+
+class RandomLaw(AttitudeLaw[NoOptions]):
+    """Another attitude in each frame, all rotations equally likely.
+
+    A Gaussian quaternion has no preferred direction, so it is uniform over rotations once normalised.
+    """
+
+    def attitude(self, around: Surroundings) -> FloatArray:
+        q = [
+            random_generator(around.seed, int(i), "attitude").standard_normal(4) for i in around.indices
+        ]
+        return matrix_from_quaternion(unit(np.array(q)))
 
 
 class TumblingLaw(AttitudeLaw[TumblingOptions]):

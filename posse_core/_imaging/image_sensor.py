@@ -147,10 +147,20 @@ class ImageSensor:
         if config.auto_exposure is not None:
             light = gather(0.0, instants)
             exposure_s = self.metered_s(light.sky, light.craft, config.auto_exposure)
+        exposure_s *= self._exposure_factor(seed, index, number)
         if light is None or config.motion_blur is not None:
             light = gather(exposure_s, instants)
         image = self.expose(light.sky, light.craft, exposure_s, seed, index, number)
         return Photograph(image, exposure_s, light)
+
+    def _exposure_factor(self, seed: int, index: int, number: int) -> float:
+        """The random factor on the exposure of an image."""
+        least, greatest = self._config.exposure_stops
+        if least == greatest:
+            return float(2.0**least)
+        again = f" {number}" if number else ""
+        random = random_generator(seed, index, f"{self._name}exposure{again}")
+        return float(2.0 ** random.uniform(least, greatest))
 
     def expose(
         self,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from posse_core._plugins.options import Options
 
@@ -95,6 +95,11 @@ class SensorConfig(Options):
     auto_exposure: AutoExposureConfig | None = Field(
         None, description="choose the exposure of each frame, instead of exposure_s; null for off"
     )
+    exposure_stops: tuple[float, float] = Field(
+        (0.0, 0.0),
+        description="least and greatest random change of each frame's exposure, in stops (a stop doubles"
+        " it), after auto_exposure",
+    )
     motion_blur: MotionBlurConfig | None = Field(
         None, description="average the image over the exposure; null for the image of one instant"
     )
@@ -135,6 +140,13 @@ class SensorConfig(Options):
     psf: PsfConfig | None = Field(
         PsfConfig(), description="point spread function of the lens; null for none"
     )
+
+    @field_validator("exposure_stops")
+    @classmethod
+    def _stops_in_order(cls, stops: tuple[float, float]) -> tuple[float, float]:
+        if not -20 <= stops[0] <= stops[1] <= 20:
+            raise ValueError("give the least change and then the greatest, from -20 to 20")
+        return stops
 
     def with_pixels_of(self, area: float) -> SensorConfig:
         """The keys of the same sensor divided into pixels of ``area`` times the size, whose images are

@@ -76,8 +76,10 @@ def test_naming_another_law_leaves_the_formers_options() -> None:
         ({"camera": {"law": "track", "offset": -0.1}}, "camera.*offset.*greater than or equal to 0"),
         (
             {"camera": {"law": "tracking", "body_axis": "+x"}},
-            "law: 'tracking' is not made for the camera; laws that are: file, pointing-error, track",
+            "law: 'tracking' is not made for the camera; laws that are: file, pointing-error,"
+            " random-pointing, track",
         ),
+        ({"camera": {"law": "random-pointing", "off_axis_deg": [9, 3]}}, "least and the largest angle"),
         (
             {"target": "track"},
             "target.law: 'track' is not made for the target; laws that are: file, iner",

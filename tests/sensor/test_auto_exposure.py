@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import stats
 
 from posse_core._imaging.image_sensor import ImageSensor
 from posse_core._model.bands import SOLAR_BAND_FRACTIONS
 from posse_core._model.camera import Camera, PixelBox
+from posse_core._model.light import Light
 from posse_core._model.scene import Radiance
 from posse_core._model.sky_view import SkyView
 from posse_core._scenario.sensor import AutoExposureConfig, NoiseConfig, SensorConfig
@@ -75,3 +77,25 @@ def test_exposure_stays_in_its_range_and_full_well_counts_as_white() -> None:
     small = sensor(full_well_e=1e5, gain_e_dn=1e6 / 255)
     exposure_s = small.metered_s(BLACK, plate(1.0), AutoExposureConfig(level=1.0))
     assert exposure_s == pytest.approx(0.0002 / 1.013489, rel=1e-5)
+
+
+def test_stops_change_the_exposure_of_each_frame_evenly() -> None:
+    """By factors whose logarithm is even between the limits, on the metered exposure too; the frame's
+    index and the seed alone choose them."""
+    light = Light(CAMERA, BLACK, plate(0.5))
+
+    def stops(auto: AutoExposureConfig | None) -> list[float]:
+        camera = sensor(exposure_stops=(-2, 1), auto_exposure=auto)
+        base_s = 0.002 if auto is None else camera.metered_s(BLACK, plate(0.5), auto)
+        shots = (camera.photograph(lambda *_: light, seed=3, index=i) for i in range(400))
+        return [float(np.log2(shot.exposure_s / base_s)) for shot in shots]
+
+    drawn = stops(None)
+    assert stats.kstest(drawn, "uniform", (-2, 3)).pvalue > 1e-3
+    np.testing.assert_allclose(stops(AutoExposureConfig()), drawn, atol=1e-12)
+
+
+@pytest.mark.parametrize("stops", [(1, -1), (-30, 0), (0, 21)])
+def test_stops_are_in_order_and_bounded(stops: tuple[float, float]) -> None:
+    with pytest.raises(ValueError, match="least change"):
+        SensorConfig(exposure_stops=stops)

@@ -90,6 +90,15 @@ class TestPointingError(BuiltIn):
     options: ClassVar = {"bias_deg": (1, 2, 3), "jitter_deg": (0.5, 0.5, 0.5)}
 
 
+class TestRandom(BuiltIn):
+    name = "random"
+
+
+class TestRandomPointing(BuiltIn):
+    name = "random-pointing"
+    options: ClassVar = {"off_axis_deg": (1, 30)}
+
+
 class TestFile(BuiltIn):
     name = "file"
 

@@ -106,6 +106,19 @@ def posse_attitude_laws() -> list[ComponentSpec]:
             capabilities=_CAMERA,
         ),
         ComponentSpec(
+            "random",
+            "another attitude in each frame, all equally likely",
+            f"{package}.target:RandomLaw",
+            capabilities=_TARGET,
+        ),
+        ComponentSpec(
+            "random-pointing",
+            "near the target or away from it in a random direction, with any roll, in each frame",
+            f"{package}.camera:RandomPointingLaw",
+            f"{package}.options:RandomPointingOptions",
+            capabilities=_CAMERA,
+        ),
+        ComponentSpec(
             "spin",
             "a steady spin about an axis at an angle from the Sun",
             f"{package}.target:SpinLaw",

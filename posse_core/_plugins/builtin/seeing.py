@@ -29,6 +29,12 @@ def posse_scenes() -> list[ComponentSpec]:
             f"{package}.cubesat:CubesatOptions",
         ),
         ComponentSpec(
+            "tango",
+            "Tango-like, the target of SPEED, SPEED+ and SHIRT: a box under one panel",
+            f"{package}.tango:Tango",
+            f"{package}.tango:TangoOptions",
+        ),
+        ComponentSpec(
             "family",
             "a random plausible craft for each seed: bus, wings, dishes, booms",
             f"{package}.family.source:Family",

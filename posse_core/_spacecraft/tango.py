@@ -115,7 +115,9 @@ def _beam(
     along = end - start
     x, z = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
     R = R_a_from_b_by_directions(unit(along), np.asarray(normal, dtype=np.float64), x, z)
-    return box((np.linalg.norm(along) + 0.6 * width_m, width_m, depth_m)).at((start + end) / 2.0, R)
+    return box((float(np.linalg.norm(along)) + 0.6 * width_m, width_m, depth_m)).at(
+        (start + end) / 2.0, R
+    )
 
 
 def _body(craft: Assembly) -> None:

@@ -94,17 +94,19 @@ def command(
 
     The command lists the parts of the file, scales and turns the mesh (it asks for the scale if none is
     given at a terminal), proposes keypoints, and writes a folder that a scenario names by
-    'target: {package: FOLDER}'.
+    'target: {package: FOLDER}'. Its page keypoints.html shows the mesh, to pick other keypoints.
     """
     import numpy as np
 
     from posse_core._spacecraft import importing
+    from posse_core._spacecraft.joint_keys import rounded
     from posse_core._spacecraft.keypoint_file import Keypoints, located, read_keypoints
     from posse_core._spacecraft.mesh import spacecraft_from_raw
     from posse_core._spacecraft.options import MeshOptions, R_body_from_mesh
     from posse_core._spacecraft.proposals import propose_keypoints, shape_symmetries
     from posse_core._spacecraft.raw import unique_names
     from posse_core._spacecraft.reader import read_mesh
+    from posse_core._view.picker.page import PICKER, picker_page
 
     group = _group(symmetries)
     with phase(f"reading {model}"):
@@ -112,8 +114,15 @@ def command(
         about = importing.summary(raw)
     if not as_json:
         _show(model, about)
+    asks = scale_m_per_unit is None and length_m is None and sys.stdin.isatty()
+    if asks:
+        longest = float((raw.bounds[1] - raw.bounds[0]).max())
+        length_m = click.prompt(f"Its longest side is {longest:.6g} units. How many metres?", type=float)
     scale = _scale(raw, model, scale_m_per_unit, length_m)
+    if asks and centre_of_mass_m is None and _keeps_origin():
+        centre_of_mass_m = (0.0, 0.0, 0.0)
     title = name or unique_names([model.stem])[0]
+    is_centroid = centre_of_mass_m is None
     options = validated(
         MeshOptions,
         {
@@ -125,6 +134,8 @@ def command(
         },
         lambda key: _FLAGS.get(str(key[0]), f"--{key[0]}"),
     )
+    centre = centre_of_mass_m or rounded(scale * R_body_from_mesh(body_axes) @ raw.surface_centre)
+    options = options.model_copy(update={"centre_of_mass_m": tuple(centre)})
     points = Keypoints() if keypoints is None else read_keypoints(keypoints)
     craft = spacecraft_from_raw(raw, options, title, points)
     if keypoints is None:
@@ -135,13 +146,19 @@ def command(
             craft = replace(craft, keypoints_body_m=proposed, keypoint_joints=carriers)
     if group:
         craft = replace(craft, symmetries=group)
-    centre = centre_of_mass_m or tuple(scale * R_body_from_mesh(body_axes) @ raw.surface_centre)
     folder = out or Path(title)
     importing.write_package(
-        folder, model, craft, scale_m_per_unit=scale, body_axes=body_axes, centre_of_mass_m=centre
+        folder,
+        model,
+        craft,
+        scale_m_per_unit=scale,
+        body_axes=body_axes,
+        centre_of_mass_m=centre,
+        pages={PICKER: picker_page(craft, centre)},
     )
     made = {
         "package": str(folder),
+        "picker": str(folder / PICKER),
         "scale_m_per_unit": scale,
         "size_m": [float(x) for x in np.diff(craft.bounds_body_m, axis=0)[0]],
         "centre_of_mass_m": [float(x) for x in centre],
@@ -156,7 +173,7 @@ def command(
     if as_json:
         echo_json({**about, **made})
     else:
-        _print(made, is_centroid=centre_of_mass_m is None)
+        _print(made, is_centroid=is_centroid)
 
 
 def _group(symmetries: tuple[str, ...]) -> tuple[FloatArray, ...]:
@@ -177,14 +194,23 @@ def _symmetry(text: str) -> tuple[str, int]:
     return axis, int(order)
 
 
+def _keeps_origin() -> bool:
+    """Ask whether the origin of the body axes is the file's."""
+    kept = click.prompt(
+        "The origin of the body axes: the centroid of its surface, or the file's origin, as poses of"
+        " others (SPEED's) need it?",
+        type=click.Choice(["centroid", "file"]),
+        default="centroid",
+    )
+    return bool(kept == "file")
+
+
 def _scale(raw: RawMesh, path: Path, scale: float | None, length_m: float | None) -> float:
     from posse_core._spacecraft.mesh import stated_scale
 
     if scale is not None and length_m is not None:
         raise InputError("--scale and --length set the same quantity; give one of them")
     longest = float((raw.bounds[1] - raw.bounds[0]).max())
-    if scale is None and length_m is None and sys.stdin.isatty():
-        length_m = click.prompt(f"Its longest side is {longest:.6g} units. How many metres?", type=float)
     if length_m is not None:
         scale = length_m / longest
     if scale is not None and not 0.0 < scale < math.inf:
@@ -214,14 +240,16 @@ def _show(path: Path, about: dict[str, Any]) -> None:
 def _print(made: dict[str, Any], *, is_centroid: bool) -> None:
     """is_centroid: the centre of mass was not given."""
     from posse_core._spacecraft.importing import SCENARIO
+    from posse_core._spacecraft.package import DESCRIPTION
 
     size = " × ".join(f"{x:.4g}" for x in made["size_m"])
     centre = ", ".join(f"{x:.4g}" for x in made["centre_of_mass_m"])
     click.echo(f"\n{made['package']}: {size} m, centre of mass at [{centre}] m from the file's origin")
     if is_centroid:
         click.echo(
-            "That is the centroid of its surface; --centre-of-mass 0 0 0 keeps the file's origin, as"
-            " poses of others (SPEED's) need."
+            "That is the centroid of its surface; for the file's own origin, as poses of others"
+            f" (SPEED's) need it, write centre_of_mass_m: [0, 0, 0] in {made['package']}/{DESCRIPTION},"
+            " or import with --centre-of-mass 0 0 0."
         )
     rows = [[name, *(f"{x:8.3f}" for x in point)] for name, point in made["keypoints"].items()]
     if rows:
@@ -242,6 +270,7 @@ def _print(made: dict[str, Any], *, is_centroid: bool) -> None:
     if made["shape_repeats"] and not made["symmetries"]:
         turns = ", ".join(made["shape_repeats"])
         click.echo(f"Its shape repeats under {turns}; if its appearance does too, add --symmetry.")
+    click.echo(f"To pick other keypoints, open {made['picker']} in a browser.")
     click.echo(f"target: {{package: {made['package']}}}, or: posse run {made['package']}/{SCENARIO}")
 
 

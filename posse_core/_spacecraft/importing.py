@@ -70,8 +70,10 @@ def write_package(
     scale_m_per_unit: float,
     body_axes: str,
     centre_of_mass_m: Sequence[float],
+    pages: Mapping[str, bytes],
 ) -> None:
-    """Make the package's folder: the mesh with its further files, the description and a sample scenario.
+    """Make the package's folder: the mesh with its further files, the description, a sample scenario,
+    and pages by their names.
 
     The folder is made completely or not at all.
 
@@ -87,6 +89,7 @@ def write_package(
         "scale_m_per_unit": scale_m_per_unit,
         "body_axes": body_axes,
         "centre_of_mass_m": [float(x) for x in centre_of_mass_m],
+        "measured_from_m": [float(x) for x in centre_of_mass_m],
         "keypoints": _keypoints(craft),
         **({"joints": joint_keys(craft)} if craft.joints else {}),
         "skeleton": [list(pair) for pair in craft.skeleton],
@@ -100,6 +103,8 @@ def write_package(
             shutil.copyfile(source, target)
         write_bytes(temporary / DESCRIPTION, _description(record).encode())
         write_bytes(temporary / SCENARIO, _scenario(craft).encode())
+        for name, page in pages.items():
+            write_bytes(temporary / name, page)
         os.chmod(temporary, 0o755)
         os.rename(temporary, folder)
     except BaseException:
@@ -127,7 +132,8 @@ def _keypoints(craft: Spacecraft) -> dict[str, Any]:
 def _description(record: Mapping[str, Any]) -> str:
     """The description as YAML, with one line per keypoint and joint."""
     lines = [
-        "# A spacecraft package. Positions are in metres, body axes, relative to the centre of mass."
+        "# A spacecraft package, in metres and body axes. Keypoints and joints are measured from",
+        "# measured_from_m, so they stay on the mesh where centre_of_mass_m alone is changed.",
     ]
     for key, value in record.items():
         if isinstance(value, dict) and value:

@@ -23,7 +23,8 @@ _NAME = re.compile(r"\w[\w-]*")
 
 
 class JointKeys(Options):
-    """A joint, in body axes, metres from the centre of mass, as the parts are in the mesh file."""
+    """A joint, in body axes, metres from the centre of mass (in a package, from ``measured_from_m``), as
+    the parts are in the mesh file."""
 
     kind: JointKind = Field(
         description="revolute turns about the axis, prismatic slides along it, fixed does neither"
@@ -69,6 +70,13 @@ class JointKeys(Options):
                     f"{key} is for {kind} joints, and this one is {self.kind}; leave it out"
                 )
         return self
+
+    def shifted(self, by_m: FloatArray) -> JointKeys:
+        """The joint at another place; ``by_m``: (3,)."""
+        if self.origin_m is None:
+            return self
+        x, y, z = np.array(self.origin_m) + by_m
+        return self.model_copy(update={"origin_m": (x, y, z)})
 
     def record(self, name: str) -> Joint:
         """The joint."""

@@ -50,14 +50,33 @@ class Keypoints:
     """The keypoints, skeleton and symmetries of a spacecraft.
 
     Attributes:
-        points: by name.
+        points: by name; positions are measured from :attr:`measured_from_m`.
         skeleton: pairs of keypoint names.
         symmetries: rotations (3, 3).
+        measured_from_m: (3,) m, along body axes from the mesh file's origin; None is the centre of mass.
     """
 
     points: Mapping[str, Point] = field(default_factory=dict)
     skeleton: tuple[tuple[str, str], ...] = ()
     symmetries: tuple[FloatArray, ...] = ()
+    measured_from_m: FloatArray | None = None
+
+    def from_centre(self, centre_of_mass_m: FloatArray) -> dict[str, Point]:
+        """The points with their positions measured from the centre of mass, which is at (3,) m along
+        body axes from the mesh file's origin."""
+        if self.measured_from_m is None:
+            return dict(self.points)
+        shift_m = self.measured_from_m - centre_of_mass_m
+        return {name: _shifted(point, shift_m) for name, point in self.points.items()}
+
+
+def _shifted(point: Point, shift_m: FloatArray) -> Point:
+    if isinstance(point, Corner):
+        return point
+    if isinstance(point, OnJoint):
+        x, y, z = np.array(point.at) + shift_m
+        return point.model_copy(update={"at": (x, y, z)})
+    return point + shift_m
 
 
 class KeypointModel(Options):
@@ -68,6 +87,11 @@ class KeypointModel(Options):
         description="name: [x, y, z] in metres, body axes, {part: bus, corner: [1, 1, -1]}, or"
         " {at: [x, y, z], joint: wing}; names are T (main body top), B (bottom), A (antenna) or S (solar"
         " panel) with a number",
+    )
+    measured_from_m: Triple | None = Field(
+        None,
+        description="where positions are measured from, in metres along body axes from the mesh file's"
+        " origin; null: the centre of mass",
     )
     skeleton: tuple[tuple[str, str], ...] = Field(
         (), description="pairs of keypoint names to draw lines between"
@@ -102,6 +126,7 @@ class KeypointModel(Options):
             },
             self.skeleton,
             tuple(np.array(rows) for rows in self.symmetries),
+            None if self.measured_from_m is None else np.array(self.measured_from_m),
         )
 
 

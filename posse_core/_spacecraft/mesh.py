@@ -77,7 +77,8 @@ def spacecraft_from_raw(
         )
         for part in raw.parts
     )
-    points_m, point_joints = located(keypoints.points, parts, joints, options.keypoints or options.mesh)
+    points = keypoints.from_centre(origin)
+    points_m, point_joints = located(points, parts, joints, options.keypoints or options.mesh)
     craft = Spacecraft(
         name=name,
         parts=parts,
@@ -160,6 +161,7 @@ def _check_keypoints(craft: Spacecraft, path: Path) -> None:
         if np.any(point < low - margin) or np.any(point > high + margin):
             position = ", ".join(f"{value:.4g}" for value in point)
             raise InputError(
-                f"{path}: keypoint {name} at [{position}] m is outside the spacecraft; keypoints are in"
-                " metres, body axes, relative to the centre of mass"
+                f"{path}: keypoint {name} at [{position}] m from the centre of mass is outside the"
+                " spacecraft; keypoints are in metres, body axes, from the centre of mass, or from"
+                " measured_from_m, if the file has that key"
             )

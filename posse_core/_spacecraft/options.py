@@ -127,7 +127,9 @@ class MeshOptions(Options):
         " default: the centroid of the surface",
     )
     keypoints: Path | None = Field(
-        None, description="YAML or JSON file with keypoints: {T1: [x, y, z]}, in metres, body axes"
+        None,
+        description="YAML or JSON file with keypoints: {T1: [x, y, z]}, in metres, body axes, from the"
+        " centre of mass or from the file's measured_from_m",
     )
     joints: Mapping[str, JointKeys] | None = Field(
         None,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path, PurePosixPath
 
+import numpy as np
 from pydantic import Field, field_validator
 
 from posse_core._errors import InputError
@@ -16,7 +17,6 @@ from posse_core._spacecraft.joint_keys import JointKeys, Triple
 from posse_core._spacecraft.keypoint_file import (
     Corner,
     KeypointModel,
-    Keypoints,
     OnJoint,
     read_mapping,
 )
@@ -50,6 +50,13 @@ class PackageModel(KeypointModel):
             raise ValueError("the mesh is outside the package; move it into the folder")
         return text
 
+    def joints_from_centre(self) -> dict[str, JointKeys] | None:
+        """The joints with their origins measured from the centre of mass."""
+        if self.joints is None or self.measured_from_m is None:
+            return self.joints
+        shift_m = np.array(self.measured_from_m) - self.centre_of_mass_m
+        return {name: joint.shifted(shift_m) for name, joint in self.joints.items()}
+
 
 class Package(SceneSource[PackageOptions]):
     """The scene source ``package``."""
@@ -65,9 +72,9 @@ class Package(SceneSource[PackageOptions]):
             body_axes=model.body_axes,
             centre_of_mass_m=model.centre_of_mass_m,
             keypoints=description,
-            joints=model.joints,
+            joints=model.joints_from_centre(),
         )
-        points = model.records() if model.keypoints else Keypoints()
+        points = model.records()
         return spacecraft_from_raw(read_mesh(mesh), options, model.name, points, joints_in=description)
 
 

@@ -124,14 +124,17 @@ def _visibility(craft: Spacecraft, points: FloatArray) -> BoolArray:
     return ~np.asarray(hit).reshape(len(points), DIRECTIONS)
 
 
+def category_of(part: Part) -> str | None:
+    """The category of keypoints, S or A, that the name of a part or of its material tells, or None."""
+    label = f"{part.name} {part.material}"
+    return next((category for category, words in _WORDS.items() if words.search(label)), None)
+
+
 def _named(craft: Spacecraft, points: FloatArray, part_ids: IntArray) -> dict[str, FloatArray]:
     groups: dict[str, list[FloatArray]] = {category: [] for category in "TBAS"}
     for point, part_id in zip(points, part_ids, strict=True):
-        part = craft.parts[int(part_id)]
-        label = f"{part.name} {part.material}"
         body = "T" if point[2] < 0.0 else "B"
-        category = next((c for c, words in _WORDS.items() if words.search(label)), body)
-        groups[category].append(point)
+        groups[category_of(craft.parts[int(part_id)]) or body].append(point)
     return {
         f"{category}{number}": point
         for category, members in groups.items()

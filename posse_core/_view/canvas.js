@@ -1,7 +1,9 @@
 // Drawing on canvases, and the pointer over them: what the pages of the viewer share.
 
 const byId = (id) => document.getElementById(id);
+const make = (parent, tag, properties = {}) => parent.appendChild(Object.assign(document.createElement(tag), properties));
 const GREY = "#465361", ACCENT = "#4fb3ff", SUN = "#ffc857", TEXT = "#e3e9ef", MUTED = "#8d9aa8";
+const AXES = ["#ff5d5d", "#5dff7f", "#6a9bff"];   // of x, y, z
 const MARGIN = 10;
 
 // A canvas's context, with as many pixels as the screen has in its area.
@@ -55,7 +57,7 @@ function short(value) {
   return String(Number(value.toPrecision(4)));
 }
 
-// Pointer handling shared by the plots: start(x, y), move(x, y, dx, dy), click(x, y), in CSS pixels.
+// Pointer handling shared by the plots: start(x, y), move(x, y, dx, dy, event), click(x, y), in CSS pixels.
 function dragged(canvas, { start = () => {}, move, click = () => {} }) {
   let last = null, moved = 0;
   canvas.onpointerdown = (event) => {
@@ -69,7 +71,7 @@ function dragged(canvas, { start = () => {}, move, click = () => {} }) {
     const [x, y] = [event.offsetX, event.offsetY], dx = x - last[0], dy = y - last[1];
     moved += Math.abs(dx) + Math.abs(dy);
     last = [x, y];
-    if (moved > 3) move(x, y, dx, dy);
+    if (moved > 3) move(x, y, dx, dy, event);
   };
   canvas.onpointerup = canvas.onpointercancel = (event) => {
     if (last && moved <= 3 && event.type === "pointerup") click(...last);
@@ -89,11 +91,12 @@ function scaleBar(context, canvas, perMetre) {
 }
 
 // A canvas with something of W × H pixels fitted into it: the wheel zooms, dragging moves, a double click resets.
+// A click may do something, click(x, y) in CSS pixels.
 class Screen {
-  constructor(canvas, draw) {
+  constructor(canvas, draw, click) {
     Object.assign(this, { canvas, scale: 1 });
     this.reset();
-    dragged(canvas, { move: (x, y, dx, dy) => { this.x += dx; this.y += dy; draw(); } });
+    dragged(canvas, { move: (x, y, dx, dy) => { this.x += dx; this.y += dy; draw(); }, click });
     canvas.onwheel = (event) => { event.preventDefault(); this.turnWheel(event); draw(); };
     canvas.ondblclick = () => { this.reset(); draw(); };
   }

@@ -1,31 +1,16 @@
-// Points in 3-D, in the sensor's axes, seen without perspective; at first as the sensor sees them.
+// Points in 3-D, in the sensor's axes; at first as the sensor sees them.
 
-class Cloud {
+class Cloud extends Turntable {
   constructor(tile) {
+    super(make(tile.stage, "canvas", { className: "cloud" }));
     this.tile = tile;
-    this.canvas = make(tile.stage, "canvas", { className: "cloud" });
     this.controls = make(tile.bar, "label", { textContent: "Colour" });
     this.colour = make(this.controls, "select");
     this.colour.onchange = () => { this.wanted = this.colour.value; tile.draw(); };
     this.scale = new Scale(tile.bar);
     this.names = make(tile.bar, "span", { className: "names" });
     this.parts = [this.canvas, this.controls, this.scale.canvas, this.names];
-    this.reset();
-    // What is in front follows the pointer.
-    dragged(this.canvas, { move: (x, y, dx, dy) => {
-      this.yaw -= dx / 120;
-      this.pitch = Math.min(Math.max(this.pitch + dy / 120, -Math.PI / 2), Math.PI / 2);
-      this.draw();
-    } });
-    this.canvas.onwheel = (event) => {
-      event.preventDefault();
-      this.zoom *= Math.exp(-event.deltaY / 500);
-      this.draw();
-    };
-    this.canvas.ondblclick = () => { this.reset(); this.draw(); };
   }
-
-  reset() { Object.assign(this, { yaw: 0, pitch: 0, zoom: 1 }); }
 
   show({ data }) {
     this.xyz = decodeNumbers(data.xyz, Float32Array);
@@ -42,18 +27,7 @@ class Cloud {
     this.tile.note.textContent = thinned(this.count, data.total, "points");
   }
 
-  // CSS pixels per metre: the spacecraft's longest side is three quarters of the canvas's smaller one.
-  get perMetre() {
-    const { clientWidth: W, clientHeight: H } = this.canvas;
-    return 0.75 * Math.min(W, H) * this.zoom / dataset.spacecraft[this.tile.labels.spacecraft].size_m;
-  }
-
-  // Sensor axes, metres, relative to the point in the middle → to the right, down and away, metres.
-  turned(x, y, z) {
-    const [c, s, cp, sp] = [Math.cos(this.yaw), Math.sin(this.yaw), Math.cos(this.pitch), Math.sin(this.pitch)];
-    const away = c * z - s * x;
-    return [c * x + s * z, cp * y - sp * away, sp * y + cp * away];
-  }
+  get size_m() { return dataset.spacecraft[this.tile.labels.spacecraft].size_m; }
 
   // The middle of the spacecraft's box, sensor axes, metres: what the view turns about.
   get middle() {
@@ -61,20 +35,9 @@ class Cloud {
     return rotate(q, dataset.spacecraft[this.tile.labels.spacecraft].middle_body_m).map((value, i) => value + t[i]);
   }
 
-  toCanvas(point) {
-    const { middle } = this, [right, down] = this.turned(...point.map((value, i) => value - middle[i]));
-    return [this.canvas.clientWidth / 2 + this.perMetre * right, this.canvas.clientHeight / 2 + this.perMetre * down];
-  }
-
   draw() {
-    const context = fitted(this.canvas), { xyz, count, perMetre } = this, { clientWidth: W, clientHeight: H } = this.canvas;
-    const [x0, y0, z0] = this.middle, side = count < 1000 ? 3 : 2;
-    const away = new Float32Array(count), at = new Float32Array(2 * count);
-    for (let i = 0; i < count; i++) {
-      const [right, down, far] = this.turned(xyz[3 * i] - x0, xyz[3 * i + 1] - y0, xyz[3 * i + 2] - z0);
-      away[i] = far;
-      at.set([W / 2 + perMetre * right, H / 2 + perMetre * down], 2 * i);
-    }
+    const context = fitted(this.canvas), { count } = this, side = count < 1000 ? 3 : 2;
+    const { at, away } = this.placed(this.xyz);
     context.scale(devicePixelRatio, devicePixelRatio);
     context.font = "12px sans-serif";
     const colour = this.colours();
@@ -84,8 +47,8 @@ class Cloud {
       context.fillRect(at[2 * i] - side / 2, at[2 * i + 1] - side / 2, side, side);
     }
     if (picture.shown.has("axes")) this.drawBodyAxes(context);
-    this.drawSensorAxes(context);
-    scaleBar(context, this.canvas, perMetre);
+    this.drawDirections(context);
+    scaleBar(context, this.canvas, this.perMetre);
   }
 
   // Colour of each point; shows what it means.
@@ -128,25 +91,8 @@ class Cloud {
       const [origin, ...tips] = axesOf(body, craft).map((tip) => this.toCanvas(tip));
       context.fillStyle = TEXT;
       context.fillText(name, origin[0] + 6, origin[1] + 14);
-      tips.forEach((tip, i) => {
-        context.strokeStyle = context.fillStyle = AXES[i];
-        context.lineWidth = 2;
-        stroke(context, origin, tip);
-        context.fillText("xyz"[i], tip[0] + 4, tip[1]);
-      });
+      drawTriad(context, origin, tips);
     }
-  }
-
-  // Directions of the sensor's axes, in the corner.
-  drawSensorAxes(context) {
-    const middle = [this.canvas.clientWidth - 42, this.canvas.clientHeight - 42];
-    [[1, 0, 0], [0, 1, 0], [0, 0, 1]].forEach((axis, i) => {
-      const [right, down] = this.turned(...axis), tip = [middle[0] + 26 * right, middle[1] + 26 * down];
-      context.strokeStyle = context.fillStyle = AXES[i];
-      context.lineWidth = 1.5;
-      stroke(context, middle, tip);
-      context.fillText("xyz"[i], tip[0] + 3 + 4 * right, tip[1] + 4 + 6 * down);
-    });
   }
 }
 

@@ -9,7 +9,6 @@ import json
 import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -26,6 +25,7 @@ from posse_core._files.atomic import atomic_file
 from posse_core._model.camera import Camera
 from posse_core._model.label_line import LabelLine
 from posse_core._view.columns import label_columns, motion_columns
+from posse_core._view.html import page_halves, read, script_block
 from posse_core._view.previews import preview
 
 Progress = Callable[[Iterable[int], int], Iterable[int]]
@@ -33,10 +33,12 @@ Progress = Callable[[Iterable[int], int], Iterable[int]]
 LEFT_OUT = ("part_area_px",)
 """Labels that a page does not carry: long, and nothing is drawn from them."""
 VIEWER_SCRIPTS = (
+    "numbers.js",
     "data.js",
     "canvas.js",
     "picture.js",
     "showings.js",
+    "turntable.js",
     "cloud.js",
     "eventimage.js",
     "sensors.js",
@@ -62,8 +64,8 @@ class Document:
     Attributes:
         dataset: whose frames it shows.
         positions: of these frames.
-        body, styles, scripts: files of this package. The skeleton is ``page.html``; in the body,
-            ``viewer.html`` is put in for the comment VIEWER.
+        body, styles, scripts: files of this package. In the body, ``viewer.html`` is put in for the
+            comment VIEWER.
         blocks: JSON values for the scripts, by the id of their element.
         of_frame: JSON value that a frame's block has beside labels and preview, by the frame's index.
     """
@@ -119,18 +121,13 @@ class Document:
 
     def _frame(self, labels: LabelLine, small: dict[str, Any] | None) -> bytes:
         value = {"labels": _kept(labels.as_json()), "preview": small, **self.of_frame(labels.index)}
-        return _script(f"frame-{labels.index}", value)
+        return script_block(f"frame-{labels.index}", value)
 
     def _halves(self, out: Path) -> tuple[bytes, bytes]:
         """The page before its frames, and after them."""
-        page = _read("page.html").replace("/*STYLE*/", "".join(map(_read, self.styles)))
-        page = page.replace(
-            "<!--BODY-->\n", _read(self.body).replace("<!--VIEWER-->\n", _read("viewer.html"))
-        )
-        before, after = page.split("<!--FRAMES-->\n")
         blocks = {"dataset": _dataset_block(self.dataset, out, self.positions), **self.blocks}
-        head = before.encode() + b"".join(_script(name, value) for name, value in blocks.items())
-        return head, after.replace("/*SCRIPT*/", "\n".join(map(_read, self.scripts))).encode()
+        body = read(self.body).replace("<!--VIEWER-->\n", read("viewer.html"))
+        return page_halves(body, self.styles, self.scripts, blocks)
 
 
 def _dataset_block(dataset: Dataset, out: Path, positions: Sequence[int]) -> dict[str, Any]:
@@ -208,14 +205,3 @@ def _spacecraft(info: SpacecraftInfo, mesh: Mesh) -> dict[str, Any]:
         "size_m": float((high - low).max()),
         "middle_body_m": ((low + high) / 2).tolist(),
     }
-
-
-def _script(name: str, value: Any) -> bytes:
-    """JSON that the page's script reads; nothing in it can end the element or begin another."""
-    text = json.dumps(value, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
-    text = text.replace("</", "\\u003c/").replace("<!", "\\u003c!")
-    return f'<script type="application/json" id="{name}">{text}</script>\n'.encode()
-
-
-def _read(name: str) -> str:
-    return files("posse_core._view").joinpath(name).read_text(encoding="utf-8")

@@ -18,7 +18,6 @@ const OVERLAYS = [
     draw: (context, frame, line) => each(frame, "keypoints", (body) => drawNames(context, body, line)) },
 ];
 const VISIBILITY = { 1: "#ff9f43", 2: "#58e07a" };   // hidden, seen; 0 is out of the image
-const AXES = ["#ff5d5d", "#5dff7f", "#6a9bff"];
 // Of masks and boxes: those of the target, then those of the bodies beside it, in turn.
 const MASKS = [[61, 220, 255], [199, 146, 255], [255, 159, 107], [155, 229, 100]];
 const BOXES = ["#ffd34d", "#c792ff", "#ff9f6b", "#9be564"];

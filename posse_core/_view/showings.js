@@ -1,10 +1,6 @@
 // How one thing of a reading is shown in its tile. Each way has show(choice, reading), draw(), and ``parts``, the
 // elements that are seen while it is the way.
 
-function make(parent, tag, properties = {}) {
-  return parent.appendChild(Object.assign(document.createElement(tag), properties));
-}
-
 // A slider from 0 to 1.
 function slider(parent, name, value, changed) {
   const label = make(parent, "label", { textContent: name });

@@ -165,7 +165,7 @@ def test_at_a_terminal_it_asks_for_the_length(imported, tmp_path, monkeypatch):
         def isatty(self):
             return True
 
-    monkeypatch.setattr("sys.stdin", Terminal("10\n"))
+    monkeypatch.setattr("sys.stdin", Terminal("10\n\n"))
     trimesh.creation.box((2.0, 1.0, 5.0)).export(tmp_path / "a.stl")
     code, out, err = imported(tmp_path / "a.stl", "--out", tmp_path / "p")
     assert code == 0, err

@@ -3,16 +3,16 @@
 import html
 import json
 import re
-import shutil
 import subprocess
 from pathlib import Path
 
 import cuboid
 import cuboid_sensors
 import pytest
+from browser import chromium
 from click.testing import CliRunner
 
-from posse_core._cli.view import command
+from posse_core._cli.view import command as view_command
 
 FLAGS = (
     "--headless",
@@ -31,7 +31,7 @@ FLAGS = (
 @pytest.fixture(scope="session")
 def view():
     """Run ``posse view``."""
-    return lambda *arguments: CliRunner().invoke(command, [str(argument) for argument in arguments])
+    return lambda *arguments: CliRunner().invoke(view_command, [str(argument) for argument in arguments])
 
 
 @pytest.fixture(scope="session")
@@ -54,11 +54,7 @@ def browse(tmp_path_factory):
     ``address`` is what the page's address ends with, such as ``#frame=3``.
     Errors that the page itself raised are in ``told.errors``.
     """
-    chromium = next(
-        filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
-    )
-    if chromium is None:
-        pytest.skip("no Chromium on this machine: the page is judged by its data alone")
+    command = chromium()
 
     def run(page: Path, script: str, address: str = "") -> dict:
         watch = "<script>const told = {errors: []}; onerror = (e) => void told.errors.push(e);</script>"
@@ -69,7 +65,7 @@ def browse(tmp_path_factory):
         probe.write_text(text.replace("</body>", tell + "</body>"))
         profile = tmp_path_factory.mktemp("profile")
         done = subprocess.run(
-            [chromium, *FLAGS, f"--user-data-dir={profile}", probe.as_uri() + address],
+            [command, *FLAGS, f"--user-data-dir={profile}", probe.as_uri() + address],
             capture_output=True,
             text=True,
             timeout=120,

@@ -70,7 +70,9 @@ TELL = """
     hand("pointerdown", 100, 100);
     for (const [x, y] of [[106, 100], [106, 112]]) hand("pointermove", x, y);
     hand("pointerup", 106, 112);
-    cloud.canvas.dispatchEvent(new WheelEvent("wheel", { deltaY: -100, cancelable: true }));
+    const { left, top, width, height } = cloud.canvas.getBoundingClientRect();
+    cloud.canvas.dispatchEvent(new WheelEvent("wheel",
+      { deltaY: -100, cancelable: true, clientX: left + width / 2, clientY: top + height / 2 }));
     told.after = [cloud.toCanvas(near).map((value, i) => value - told.before[0][i]), cloud.perMetre];
     cloud.colour.value = "range";
     cloud.colour.onchange();

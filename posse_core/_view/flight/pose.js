@@ -1,6 +1,6 @@
 // The spacecraft's lines over the image, where a pose puts them: the truth, the estimate, the frame's own pose.
 
-const flight = JSON.parse(document.getElementById("flight").textContent);
+const flight = blockOf("flight");
 const POSES = [
   { name: "true", title: "True pose", key: "t", colour: "#e3e9ef" },
   { name: "single", title: "Single frame's pose", key: "s", colour: "#c58cff" },

@@ -1,4 +1,4 @@
-"""The conformance class for renderers: light, geometry and sky against closed forms, bodies
+"""The conformance class for renderers: light, lobes, geometry and sky against closed forms, bodies
 that move, and behaviour."""
 
 from __future__ import annotations
@@ -6,6 +6,7 @@ from __future__ import annotations
 from posse_core.testing.finishes import FinishesConformance
 from posse_core.testing.geometry import GeometryConformance
 from posse_core.testing.light import LightConformance
+from posse_core.testing.lobes import LobesConformance
 from posse_core.testing.manners import MannersConformance
 from posse_core.testing.sky import SkyConformance
 from posse_core.testing.worlds import WorldsConformance
@@ -13,6 +14,7 @@ from posse_core.testing.worlds import WorldsConformance
 
 class RendererConformance(
     LightConformance,
+    LobesConformance,
     GeometryConformance,
     FinishesConformance,
     WorldsConformance,

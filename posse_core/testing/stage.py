@@ -71,12 +71,17 @@ class RendererStage(Conformance):
 
     Attributes:
         radiance_tolerance: relative tolerance of Lambertian radiance against E ρ/π cos θ.
+        lobe_tolerance: relative tolerance of the light of metal and paint against glTF's model.
+        glossy_sky_tolerance: relative tolerance of the sky in rough metal against the integral over its
+            lobe.
         edge_tolerance_px: tolerance of the position of a silhouette's edges.
         iou_min: least intersection over union of the pixels with coverage above one half with those of
             the exact ray cast.
     """
 
     radiance_tolerance: float = 0.01
+    lobe_tolerance: float = 0.03
+    glossy_sky_tolerance: float = 0.03
     edge_tolerance_px: float = 0.1
     iou_min: float = 0.995
 

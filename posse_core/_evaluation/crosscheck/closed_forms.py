@@ -18,7 +18,14 @@ from posse_core._model.scene import Body, EnvironmentMap, FrameState, Scene
 from posse_core._model.spacecraft import Material, Part, Spacecraft
 from posse_core._model.srgb import linear_from_srgb
 from posse_core.testing import scenes
-from posse_core.testing.closed_forms import directions, lambertian_sphere, polygon_area_and_centroid
+from posse_core.testing.closed_forms import (
+    directions,
+    fine_rays,
+    gltf_brdf,
+    lambertian_sphere,
+    pixel_means,
+    polygon_area_and_centroid,
+)
 
 WHITE = Material("white", base_color=(1.0, 1.0, 1.0), specular=0.0)
 CLAY = Material("clay", base_color=(0.8, 0.5, 0.2), specular=0.0)
@@ -286,34 +293,18 @@ def _phases(*phases_rad: float) -> tuple[FrameState, ...]:
 
 
 def _gltf(camera: Camera, frame: FrameState, material: Material) -> FloatArray:
-    """(H, W, 3) radiance of a sphere of 1 m by glTF 2.0, Appendix B: one reflection at GGX facets with
-    height-correlated shadowing, a Lambertian base below a dielectric.
+    """(H, W, 3) radiance of a sphere of 1 m by :func:`posse_core.testing.closed_forms.gltf_brdf`.
 
     Renderers differ in the shadowing, in the light that scatters between facets, and in what becomes
     of light between surface and base; so no threshold is put on it.
     """
-    u = (np.arange(FINE * camera.width_px) + 0.5) / FINE - 0.5
-    v = (np.arange(FINE * camera.height_px) + 0.5) / FINE - 0.5
-    rays = _unit(camera.rays(np.stack(np.meshgrid(u, v), axis=-1)))
+    rays = fine_rays(camera, FINE)
     along = rays @ frame.craft.t_body_cam_m
     inside = along**2 - frame.craft.range_m**2 + 1
     normals = rays * (along - np.sqrt(np.maximum(inside, 0.0)))[..., None] - frame.craft.t_body_cam_m
-    halfway = _unit(frame.craft.sun_direction_cam - rays)
-    n_v = np.clip(-(normals * rays).sum(axis=-1), 1e-9, None)
-    n_l = np.clip(normals @ frame.craft.sun_direction_cam, 0.0, None)
-    n_h = (normals * halfway).sum(axis=-1)
-    fresnel = (1 - np.clip(-(halfway * rays).sum(axis=-1), 0, 1)) ** 5
-    a2 = material.roughness**4
-    D = a2 / (np.pi * (n_h**2 * (a2 - 1) + 1) ** 2)
-    smith = n_l * np.sqrt(n_v**2 * (1 - a2) + a2) + n_v * np.sqrt(n_l**2 * (1 - a2) + a2)
-    facets = (D * 0.5 / np.maximum(smith, 1e-12))[..., None]
-    base = np.array(material.base_color)
-    f0 = base if material.metallic else np.full(3, 0.04 * material.specular)
-    F = f0 + (1 - f0) * fresnel[..., None]
-    diffuse = 0.0 if material.metallic else (1 - F) * base / np.pi
-    lit = ((inside > 0) & (n_l > 0))[..., None]
-    value = np.where(lit, (diffuse + F * facets) * n_l[..., None], 0.0)
-    mean = value.reshape(camera.height_px, FINE, camera.width_px, FINE, 3).mean(axis=(1, 3))
+    to_sun = frame.craft.sun_direction_cam
+    light = gltf_brdf(material, normals, -rays, to_sun) * np.maximum(normals @ to_sun, 0.0)[..., None]
+    mean = pixel_means(np.where((inside > 0)[..., None], light, 0.0), FINE)
     return np.asarray(mean * frame.craft.sun_irradiance_rgb_w_m2)
 
 

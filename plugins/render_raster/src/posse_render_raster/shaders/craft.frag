@@ -85,7 +85,7 @@ void main() {
     rough = pow(min(rough * rough * rough * rough + widening, 1.0), 0.25);
     vec3 f0 = mix(vec3(0.04 * specular), color, metal);
     float f90 = mix(specular, 1.0, metal);
-    vec3 diffuse = color * (1.0 - metal) / PI;
+    vec3 diffuse = color * (1.0 - metal) / PI;  // that of the dielectric share, below its own coat alone
     float n_v = max(dot(n, v), 1e-4);
 
     vec3 radiance = vec3(0.0);
@@ -102,9 +102,10 @@ void main() {
         float distribution = a2 / (PI * d * d);
         float shadowing = 0.5 / (n_l * sqrt(n_v * n_v * (1.0 - a2) + a2)
                                + n_v * sqrt(n_l * n_l * (1.0 - a2) + a2));
-        vec3 fresnel = f0 + (f90 - f0) * pow(1.0 - v_h, 5.0);
-        vec3 reflected = diffuse * (1.0 - max(max(fresnel.r, fresnel.g), fresnel.b) * (1.0 - metal))
-                       + fresnel * distribution * shadowing;
+        float edge = pow(1.0 - v_h, 5.0);
+        vec3 fresnel = f0 + (f90 - f0) * edge;
+        float coat = specular * (0.04 + 0.96 * edge);
+        vec3 reflected = diffuse * (1.0 - coat) + fresnel * distribution * shadowing;
         radiance += sun_visible(face_normal) * sun_irradiance_rgb_w_m2 * n_l * reflected;
     }
     if (has_environment) {
@@ -120,7 +121,7 @@ void main() {
             lobe = mix(texture(prefiltered, vec3(mirrored, floor(layer))).rgb,
                        texture(prefiltered, vec3(mirrored, ceil(layer))).rgb, fract(layer));
         }
-        float coat = max(max(fresnel.r, fresnel.g), fresnel.b) * (1.0 - metal);
+        float coat = specular * (0.04 * albedo.x + albedo.y);
         vec3 even = texture(prefiltered, vec3(map_uv(n), DIFFUSE_LAYER)).rgb;
         radiance += lobe * fresnel + even * PI * diffuse * (1.0 - coat);
     }

@@ -19,7 +19,13 @@ import posse_core
 
 ROOT = Path(__file__).parents[1]
 REGENERATE = ROOT / "tests" / "authorities" / "regenerate_public_face.py"
-PLUGIN_FILES = sorted((ROOT / "plugins").glob("*/src/**/*.py"))
+PLUGIN_FILES = sorted(
+    [
+        *ROOT.glob("plugins/*/src/**/*.py"),
+        *ROOT.glob("examples/*/src/**/*.py"),
+        *ROOT.glob("examples/*/tests/*.py"),
+    ]
+)
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 _PRIVATE = re.compile(r"posse_core\._\w+")
 
@@ -63,7 +69,7 @@ def late():
     ]
 
 
-@pytest.mark.parametrize("path", PLUGIN_FILES, ids=lambda path: str(path.relative_to(ROOT / "plugins")))
+@pytest.mark.parametrize("path", PLUGIN_FILES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_our_plugins_use_the_public_face_alone(path: Path) -> None:
     used = sorted(private_names(path.read_text(encoding="utf-8")))
     assert not used, (

@@ -178,11 +178,12 @@ def _pose_record(seen: ObjectInView) -> Any:
 
 
 def _info_record(has_depth: BoolArray, seen: ObjectInView, silhouette: Silhouette) -> Any:
-    """As BOP's ``calc_gt_info.py`` counts; a pixel is valid that has a depth, of whatever object."""
+    """As BOP's ``calc_gt_info.py`` counts: a pixel is valid that has a depth, of whatever object, and
+    the width of a box is the distance of its outermost pixels, one less than their number."""
     whole_px = silhouette.count_px
     return {
-        "bbox_obj": _pixels_of(silhouette.box_px),
-        "bbox_visib": seen.box_px or _NO_BOX,
+        "bbox_obj": _whole_box(silhouette),
+        "bbox_visib": _NO_BOX if seen.box_px is None else _between_pixels(seen.box_px),
         "px_count_all": whole_px,
         "px_count_valid": int((silhouette.mask & has_depth).sum()),
         "px_count_visib": seen.area_px,
@@ -190,13 +191,34 @@ def _info_record(has_depth: BoolArray, seen: ObjectInView, silhouette: Silhouett
     }
 
 
-def _pixels_of(box_px: Box | None) -> list[int]:
-    """Return the box of the pixels whose centres are inside a box of projected vertices."""
-    if box_px is None:
+def _between_pixels(box_px: Sequence[float]) -> list[int]:
+    x, y, width, height = map(int, box_px)
+    return [x, y, width - 1, height - 1]
+
+
+def _whole_box(silhouette: Silhouette) -> list[int]:
+    """Return the box of a silhouette's pixels, also beyond the image.
+
+    Where the silhouette ends inside the image it is that of its pixels; otherwise of the pixels whose
+    centres are inside the box of the projected vertices.
+    """
+    if silhouette.box_px is None:
         return _NO_BOX
-    x, y, width, height = box_px
+    mask = silhouette.mask
+    if mask.any() and not (mask[[0, -1]].any() or mask[:, [0, -1]].any()):
+        rows, columns = np.nonzero(mask)
+        x0, y0 = int(columns.min()), int(rows.min())
+        return [x0, y0, int(columns.max()) - x0, int(rows.max()) - y0]
+    x, y, width, height = silhouette.box_px
     x0, y0 = int(np.ceil(x)), int(np.ceil(y))
-    return [x0, y0, int(np.floor(x + width)) - x0 + 1, int(np.floor(y + height)) - y0 + 1]
+    return [x0, y0, int(np.floor(x + width)) - x0, int(np.floor(y + height)) - y0]
+
+
+def _visible_box(bbox: Sequence[int]) -> Box | None:
+    if list(bbox) == _NO_BOX:
+        return None
+    x, y, width, height = bbox
+    return Box(x, y, width + 1, height + 1)
 
 
 def read_bop(folder: Path) -> Iterator[ExportedImage]:
@@ -225,7 +247,7 @@ def _labels(infos: Mapping[str, Any], pose: Mapping[str, Any], detail: Mapping[s
         spacecraft=infos[str(pose["obj_id"])]["name"],
         q_cam_from_body=frames.quaternion_from_matrix(R).tolist(),
         t_body_cam_m=tuple(x / 1e3 for x in pose["cam_t_m2c"]),
-        box_visible_px=None if detail["bbox_visib"] == _NO_BOX else detail["bbox_visib"],
+        box_visible_px=_visible_box(detail["bbox_visib"]),
         mask_area_px=detail["px_count_visib"],
     )
 

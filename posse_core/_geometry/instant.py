@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from posse_core._arrays import AnyArray, BoolArray, FloatArray, IntArray
-from posse_core._geometry.solids import Placed, shadowed
+from posse_core._geometry.solids import GRAZING, Placed, shadowed
 from posse_core._geometry.triangles import dot, rotated
 from posse_core._model.camera import Camera, PixelBox
 from posse_core._model.craft_state import CraftState
@@ -59,7 +59,7 @@ class SolidInView:
             start_m=max(0.0, nearest_m - 0.01 * triangles.size_m),
             normal=normal,
             normals_cam=np.append(normals_cam, np.full((1, 3), np.nan, dtype=np.float32), axis=0),
-            sunny=np.append(dot(normal, sun_direction) > 0, False),
+            sunny=np.append(dot(normal, sun_direction) > GRAZING, False),
         )
 
     def first(self, directions: FloatArray) -> tuple[IntArray, FloatArray]:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from posse_core._arrays import BoolArray, FloatArray, IntArray
 from posse_core._frames import turned, unit
-from posse_core._geometry.solids import Placed, Solid, placed_at, shadowed
+from posse_core._geometry.solids import GRAZING, Placed, Solid, placed_at, shadowed
 from posse_core._geometry.triangles import dot
 from posse_core._model.craft_state import CraftState
 from posse_core._model.ray_hits import RayHits
@@ -110,7 +110,8 @@ def _cast(
         normal[:, found] = placed.of_rays(found).direction_in_camera(normals)
         point_m[:, found] = points + triangles.centre_body_m[:, None]
         sun_cam = np.broadcast_to(instant.sun_direction_cam, normal.shape)[:, found]
-        sunny = np.flatnonzero(dot(normals, placed.of_rays(found).direction_here(sun_cam)) > 0)
+        cosine = dot(normals, placed.of_rays(found).direction_here(sun_cam))
+        sunny = np.flatnonzero(cosine > GRAZING)
         bright = found[sunny]
         dark = shadowed(
             [each.of_rays(bright) for each in instant.placed],

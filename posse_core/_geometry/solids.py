@@ -190,6 +190,11 @@ def placed_at(solids: Sequence[Solid], poses: LinkPoses) -> tuple[Placed, ...]:
     )
 
 
+GRAZING = 1e-9
+"""A face is on the Sun's side if the cosine between its normal and the Sun is greater: rounding alone
+would decide for faces that are edge-on by construction, as those of a craft that points at the Sun."""
+
+
 def shadowed(
     placed: Sequence[Placed],
     own: int,

@@ -192,15 +192,18 @@ def test_bop_counts_are_those_of_its_toolkit_s_definitions(exported, scene):
             assert info["visib_fract"] == (visible.sum() / len(covered) if covered else 0)
             columns, rows = np.array(sorted(covered)).T
             x, y, width, height = info["bbox_obj"]
-            # The toolkit's box is of the pixels covered, ours of those within the projected vertices.
+            if mask.any() and not (mask[[0, -1]].any() or mask[:, [0, -1]].any()):
+                assert (x, y) == (columns.min(), rows.min())
+                assert (x + width, y + height) == (columns.max(), rows.max())
+            # Beyond the image, ours is of the pixels within the projected vertices.
             assert (x, y) <= (columns.min(), rows.min())
-            assert x + width - 1 - columns.max() in (0, 1)
-            assert y + height - 1 - rows.max() in (0, 1)
+            assert x + width - columns.max() in (0, 1)
+            assert y + height - rows.max() in (0, 1)
             if visible.any():
                 rows, columns = np.nonzero(visible)
                 x, y, width, height = info["bbox_visib"]
                 assert (x, y) == (columns.min(), rows.min())
-                assert (x + width - 1, y + height - 1) == (columns.max(), rows.max())
+                assert (x + width, y + height) == (columns.max(), rows.max())
             else:
                 assert info["bbox_visib"] == [-1, -1, -1, -1]
 

@@ -138,6 +138,20 @@ def test_a_plate_lit_from_behind_is_dark_from_either_side(make_scene, make_state
 
 
 @given(seeds)
+def test_faces_edge_on_to_the_sun_are_dark(make_scene, make_state, seed):
+    """A box whose axis points at the Sun: its sides are edge-on, whatever rounding makes of them."""
+    R = random_rotation(seed)
+    state = make_state(np.array([0.2, 0.1, 5.0]), R, sun_body=(0, 0, 1))
+    scene = make_scene({"box": trimesh.creation.box((1, 1, 3))})
+    view = RayCaster(scene).view(state)
+    to_sun = full(view, scene.camera, view.normal_cam, np.nan) @ state.sun_direction_cam
+    lit = full(view, scene.camera, view.lit, False)
+    assert (lit == (to_sun > 0.5)).all()
+    hits = RayCaster(scene).rays(state, directions(scene.camera).reshape(-1, 3))
+    assert (hits.lit == lit.ravel()).mean() > 0.998
+
+
+@given(seeds)
 def test_keypoints_of_a_cube(make_scene, make_state, seed):
     half = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)], float)
     centres = np.concatenate([np.eye(3), -np.eye(3)])

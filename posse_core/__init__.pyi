@@ -13,7 +13,6 @@ from ._arrays import Float32Array as Float32Array
 from ._arrays import FloatArray as FloatArray
 from ._arrays import IntArray as IntArray
 from ._constants import Constants as Constants
-from ._dataset.coco import open_dataset as open_dataset
 from ._dataset.dataset import Dataset as Dataset
 from ._dataset.files import read_image as read_image
 from ._dataset.images import LabelledImages as LabelledImages
@@ -40,6 +39,7 @@ from ._evaluation.metrics import seen_bodies as seen_bodies
 from ._evaluation.metrics import true_box as true_box
 from ._evaluation.metrics import true_boxes as true_boxes
 from ._files.atomic import atomic_file as atomic_file
+from ._formats.opening import open_dataset as open_dataset
 from ._formats.poses import camera_beside as camera_beside
 from ._formats.poses import read_poses as read_poses
 from ._frames import R_with_z as R_with_z

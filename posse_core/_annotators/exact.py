@@ -11,8 +11,10 @@ from posse_core._annotators import rle
 from posse_core._frames import quaternion_from_matrix
 from posse_core._interfaces.annotator import Annotator
 from posse_core._interfaces.look import Look
+from posse_core._model.camera import Camera
 from posse_core._model.craft_state import CraftState
-from posse_core._model.labels import Labels
+from posse_core._model.labels import Labels, View
+from posse_core._model.spacecraft import Spacecraft
 
 
 class BoxAnnotator(Annotator):
@@ -20,33 +22,41 @@ class BoxAnnotator(Annotator):
 
     def annotate(self, look: Look) -> Labels:
         view = look.view()
-        columns = np.flatnonzero(view.mask.any(axis=0))
-        rows = np.flatnonzero(view.mask.any(axis=1))
-        visible = None
-        if len(columns):
-            x, y = view.box.x0 + columns[0], view.box.y0 + rows[0]
-            size = columns[-1] - columns[0] + 1, rows[-1] - rows[0] + 1
-            visible = [int(number) for number in (x, y, *size)]
         whole = view.whole_box_px.tolist() if np.isfinite(view.whole_box_px).all() else None
-        return Labels({"box_visible_px": visible, "box_whole_px": whole})
+        return Labels({"box_visible_px": visible_box(view), "box_whole_px": whole})
+
+
+def visible_box(view: View) -> list[int] | None:
+    """The tight box of the visible pixels: x, y, width, height; None where there are none."""
+    columns = np.flatnonzero(view.mask.any(axis=0))
+    rows = np.flatnonzero(view.mask.any(axis=1))
+    if not len(columns):
+        return None
+    x, y = view.box.x0 + columns[0], view.box.y0 + rows[0]
+    size = columns[-1] - columns[0] + 1, rows[-1] - rows[0] + 1
+    return [int(number) for number in (x, y, *size)]
 
 
 class MaskAnnotator(Annotator):
     """``mask_rle``, ``mask_area_px``, ``fraction_visible``, ``fraction_lit``."""
 
     def annotate(self, look: Look) -> Labels:
-        camera, view = look.scene.camera, look.view()
-        height_px, width_px = camera.height_px, camera.width_px
+        view = look.view()
         area_px = int(view.mask.sum())
-        counts = rle.encode(view.mask, view.box, height_px, width_px)
         return Labels(
             {
-                "mask_rle": {"size": [height_px, width_px], "counts": counts},
+                "mask_rle": run_lengths(view, look.scene.camera),
                 "mask_area_px": area_px,
                 "fraction_visible": area_px / view.silhouette_px if view.silhouette_px else None,
                 "fraction_lit": int((view.lit & view.mask).sum()) / area_px if area_px else None,
             }
         )
+
+
+def run_lengths(view: View, camera: Camera) -> dict[str, Any]:
+    """The mask of a view through a camera as the label ``mask_rle``."""
+    size = camera.height_px, camera.width_px
+    return {"size": list(size), "counts": rle.encode(view.mask, view.box, *size)}
 
 
 class PartsAnnotator(Annotator):
@@ -81,16 +91,21 @@ class KeypointsAnnotator(Annotator):
     """``keypoints``: name → [u, v, visibility]."""
 
     def annotate(self, look: Look) -> Labels:
-        keypoints, view = {}, look.view()
-        for name, (u, v), visibility in zip(
-            look.scene.spacecraft.keypoints_body_m,
-            view.keypoints_px.tolist(),
-            view.keypoints_visibility.tolist(),
-            strict=True,
-        ):
-            in_front = np.isfinite(u)
-            keypoints[name] = [u if in_front else None, v if in_front else None, visibility]
-        return Labels({"keypoints": keypoints})
+        return Labels({"keypoints": keypoint_labels(look.scene.spacecraft, look.view())})
+
+
+def keypoint_labels(spacecraft: Spacecraft, view: View) -> dict[str, list[float | int | None]]:
+    """Name → [u, v, visibility] of a spacecraft's keypoints in a view."""
+    keypoints = {}
+    for name, (u, v), visibility in zip(
+        spacecraft.keypoints_body_m,
+        view.keypoints_px.tolist(),
+        view.keypoints_visibility.tolist(),
+        strict=True,
+    ):
+        in_front = np.isfinite(u)
+        keypoints[name] = [u if in_front else None, v if in_front else None, visibility]
+    return keypoints
 
 
 class PoseAnnotator(Annotator):

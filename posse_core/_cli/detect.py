@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from posse_core._cli import completing
 from posse_core._cli.common import echo_json, model_options, options_from
 from posse_core._cli.progress import phase
 from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
+from posse_core._scenario.presets import PRESETS
 
 if TYPE_CHECKING:
     from posse_core._detection.pose_detector import PoseDetector
@@ -27,10 +29,12 @@ _SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 @click.argument("images", type=click.Path(path_type=Path), nargs=-1, required=True)
 @click.option("--model", type=click.Path(path_type=Path), help="Model that finds spacecraft.")
 @click.option("--keypoints", type=click.Path(path_type=Path), help="Model that finds keypoints.")
+@click.option("--target", help="Find only this spacecraft, by the name that the model gives it.")
 @click.option(
     "--camera",
-    type=click.Path(path_type=Path),
-    help="A camera.json, with which poses are computed from keypoints.",
+    shell_complete=completing.words(dict.fromkeys(PRESETS, "a published camera")),
+    help="A camera.json, or the name of a published camera such as speed-plus, with which poses are"
+    " computed from keypoints.",
 )
 @click.option(
     "--out",
@@ -50,7 +54,8 @@ def command(
     images: tuple[Path, ...],
     model: Path | None,
     keypoints: Path | None,
-    camera: Path | None,
+    target: str | None,
+    camera: str | None,
     out: Path | None,
     score: float,
     as_json: bool,
@@ -62,7 +67,6 @@ def command(
     """
     import cv2
 
-    from posse_core._dataset.camera import read_camera
     from posse_core._dataset.files import read_image
     from posse_core._detection.draw import draw
     from posse_core._detection.models import open_models
@@ -77,12 +81,16 @@ def command(
     with phase("opening the models"):
         boxes, finder = open_models(model, keypoints, registry, given)
     detector = PoseDetector(boxes, finder, score)
-    intrinsics = None if camera is None else read_camera(camera)
+    if target is not None and target not in detector.classes:
+        raise InputError(
+            f"--target {target}: the model knows {', '.join(detector.classes)}; name another by --model"
+        )
+    intrinsics = None if camera is None else _camera(camera)
     results = []
     with contextlib.nullcontext() if out is None else _made_folder(out, files) as folder:
         for path in files:
             image = read_image(path)
-            found = detector.detect(image)
+            found = [d for d in detector.detect(image) if target in (None, d.label)]
             rows = [_as_json(d, detector, intrinsics) for d in found]
             results.append({"image": str(path), "detections": rows})
             if folder is not None:
@@ -93,6 +101,14 @@ def command(
                 click.echo(f"{path}: {text or 'nothing'}")
     if as_json:
         echo_json(results)
+
+
+def _camera(given: str) -> Camera:
+    """A published camera by its name, or that of a file."""
+    from posse_core._dataset.camera import read_camera
+    from posse_core._scenario.camera import preset_camera
+
+    return preset_camera(given) if given in PRESETS else read_camera(Path(given))
 
 
 @contextlib.contextmanager

@@ -20,6 +20,9 @@ from posse_core._plugins.loading import load_plugins
 if TYPE_CHECKING:
     from posse_core._dataset.images import LabelledImages
     from posse_core._detection.groups import Group
+    from posse_core._formats.opening import ImageFormat
+
+FORMATS = ("posse", "coco", "speed", "speed+", "shirt")
 
 
 @click.command(
@@ -35,6 +38,20 @@ if TYPE_CHECKING:
     show_default=True,
     help="Part of the dataset (train, valid, test), or 'all'.",
 )
+@click.option(
+    "--format",
+    "layout",
+    type=click.Choice(FORMATS),
+    help="How the images are laid out; by default what their files say. Where SPEED's or SHIRT's have no"
+    " camera.json, it says which published camera took them.",
+)
+@click.option(
+    "--target",
+    default="tango",
+    shell_complete=completing.components("scene"),
+    show_default=True,
+    help="Spacecraft of images of SPEED, SPEED+ or SHIRT: its name, or the folder of its package.",
+)
 @click.option("--out", type=click.Path(path_type=Path), help="Write an HTML page with plots.")
 @click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
 @model_options
@@ -43,6 +60,8 @@ def command(
     model: Path | None,
     keypoints: Path | None,
     part: str,
+    layout: ImageFormat | None,
+    target: str,
     out: Path | None,
     as_json: bool,
     overrides: tuple[str, ...],
@@ -50,20 +69,22 @@ def command(
     """Measure models on a part of DATASET: COCO's average precisions and the overlap of boxes, and with
     --keypoints the errors of keypoints and poses.
 
+    DATASET is one of 'posse run', or COCO, or a folder or a file of labels of SPEED, SPEED+ or SHIRT.
+
     Without --model and --keypoints, the shipped models of posse-detect-onnx are used.
     """
-    from posse_core._dataset.coco import open_dataset
     from posse_core._detection.evaluate import evaluate, frames_of
     from posse_core._detection.groups import columns, groups
     from posse_core._detection.models import open_models
     from posse_core._detection.page import make_page
     from posse_core._files.atomic import write_bytes
+    from posse_core._formats.opening import open_dataset
 
     if out is not None and not out.absolute().parent.is_dir():
         raise InputError(f"--out {out}: its folder does not exist; make it, or name another")
     registry = load_plugins().registry
     given = options_from(overrides)
-    source = open_dataset(dataset)
+    source = open_dataset(dataset, format=layout, target=target)
     indices = frames_of(source, part)
     if part == "all":
         _warn_of_training(source)

@@ -47,9 +47,9 @@ _INT8_FRAMES = 128
 @model_options
 def command(model: Path, dataset: Path, out: Path, int8: bool, overrides: tuple[str, ...]) -> None:
     """Write MODEL (.safetensors) as ONNX. The file is kept only if its results agree with MODEL's."""
-    from posse_core._dataset.coco import open_dataset
     from posse_core._detection.card import ModelCard
     from posse_core._detection.models import check_model_file, open_model
+    from posse_core._formats.opening import open_dataset
 
     if out.suffix != ".onnx":
         raise InputError(f"--out {out}: the file's name must end in .onnx")

@@ -40,7 +40,7 @@ def command(dataset: Path, detector: str, out: Path, overrides: tuple[str, ...])
     Repeat the command to continue a training that was interrupted. 'posse describe detector NAME' lists
     the options.
     """
-    from posse_core._dataset.coco import open_dataset
+    from posse_core._formats.opening import open_dataset
 
     registry = load_plugins().registry
     if "train" not in registry.spec("detector", detector).capabilities:

@@ -12,7 +12,7 @@ from typing import Any, overload
 from pydantic import ValidationError
 
 from posse_core._dataset.camera import read_camera
-from posse_core._dataset.dataset import Dataset, digest_of
+from posse_core._dataset.dataset import digest_of
 from posse_core._dataset.files import read_json
 from posse_core._dataset.images import LabelledImages
 from posse_core._dataset.layout import BODIES, CAMERA, PARTS, spacecraft_file
@@ -22,18 +22,6 @@ from posse_core._files.atomic import sha256
 from posse_core._model.camera import Camera
 from posse_core._model.label_line import BodyLabels, Keypoint, LabelLine, first_fault
 from posse_core._model.labels import NOT_IN_FRAME
-
-
-def open_dataset(path: str | Path) -> LabelledImages:
-    """Open a dataset of ``posse run``, or COCO: a ``.json`` file, or a folder with ``train.json``.
-
-    Raises:
-        InputError: The path is neither, or does not have the layout of such a dataset.
-    """
-    path = Path(path)
-    if path.suffix == ".json" or (path / "train.json").is_file():
-        return CocoDataset(path)
-    return Dataset(path)
 
 
 def read_coco(path: Path) -> Iterator[LabelLine]:

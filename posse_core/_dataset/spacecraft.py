@@ -59,19 +59,25 @@ def write_spacecraft(spacecraft: Spacecraft, folder: Path) -> None:
         "skeleton": [list(pair) for pair in spacecraft.skeleton],
         "symmetries": [np.asarray(R).tolist() for R in spacecraft.symmetries],
     }
-    parts = spacecraft.parts
     if spacecraft.joints:
         value["joints"] = [_joint_record(joint) for joint in spacecraft.joints]
-        value["part_joints"] = {part.name: part.joint for part in parts if part.joint is not None}
+        value["part_joints"] = {
+            part.name: part.joint for part in spacecraft.parts if part.joint is not None
+        }
         value["keypoint_joints"] = dict(spacecraft.keypoint_joints)
+    write_mesh(mesh_of(spacecraft), folder / f"{spacecraft.name}.ply")
+    write_json(folder / f"{spacecraft.name}.json", value)
+
+
+def mesh_of(spacecraft: Spacecraft) -> Mesh:
+    """All parts of a spacecraft as one mesh, with every joint at zero."""
+    parts = spacecraft.parts
     first_vertex = np.cumsum([0, *(len(part.vertices_body_m) for part in parts)])
-    mesh = Mesh(
+    return Mesh(
         vertices_body_m=np.concatenate([part.vertices_body_m for part in parts]),
         faces=np.concatenate([part.faces + first_vertex[i] for i, part in enumerate(parts)]),
         part_id=np.repeat(np.arange(len(parts)), [len(part.faces) for part in parts]),
     )
-    write_mesh(mesh, folder / f"{spacecraft.name}.ply")
-    write_json(folder / f"{spacecraft.name}.json", value)
 
 
 def read_spacecraft(path: Path) -> SpacecraftInfo:

@@ -10,7 +10,6 @@ import pytest
 from click.testing import CliRunner
 
 from posse_core._cli.eval import command
-from posse_core._dataset.coco import open_dataset
 from posse_core._dataset.dataset import Dataset
 from posse_core._detection.card import ModelCard
 from posse_core._detection.evaluate import evaluate, frames_of
@@ -18,6 +17,7 @@ from posse_core._detection.groups import groups
 from posse_core._errors import InputError
 from posse_core._evaluation.metrics import true_boxes
 from posse_core._formats.coco import CocoWriter
+from posse_core._formats.opening import open_dataset
 from posse_core._interfaces.detector import Detection, Detector
 from posse_core._plugins.options import NoOptions
 

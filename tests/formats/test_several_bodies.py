@@ -20,7 +20,6 @@ import trimesh
 import yaml
 from command import run_posse
 
-from posse_core._dataset.coco import open_dataset
 from posse_core._dataset.dataset import Dataset
 from posse_core._errors import InputError
 from posse_core._evaluation.exports import check_exports
@@ -28,6 +27,7 @@ from posse_core._formats.bop import BopWriter
 from posse_core._formats.coco import CocoWriter
 from posse_core._formats.colmap import ColmapWriter
 from posse_core._formats.nerfstudio import NerfstudioWriter
+from posse_core._formats.opening import open_dataset
 from posse_core._formats.speed import SpeedWriter
 from posse_core._formats.yolo import YoloWriter
 from posse_core._plugins.options import NoOptions

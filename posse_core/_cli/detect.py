@@ -15,6 +15,7 @@ from posse_core._cli.common import echo_json, model_options, options_from
 from posse_core._cli.progress import phase
 from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
+from posse_core._plugins.options import nearest
 from posse_core._scenario.presets import PRESETS
 
 if TYPE_CHECKING:
@@ -108,7 +109,12 @@ def _camera(given: str) -> Camera:
     from posse_core._dataset.camera import read_camera
     from posse_core._scenario.camera import preset_camera
 
-    return preset_camera(given) if given in PRESETS else read_camera(Path(given))
+    if given in PRESETS:
+        return preset_camera(given)
+    if not Path(given).exists():
+        hint = nearest(given, PRESETS)
+        raise InputError(f"--camera {given}: is neither a file nor a published camera{hint}")
+    return read_camera(Path(given))
 
 
 @contextlib.contextmanager

@@ -11,7 +11,7 @@ from command import run_posse
 from onnx import TensorProto, helper, numpy_helper
 from scipy.spatial.transform import Rotation
 
-from posse_core import Camera, Dataset, Detection, InputError, ModelCard, Square
+from posse_core import Camera, Dataset, Detection, InputError, ModelCard, Square, preset_camera
 from posse_core._detection.models import open_models
 from posse_core._plugins.loading import load_plugins
 from posse_core._plugins.registry import Registry
@@ -175,6 +175,43 @@ def test_from_image_to_pose_by_the_command(tmp_path):
     assert np.linalg.eigvalsh(found["pose"]["covariance"]).min() > 0
     _, words, _ = run_posse("detect", tmp_path / "image.png", *options)
     assert f"{np.linalg.norm(t):.2f} m away" in words
+    _, words, _ = run_posse("detect", tmp_path / "image.png", *options, "--target", "brick")
+    assert words == f"{tmp_path / 'image.png'}: nothing\n"
+    code, _, error = run_posse("detect", tmp_path / "image.png", *options, "--target", "tango")
+    assert code == 2
+    assert "--target tango: the model knows brick, plate" in error
+
+
+def test_a_published_camera_is_taken_by_its_name(tmp_path):
+    """SPEED+'s lens moves this point by three pixels from where a pinhole has it."""
+    camera = preset_camera("speed-plus")
+    points = np.random.default_rng(2).uniform(-1, 1, (8, 3))
+    attitude, t = Rotation.from_rotvec([0.3, -0.5, 0.8]), np.array([1.6, -0.9, 9.0])
+    pixels = camera.project(attitude.apply(points) + t)
+    box = np.concatenate([pixels.min(axis=0), np.ptp(pixels, axis=0)])
+    outputs = {
+        "boxes": Square.of_image(1200, 1920, 64).boxes_in(box)[None, None].astype(np.float32),
+        "scores": np.array([[0.9]], np.float32),
+        "labels": np.array([[1]], np.int64),
+    }
+    write_model(tmp_path / "m.onnx", "boxes", outputs)
+    told = np.concatenate([[[0.0, 0]], Square.around(box, 64).points_in(pixels)])[None]
+    outputs = {"points": told.astype(np.float32), "sigma": np.ones((1, 9), np.float32)}
+    plate = {f"P{i}": x.tolist() for i, x in enumerate(points)}
+    write_model(tmp_path / "k.onnx", "keypoints", outputs, plate)
+    cv2.imwrite(str(tmp_path / "image.png"), np.zeros((1200, 1920), np.uint8))
+    models = ("--model", tmp_path / "m.onnx", "--keypoints", tmp_path / "k.onnx")
+    arguments = ("detect", tmp_path / "image.png", *models, "--camera")
+    code, out, error = run_posse(*arguments, "speed-plus", "--json")
+    assert code == 0, error
+    (found,) = json.loads(out)[0]["detections"]
+    np.testing.assert_allclose(found["pose"]["t_body_cam_m"], t, atol=2e-3)
+    code, _, error = run_posse(*arguments, "speed-pls")
+    assert code == 2
+    assert (
+        "--camera speed-pls: is neither a file nor a published camera; did you mean 'speed-plus'"
+        in error
+    )
 
 
 def test_a_page_of_an_evaluation_by_the_command(tmp_path):

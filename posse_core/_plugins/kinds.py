@@ -143,6 +143,7 @@ _KINDS = (
         "posse_annotators",
         "posse_core:Annotator",
         "makes labels from exact geometry",
+        conformance="posse_core.testing:AnnotatorConformance",
     ),
     Kind(
         "sensor",
@@ -202,6 +203,7 @@ _KINDS = (
         "posse_executors",
         "posse_core:Executor",
         "distributes the frames of a run over workers",
+        conformance="posse_core.testing:ExecutorConformance",
     ),
     Kind(
         "subcommand",

@@ -17,8 +17,10 @@ the kit's own tests, and can be used for further tests of a renderer.
 """
 
 from posse_core.testing import closed_forms, scenes
+from posse_core.testing.annotators import AnnotatorConformance
 from posse_core.testing.attitude_laws import AttitudeLawConformance
 from posse_core.testing.controllers import ControllerConformance
+from posse_core.testing.executors import ExecutorConformance
 from posse_core.testing.joint_laws import JointLawConformance
 from posse_core.testing.navigators import NavigatorConformance
 from posse_core.testing.propagators import PropagatorConformance
@@ -26,8 +28,10 @@ from posse_core.testing.renderers import RendererConformance
 from posse_core.testing.sensors import SensorConformance
 
 __all__ = [
+    "AnnotatorConformance",
     "AttitudeLawConformance",
     "ControllerConformance",
+    "ExecutorConformance",
     "JointLawConformance",
     "NavigatorConformance",
     "PropagatorConformance",

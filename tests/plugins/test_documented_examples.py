@@ -20,8 +20,10 @@ from posse_core._model.scene import RenderRequest, Scene
 from posse_core._plugins.kinds import KINDS
 from posse_core._plugins.loading import Plugins
 from posse_core.testing import (
+    AnnotatorConformance,
     AttitudeLawConformance,
     ControllerConformance,
+    ExecutorConformance,
     JointLawConformance,
     NavigatorConformance,
     RendererConformance,
@@ -29,6 +31,7 @@ from posse_core.testing import (
     scenes,
 )
 from posse_core.testing.attitude_laws import surroundings
+from posse_core.testing.conformance import Conformance
 from posse_core.testing.joint_laws import joint_surroundings
 
 TEXT = (Path(__file__).parents[2] / "docs" / "plugins.md").read_text(encoding="utf-8")
@@ -103,8 +106,7 @@ def test_the_attitude_law_conforms_and_swings(load) -> None:
         def law(self):
             return registry.create("attitude-law", "librating")
 
-    for name in (name for name in vars(AttitudeLawConformance) if name.startswith("test_")):
-        getattr(Librating(), name)()
+    run_all(Librating())
     around = surroundings("target", np.array([0.0, 100.0, 250.0, 300.0]))
     r, v = around.r_target_eci_m, around.v_target_eci_m_s
     options = registry.options("attitude-law", "librating", {"period_s": 400})
@@ -122,8 +124,7 @@ def test_the_joint_law_conforms_and_swings(load) -> None:
         def law(self):
             return registry.create("joint-law", "swinging")
 
-    for name in (name for name in vars(JointLawConformance) if name.startswith("test_")):
-        getattr(Swinging(), name)()
+    run_all(Swinging())
     options = registry.options("joint-law", "swinging", {"amplitude_deg": 8, "period_s": 40})
     values = registry.create("joint-law", "swinging", options).values(
         joint_surroundings(np.array([0.0, 10.0, 25.0, 30.0]))
@@ -138,8 +139,7 @@ def test_the_navigator_conforms(load) -> None:
         def navigator(self):
             return registry.create("navigator", "hill")
 
-    for name in (name for name in vars(NavigatorConformance) if name.startswith("test_")):
-        getattr(Hill(), name)()
+    run_all(Hill())
 
 
 def test_the_controller_conforms(load) -> None:
@@ -149,8 +149,7 @@ def test_the_controller_conforms(load) -> None:
         def controller(self):
             return registry.create("controller", "targeting")
 
-    for name in (name for name in vars(ControllerConformance) if name.startswith("test_")):
-        getattr(Targeting(), name)()
+    run_all(Targeting())
 
 
 def test_the_sensor_conforms_and_is_short(load) -> None:
@@ -160,21 +159,36 @@ def test_the_sensor_conforms_and_is_short(load) -> None:
         def sensor(self):
             return registry.create("sensor", "rangefinder")
 
-    for name in (name for name in vars(SensorConformance) if name.startswith("test_")):
-        getattr(Laser(), name)()
+    run_all(Laser())
     assert len(EXAMPLES["posse_sensors"].strip().splitlines()) <= 60
 
 
-def test_the_executor_makes_all_frames(load) -> None:
-    class Worker:
-        def make(self, index: int) -> dict[str, int]:
-            return {"index": index}
+def test_the_annotator_conforms(load) -> None:
+    registry = load("posse_annotators").registry
 
-        def close(self) -> None:
-            pass
+    class Nearest(AnnotatorConformance):
+        def annotator(self):
+            return registry.create("annotator", "nearest")
 
-    executor = load("posse_executors").registry.create("executor", "here")
-    assert [result.made["index"] for result in executor.run(Worker, [0, 2, 1])] == [0, 2, 1]
+    run_all(Nearest())
+
+
+def test_the_executor_conforms(load) -> None:
+    registry = load("posse_executors").registry
+
+    class Here(ExecutorConformance):
+        in_process = True
+
+        def executor(self, workers):
+            return registry.create("executor", "here")
+
+    run_all(Here())
+
+
+def run_all(case: Conformance) -> None:
+    """All tests of a conformance class, as pytest would run them."""
+    for name in (name for name in dir(case) if name.startswith("test_")):
+        getattr(case, name)()
 
 
 def test_the_observers_hear(load) -> None:

@@ -9,6 +9,7 @@ from pydantic import Field, model_serializer, model_validator
 
 from posse_core._plugins.options import Options
 from posse_core._plugins.registry import Registry
+from posse_core._scenario.materials import MaterialKeys
 
 
 class ComponentChoice(Options):
@@ -37,6 +38,12 @@ class ComponentChoice(Options):
 class TargetChoice(ComponentChoice):
     """The spacecraft: a built-in one by ``name``, a ``mesh`` file, or a ``package`` folder."""
 
+    materials: Mapping[str, MaterialKeys] = Field(
+        default_factory=dict,
+        description='name of a material, or a pattern such as "foil_*" for those without a key of their'
+        " own → what replaces its values",
+    )
+
     @model_validator(mode="before")
     @classmethod
     def _name_by_file(cls, raw: Any) -> Any:
@@ -44,8 +51,13 @@ class TargetChoice(ComponentChoice):
             kinds = [kind for kind in ("mesh", "package") if kind in raw]
             if len(kinds) != 1:
                 raise ValueError("give exactly one of name, mesh, package")
-            return gathered_options({"name": kinds[0], **raw}, "name")
-        return raw
+            raw = {"name": kinds[0], **raw}
+        return gathered_options(raw, "name", "materials")
+
+    @model_serializer
+    def _flatten(self) -> dict[str, Any]:
+        changed = {name: keys.model_dump(exclude_none=True) for name, keys in self.materials.items()}
+        return {"name": self.name, **self.options, **({"materials": changed} if changed else {})}
 
 
 def create(registry: Registry, kind: str, choice: ComponentChoice) -> Any:
@@ -54,12 +66,12 @@ def create(registry: Registry, kind: str, choice: ComponentChoice) -> Any:
     return registry.create(kind, choice.name, options)
 
 
-def gathered_options(raw: Any, key: str) -> Any:
-    """Move the keys beside the one that holds the name into ``options``."""
+def gathered_options(raw: Any, key: str, *others: str) -> Any:
+    """Move the keys beside the one that holds the name, and the others, into ``options``."""
     if isinstance(raw, str):
         return {key: raw}
     if isinstance(raw, Mapping) and "options" not in raw:
         given = dict(raw)
-        name = {key: given.pop(key)} if key in given else {}
-        return {**name, "options": given}
+        kept = {name: given.pop(name) for name in (key, *others) if name in given}
+        return {**kept, "options": given}
     return raw

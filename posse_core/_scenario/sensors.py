@@ -71,12 +71,7 @@ class SensorChoice(ComponentChoice):
     @classmethod
     def _gather(cls, raw: Any) -> Any:
         """Keep the keys that every sensor has apart from the component's options."""
-        gathered = gathered_options(raw, cls.key())
-        if not isinstance(gathered, dict) or not isinstance(gathered.get("options"), dict):
-            return gathered
-        options = dict(gathered["options"])
-        own = {key: options.pop(key) for key in ("mount", "rate_hz") if key in options}
-        return {**gathered, **own, "options": options}
+        return gathered_options(raw, cls.key(), "mount", "rate_hz")
 
     @model_serializer
     def _flatten(self) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from posse_core._scenario.component import TargetChoice, create
 from posse_core._scenario.model import Scenario
 from posse_core._simulator.returned import built
 from posse_core._spacecraft.damage import damaged
+from posse_core._spacecraft.materials import with_materials
 from posse_core._spacecraft.variation import varied_materials
 from posse_core._trajectory.joints import with_laws
 
@@ -31,6 +32,7 @@ def scene_of(scenario: Scenario, registry: Registry) -> Scene:
                 return made
         try:
             made = built(create(registry, "scene", choice), choice.name)
+            made = with_materials(made, choice.materials, "materials" if where else "target.materials")
         except InputError as error:
             raise InputError(f"{where}{error}") from None
         known.append((choice, made))

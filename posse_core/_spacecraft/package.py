@@ -12,6 +12,7 @@ from posse_core._errors import InputError
 from posse_core._interfaces.scene import SceneSource
 from posse_core._model.spacecraft import Spacecraft
 from posse_core._plugins.options import validated
+from posse_core._scenario.materials import MaterialKeys
 from posse_core._spacecraft.files import mesh_files
 from posse_core._spacecraft.joint_keys import JointKeys, Triple
 from posse_core._spacecraft.keypoint_file import (
@@ -20,6 +21,7 @@ from posse_core._spacecraft.keypoint_file import (
     OnJoint,
     read_mapping,
 )
+from posse_core._spacecraft.materials import with_materials
 from posse_core._spacecraft.mesh import spacecraft_from_raw
 from posse_core._spacecraft.options import BodyAxes, MeshOptions, PackageOptions
 from posse_core._spacecraft.reader import read_mesh
@@ -40,6 +42,10 @@ class PackageModel(KeypointModel):
     )
     joints: dict[str, JointKeys] | None = Field(
         None, description="by name; null: those that the mesh file's animations move"
+    )
+    materials: dict[str, MaterialKeys] = Field(
+        default_factory=dict,
+        description="name of a material of the mesh file, or a pattern → what replaces its values",
     )
 
     @field_validator("mesh")
@@ -75,7 +81,8 @@ class Package(SceneSource[PackageOptions]):
             joints=model.joints_from_centre(),
         )
         points = model.records()
-        return spacecraft_from_raw(read_mesh(mesh), options, model.name, points, joints_in=description)
+        craft = spacecraft_from_raw(read_mesh(mesh), options, model.name, points, joints_in=description)
+        return with_materials(craft, model.materials, f"{description}: materials")
 
 
 def package_files(folder: Path) -> dict[str, Path]:

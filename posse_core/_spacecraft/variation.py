@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from fnmatch import fnmatchcase
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from posse_core._arrays import FloatArray
-from posse_core._errors import InputError
 from posse_core._model.finish import Finish
 from posse_core._model.spacecraft import Material, Spacecraft
 from posse_core._model.srgb import linear_from_srgb, srgb_from_linear
-from posse_core._plugins.options import nearest
 from posse_core._randomness import random_generator
 from posse_core._scenario.variation import Factors, MaterialVariation, VariationConfig
+from posse_core._spacecraft.materials import chosen_materials
 
 LEAST_ROUGHNESS = 0.02
 _PATTERN_PX = 256
@@ -71,20 +69,8 @@ class RandomFinishes:
 
 
 def _chosen(spacecraft: Spacecraft, variation: VariationConfig) -> dict[str, MaterialVariation]:
-    """Name of each material that varies → how."""
-    names, choices = spacecraft.materials, variation.materials
-    for key in choices:
-        if not any(fnmatchcase(name, key) for name in names):
-            raise InputError(
-                f"variation.materials.{key}: {spacecraft.name} has no such material{nearest(key, names)}"
-                f" (its materials: {', '.join(names)})"
-            )
-    chosen = {}
-    for name in names:
-        fitting = [key for key in (name, *choices) if key in choices and fnmatchcase(name, key)]
-        if fitting:
-            chosen[name] = choices[fitting[0]]
-    return chosen
+    choices, where = variation.materials, "variation.materials"
+    return chosen_materials(spacecraft.materials, choices, spacecraft.name, where)
 
 
 def _generator(seed: int, index: int, name: str) -> np.random.Generator:

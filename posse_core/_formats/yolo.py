@@ -78,7 +78,8 @@ class YoloWriter(Writer):
         header = _HEADER if dataset.is_divided else _HEADER + _UNDIVIDED
         text = header + yaml.safe_dump(value, sort_keys=False, default_flow_style=None)
         write_bytes(out / "data.yaml", text.encode())
-        return [out / "data.yaml", out / "images", out / "labels"]
+        lists = [out / f"{part}.txt" for part in parts]
+        return [out / "data.yaml", *lists, out / "images", out / "labels"]
 
 
 def _row(dataset: Dataset, body: BodyLabels, class_: int, count: int) -> str:

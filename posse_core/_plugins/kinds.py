@@ -197,6 +197,7 @@ _KINDS = (
                 "reads neither images nor arrays, so a run to a network store can use it"
             ),
         },
+        "posse_core.testing:WriterConformance",
     ),
     Kind(
         "executor",

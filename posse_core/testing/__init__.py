@@ -26,6 +26,7 @@ from posse_core.testing.navigators import NavigatorConformance
 from posse_core.testing.propagators import PropagatorConformance
 from posse_core.testing.renderers import RendererConformance
 from posse_core.testing.sensors import SensorConformance
+from posse_core.testing.writers import WriterConformance
 
 __all__ = [
     "AnnotatorConformance",
@@ -37,6 +38,7 @@ __all__ = [
     "PropagatorConformance",
     "RendererConformance",
     "SensorConformance",
+    "WriterConformance",
     "closed_forms",
     "scenes",
 ]

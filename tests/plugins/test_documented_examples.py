@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import json
 import re
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -28,6 +29,7 @@ from posse_core.testing import (
     NavigatorConformance,
     RendererConformance,
     SensorConformance,
+    WriterConformance,
     scenes,
 )
 from posse_core.testing.attitude_laws import surroundings
@@ -171,6 +173,19 @@ def test_the_annotator_conforms(load) -> None:
             return registry.create("annotator", "nearest")
 
     run_all(Nearest())
+
+
+def test_the_writer_conforms(load) -> None:
+    registry = load("posse_writers").registry
+
+    class Ranges(WriterConformance):
+        def writer(self):
+            return registry.create("writer", "ranges")
+
+        def images_in(self, folder):
+            return json.loads((folder / "ranges.json").read_text())
+
+    run_all(Ranges())
 
 
 def test_the_executor_conforms(load) -> None:

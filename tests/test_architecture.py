@@ -52,6 +52,7 @@ ROOMS = (
     "_detection",
     "_navigation",
     "_view",
+    "_recipe",
     "_flight",
     "_api",
     "_cli",

@@ -44,6 +44,13 @@ def scenarios(ctx: click.Context, parameter: click.Parameter, incomplete: str) -
     return [*_starting(incomplete, dict.fromkeys(built_in_names(), "")), _files(incomplete)]
 
 
+def crafts(ctx: click.Context, parameter: click.Parameter, incomplete: str) -> list[Item]:
+    """Names of built-in spacecraft, and files and folders."""
+    specs = load_plugins().registry.specs("scene")
+    built_in = {s.name: s.summary for s in specs if s.name not in ("mesh", "package")}
+    return [*_starting(incomplete, built_in), _files(incomplete)]
+
+
 def crosscheck_cases(ctx: click.Context, parameter: click.Parameter, incomplete: str) -> list[Item]:
     """Closed forms, names of built-in scenarios, and files."""
     forms = _starting(incomplete, dict.fromkeys(_table().closed_forms, "a closed form"))
@@ -63,7 +70,12 @@ def words(known: Mapping[str, str]) -> Completer:
 def described_kinds(ctx: click.Context, parameter: click.Parameter, incomplete: str) -> list[Item]:
     """What ``posse describe`` describes."""
     kinds = {kind.name: kind.summary for kind in KINDS.values()}
-    others = {"scenario": "every key", "track": "keys of 'posse track'", "camera": "a named camera"}
+    others = {
+        "scenario": "every key",
+        "recipe": "every key",
+        "track": "keys of 'posse track'",
+        "camera": "a named camera",
+    }
     return _starting(incomplete, {**others, **kinds})
 
 

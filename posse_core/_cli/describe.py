@@ -30,15 +30,17 @@ if TYPE_CHECKING:
 @click.argument("name", required=False, shell_complete=completing.described_names)
 @click.option("--json", "as_json", is_flag=True, help="Print the JSON schema.")
 def command(kind: str, name: str | None, as_json: bool) -> None:
-    """Describe the keys of a scenario or a track, a named camera, a kind of component, or one component.
+    """Describe the keys of a scenario, a recipe or a track, a camera, a kind of component, or one.
 
     \b
     posse describe scenario            every key of a scenario
+    posse describe recipe              every key of a recipe
     posse describe track               the keys of 'posse track'
     posse describe camera speed-plus   a named camera
     posse describe renderer            what renderers are, and which are installed
     posse describe renderer mitsuba    the options of one renderer
     """
+    from posse_core._recipe.model import Recipe
     from posse_core._scenario.built_in_names import built_in_names
     from posse_core._scenario.model import Scenario
     from posse_core._scenario.track import TrackConfig
@@ -50,6 +52,8 @@ def command(kind: str, name: str | None, as_json: bool) -> None:
     if kind == "scenario":
         model: type[BaseModel] = Scenario
         title = f"A scenario. Built-in ones: {', '.join(built_in_names())}."
+    elif kind == "recipe":
+        model, title = Recipe, "A recipe, as 'posse recipe' writes and follows it."
     elif kind == "track":
         model, title = TrackConfig, "Keys of 'posse track', to be set by -o."
     elif kind in KINDS:
@@ -63,7 +67,7 @@ def command(kind: str, name: str | None, as_json: bool) -> None:
         )
         title = f"{kind} {name}: {spec.summary}." + "".join(claims) + "\noptions"
     else:
-        known = ["scenario", "track", "camera", *KINDS]
+        known = ["scenario", "recipe", "track", "camera", *KINDS]
         raise InputError(f"describe {kind}: no such kind{nearest(kind, known)} ({', '.join(known)})")
     if as_json:
         echo_json(model.model_json_schema())

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -99,11 +98,8 @@ def command(
     import numpy as np
 
     from posse_core._spacecraft import importing
-    from posse_core._spacecraft.joint_keys import rounded
-    from posse_core._spacecraft.keypoint_file import Keypoints, located, read_keypoints
-    from posse_core._spacecraft.mesh import spacecraft_from_raw
-    from posse_core._spacecraft.options import MeshOptions, R_body_from_mesh
-    from posse_core._spacecraft.proposals import propose_keypoints, shape_symmetries
+    from posse_core._spacecraft.options import MeshOptions
+    from posse_core._spacecraft.proposals import shape_symmetries
     from posse_core._spacecraft.raw import unique_names
     from posse_core._spacecraft.reader import read_mesh
     from posse_core._view.picker.page import PICKER, picker_page
@@ -118,7 +114,7 @@ def command(
     if asks:
         longest = float((raw.bounds[1] - raw.bounds[0]).max())
         length_m = click.prompt(f"Its longest side is {longest:.6g} units. How many metres?", type=float)
-    scale = _scale(raw, model, scale_m_per_unit, length_m)
+    scale = scale_of(raw, model, scale_m_per_unit, length_m)
     if asks and centre_of_mass_m is None and _keeps_origin():
         centre_of_mass_m = (0.0, 0.0, 0.0)
     title = name or unique_names([model.stem])[0]
@@ -134,18 +130,11 @@ def command(
         },
         lambda key: _FLAGS.get(str(key[0]), f"--{key[0]}"),
     )
-    centre = centre_of_mass_m or rounded(scale * R_body_from_mesh(body_axes) @ raw.surface_centre)
-    options = options.model_copy(update={"centre_of_mass_m": tuple(centre)})
-    points = Keypoints() if keypoints is None else read_keypoints(keypoints)
-    craft = spacecraft_from_raw(raw, options, title, points)
-    if keypoints is None:
-        with phase("proposing keypoints"):
-            proposed, carriers = located(
-                propose_keypoints(craft, keypoint_count), craft.parts, craft.joints, model
-            )
-            craft = replace(craft, keypoints_body_m=proposed, keypoint_joints=carriers)
-    if group:
-        craft = replace(craft, symmetries=group)
+    with phase("making the spacecraft"):
+        made_of = importing.imported(
+            raw, options, title, keypoint_count=keypoint_count, symmetries=group
+        )
+    craft, centre = made_of.craft, made_of.centre_of_mass_m
     folder = out or Path(title)
     importing.write_package(
         folder,
@@ -205,7 +194,12 @@ def _keeps_origin() -> bool:
     return bool(kept == "file")
 
 
-def _scale(raw: RawMesh, path: Path, scale: float | None, length_m: float | None) -> float:
+def scale_of(raw: RawMesh, path: Path, scale: float | None, length_m: float | None) -> float:
+    """The length of one unit of a mesh, m, by --scale or --length.
+
+    Raises:
+        InputError: neither is given, or both; or the spacecraft is of an implausible size.
+    """
     from posse_core._spacecraft.mesh import stated_scale
 
     if scale is not None and length_m is not None:

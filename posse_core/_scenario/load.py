@@ -48,6 +48,7 @@ def load_scenario(
     source: str | Mapping[str, Any],
     registry: Registry,
     overrides: Mapping[str, Any] | None = None,
+    base: Path = Path(),
 ) -> Scenario:
     """Read a scenario and check all of it, the options of components included.
 
@@ -56,6 +57,7 @@ def load_scenario(
             a file are relative to that file, and those in a dataset's do not lead out of the dataset;
             the others are relative to the working directory. In the scenario, all are absolute.
         overrides: dotted key, as in ``renderer.spp``, → value that replaces the scenario's.
+        base: the folder that other paths are relative to, in place of the working directory.
 
     Raises:
         InputError: the scenario is not valid; the message names file, line, key and value in one line.
@@ -64,7 +66,7 @@ def load_scenario(
     raw = text.value
     if not isinstance(raw, dict):
         raise InputError(f"{text.name}: a scenario is a mapping of keys; see 'posse describe scenario'")
-    base = Path(text.name).parent if text.name == source else None
+    home = Path(text.name).parent if text.name == source else None
     given = {tuple(key.split(".")): value for key, value in (overrides or {}).items()}
     _drop_former_cameras(raw, given)
     for path, value in sorted(given.items(), key=lambda item: item[0][-1] not in ("name", "law")):
@@ -78,8 +80,8 @@ def load_scenario(
 
     def file(key: KeyPath, path: Path) -> Path:
         by_option = any(key[:length] in given for length in range(1, len(key) + 1))
-        confined = base is not None and _is_dataset(base) and not by_option
-        return anchored(path, base or Path(), where(key), confined=confined)
+        confined = home is not None and _is_dataset(home) and not by_option
+        return anchored(path, home or base, where(key), confined=confined)
 
     _refuse_extremes(raw, (), where)
     for key, camera in _cameras(raw):

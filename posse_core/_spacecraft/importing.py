@@ -7,6 +7,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,15 +15,22 @@ import numpy as np
 import trimesh
 import yaml
 
+from posse_core._arrays import FloatArray
 from posse_core._errors import InputError
 from posse_core._files.atomic import write_bytes
 from posse_core._model.spacecraft import Spacecraft
 from posse_core._spacecraft.files import mesh_files
-from posse_core._spacecraft.joint_keys import written
+from posse_core._spacecraft.joint_keys import rounded, written
+from posse_core._spacecraft.keypoint_file import Keypoints, located, read_keypoints
+from posse_core._spacecraft.mesh import spacecraft_from_raw, stated_scale
+from posse_core._spacecraft.options import MeshOptions, R_body_from_mesh
 from posse_core._spacecraft.package import DESCRIPTION
+from posse_core._spacecraft.proposals import propose_keypoints
 from posse_core._spacecraft.raw import RawMesh
 
 SCENARIO = "scenario.yaml"
+KEYPOINT_COUNT = 16
+"""Number of keypoints that are proposed by default."""
 
 
 def summary(raw: RawMesh) -> dict[str, Any]:
@@ -60,6 +68,57 @@ def _watertight(vertices: Any, faces: Any) -> bool:
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     mesh.merge_vertices(merge_norm=True, merge_tex=True)
     return bool(mesh.is_watertight)
+
+
+@dataclass(frozen=True)
+class Import:
+    """A mesh as a spacecraft.
+
+    Attributes:
+        craft: with its keypoints.
+        centre_of_mass_m: (3,) in body axes from the file's origin.
+    """
+
+    craft: Spacecraft
+    centre_of_mass_m: Sequence[float]
+
+
+def imported(
+    raw: RawMesh,
+    options: MeshOptions,
+    title: str,
+    *,
+    keypoint_count: int = KEYPOINT_COUNT,
+    symmetries: Sequence[FloatArray] = (),
+) -> Import:
+    """A mesh as a spacecraft, with proposed keypoints if its options name no file of them.
+
+    Args:
+        raw: the content of the file ``options.mesh``.
+        options: scale, axes, origin, keypoints and joints.
+        title: name of the spacecraft.
+        keypoint_count: number of keypoints to propose.
+        symmetries: rotations (3, 3) that leave the appearance unchanged; empty keeps those of the file
+            of keypoints.
+
+    Raises:
+        InputError: the keypoints or the mesh cannot be used.
+    """
+    scale_m = stated_scale(raw, options.mesh, options.scale_m_per_unit)
+    centre_m = options.centre_of_mass_m or rounded(
+        scale_m * R_body_from_mesh(options.body_axes) @ raw.surface_centre
+    )
+    options = options.model_copy(update={"centre_of_mass_m": tuple(centre_m)})
+    points = Keypoints() if options.keypoints is None else read_keypoints(options.keypoints)
+    craft = spacecraft_from_raw(raw, options, title, points)
+    if options.keypoints is None:
+        proposed, carriers = located(
+            propose_keypoints(craft, keypoint_count), craft.parts, craft.joints, options.mesh
+        )
+        craft = replace(craft, keypoints_body_m=proposed, keypoint_joints=carriers)
+    if symmetries:
+        craft = replace(craft, symmetries=tuple(symmetries))
+    return Import(craft, centre_m)
 
 
 def write_package(

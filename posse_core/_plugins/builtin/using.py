@@ -146,6 +146,9 @@ def posse_subcommands() -> list[ComponentSpec]:
         ComponentSpec(
             "propagate", "compute the trajectory of a scenario", "posse_core._cli.propagate:command"
         ),
+        ComponentSpec(
+            "recipe", "make nets for the pose of one spacecraft", "posse_core._cli.recipe:command"
+        ),
         ComponentSpec("run", "make a labelled dataset from a scenario", "posse_core._cli.run:command"),
         ComponentSpec(
             "track", "track the target over a dataset's frames", "posse_core._cli.track:command"

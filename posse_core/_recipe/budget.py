@@ -1,0 +1,124 @@
+"""How many frames and epochs fit into a recipe's time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Final
+
+from pydantic import Field
+
+from posse_core._files.reading import FileRecord
+from posse_core._recipe.model import Recipe
+
+LEAST_FRAMES: Final = 40
+LEAST_EPOCHS: Final = 12
+"""Frames are not so many that they would be learned from less often than this, where time is short."""
+_RESERVE: Final = 0.92
+"""Share of the time that is planned for: a machine that others use too is slower than when measured."""
+
+Seconds = Annotated[float, Field(ge=0)]
+Count = Annotated[int, Field(ge=1)]
+
+
+@dataclass(frozen=True)
+class Speeds:
+    """What a probe measured.
+
+    Attributes:
+        frame_s: source → time from one frame to the next, of all workers together.
+        opening_s: source → time until the first frame.
+        picture_s: task → time to learn from one picture once.
+        spent_s: that the probe itself took.
+    """
+
+    frame_s: Mapping[str, float]
+    opening_s: Mapping[str, float]
+    picture_s: Mapping[str, float]
+    spent_s: float
+
+
+class Decision(FileRecord):
+    """How many frames are made and how often each is learned from.
+
+    Attributes:
+        frames: source → number of its frames.
+        epochs: task → number of epochs.
+        expected_s: step → how long it is expected to take; empty if nothing was measured.
+        measured_s: what was measured, in seconds, by name; empty likewise.
+    """
+
+    frames: dict[str, Count]
+    epochs: dict[str, Count]
+    expected_s: dict[str, Seconds]
+    measured_s: dict[str, Seconds]
+
+
+def decide(recipe: Recipe, speeds: Speeds | None) -> Decision:
+    """Return the numbers that a recipe gives, and those that follow from its time.
+
+    Args:
+        recipe: with hours, where it does not give all numbers.
+        speeds: None where the recipe gives all numbers.
+    """
+    if speeds is None:
+        assert recipe.data.frames is not None  # as the recipe was checked for
+        given = {task: int(choice.options["epochs"]) for task, choice in recipe.nets.items()}
+        frames = divided(recipe, recipe.data.frames)
+        return Decision(frames=frames, epochs=given, expected_s={}, measured_s={})
+    assert recipe.hours is not None
+    total_s = max(_RESERVE * 3600 * recipe.hours - speeds.spent_s, 1.0)
+    shares, time = _shares(recipe), recipe.time
+    frame_s = sum(share * speeds.frame_s[name] for name, share in shares.items())
+    opening_s = sum(speeds.opening_s.values())
+    training = recipe.data.split[0] / sum(recipe.data.split)
+    shown = sum(share for name, share in shares.items() if recipe.data.sources[name].craft)
+    # Pictures per frame and epoch: boxes are learned from all frames, keypoints where there are some.
+    pictures = {"boxes": training, "keypoints": training * shown}
+    epoch_s = {task: pictures[task] * speeds.picture_s[task] for task in recipe.nets}  # of one frame
+    count = recipe.data.frames
+    if count is None:
+        by_making = (time.frames * total_s - opening_s) / frame_s
+        by_learning = (time.boxes + time.keypoints) * total_s / (LEAST_EPOCHS * sum(epoch_s.values()))
+        count = max(LEAST_FRAMES, int(min(by_making, by_learning)))
+    data_s = opening_s + count * frame_s
+    left_s = (time.frames + time.boxes + time.keypoints) * total_s - data_s
+    epochs, expected_s = {}, {"frames": data_s}
+    for task, share in (("boxes", time.boxes), ("keypoints", time.keypoints)):
+        once_s = count * epoch_s[task]
+        mine_s = left_s * share / (time.boxes + time.keypoints)
+        given_epochs = recipe.nets[task].options.get("epochs")
+        epochs[task] = max(1, math.floor(mine_s / once_s)) if given_epochs is None else int(given_epochs)
+        expected_s[task] = epochs[task] * once_s
+    expected_s["evaluation"] = total_s * (1 - time.frames - time.boxes - time.keypoints)
+    return Decision(
+        frames=divided(recipe, count),
+        epochs=epochs,
+        expected_s={step: round(seconds, 1) for step, seconds in expected_s.items()},
+        measured_s={
+            **{f"a frame of {name}": round(x, 4) for name, x in speeds.frame_s.items()},
+            **{f"before the first frame of {name}": round(x, 2) for name, x in speeds.opening_s.items()},
+            **{f"a picture for {task}": round(x, 5) for task, x in speeds.picture_s.items()},
+            "this probe": round(speeds.spent_s, 1),
+        },
+    )
+
+
+def divided(recipe: Recipe, count: int) -> dict[str, int]:
+    """Divide a number of frames among the sources by their shares: source → its frames.
+
+    Each is within one frame of its share (largest remainders) and has at least one.
+    """
+    shares = {name: share * count for name, share in _shares(recipe).items()}
+    frames = {name: math.floor(exact) for name, exact in shares.items()}
+    by_remainder = sorted(shares, key=lambda name: frames[name] - shares[name])
+    for name in by_remainder[: count - sum(frames.values())]:
+        frames[name] += 1
+    return {name: max(1, own) for name, own in frames.items()}
+
+
+def _shares(recipe: Recipe) -> dict[str, float]:
+    """Source → its share, with the sum 1."""
+    total = sum(source.share for source in recipe.data.sources.values())
+    return {name: source.share / total for name, source in recipe.data.sources.items()}

@@ -1,0 +1,143 @@
+"""Following a recipe: from a spacecraft to two exported models, their accuracy and their card."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+from pydantic import JsonValue
+
+from posse_core._dataset.dataset import Dataset
+from posse_core._dataset.layout import PARTITION_FILE
+from posse_core._detection.groups import Group
+from posse_core._files.atomic import sha256, write_json
+from posse_core._files.reading import read_record
+from posse_core._plugins.loading import Plugins
+from posse_core._plugins.registry import Registry
+from posse_core._recipe.budget import Decision, decide
+from posse_core._recipe.card import write_card
+from posse_core._recipe.data import DATA, Kitchen, make_data
+from posse_core._recipe.judging import EVALUATION, Evaluation, judge
+from posse_core._recipe.model import Recipe
+from posse_core._recipe.probe import measure
+from posse_core._recipe.scenarios import CRAFT, Scenarios
+from posse_core._recipe.steps import Show, Steps
+from posse_core._recipe.training import MODEL, check_nets, export, options_for, train
+from posse_core._spacecraft.importing import imported, write_package
+from posse_core._spacecraft.options import MeshOptions
+from posse_core._spacecraft.package import DESCRIPTION
+from posse_core._spacecraft.raw import unique_names
+from posse_core._spacecraft.reader import read_mesh
+from posse_core._view.picker.page import PICKER, picker_page
+
+DECISION: Final = "decision.json"
+
+
+def follow(recipe: Recipe, folder: Path, plugins: Plugins, show: Show) -> Group:
+    """Follow a recipe in a folder. Steps that are done are left; one that was stopped is gone on with.
+
+    Returns:
+        The accuracy on all frames of the test part.
+
+    Raises:
+        InputError: a key is wrong, or the folder has steps of another recipe.
+        ComponentError: a component failed.
+    """
+    registry = plugins.registry
+    steps = Steps(folder, show)
+    keys = recipe.model_dump(mode="json")
+    check_nets(recipe, registry)
+    if recipe.craft.name == "mesh":
+        made = f"{CRAFT}/{DESCRIPTION}"
+        steps.do(
+            "import", {"craft": keys["craft"]}, CRAFT, made, partial(_import, recipe, folder, registry)
+        )
+    scenarios = Scenarios.of(recipe, folder, registry)
+    kitchen = Kitchen(recipe, scenarios, plugins, show)
+    decision = _decided(kitchen, keys, steps)
+    show.expect(decision.expected_s)
+    dataset = _data(kitchen, keys, decision, steps)
+    show.say(f"{DATA}: {len(dataset)} frames, {len(dataset.part('test'))} for the test")
+    models = _models(kitchen, decision, dataset, steps)
+    steps.do(
+        "evaluation",
+        {"dataset": dataset.sha256, **_digests(folder, recipe)},
+        EVALUATION,
+        EVALUATION,
+        partial(judge, kitchen, dataset, folder),
+    )
+    evaluation = read_record(folder / EVALUATION, Evaluation, "an evaluation of 'posse recipe'")
+    write_card(folder, scenarios, decision, evaluation, dataset, steps.notes(), models)
+    return evaluation.groups[0]
+
+
+def _import(recipe: Recipe, folder: Path, registry: Registry) -> None:
+    options = registry.options("scene", recipe.craft.name, recipe.craft.options, where="craft")
+    assert isinstance(options, MeshOptions)
+    placed: dict[str, Any] = {"mesh": folder / options.mesh}
+    if options.keypoints is not None:
+        placed["keypoints"] = folder / options.keypoints
+    options = options.model_copy(update=placed)
+    raw = read_mesh(options.mesh)
+    found = imported(raw, options, unique_names([options.mesh.stem])[0])
+    write_package(
+        folder / CRAFT,
+        options.mesh,
+        found.craft,
+        scale_m_per_unit=float(options.scale_m_per_unit or 1.0),  # that there is one was checked
+        body_axes=options.body_axes,
+        centre_of_mass_m=found.centre_of_mass_m,
+        pages={PICKER: picker_page(found.craft, found.centre_of_mass_m)},
+    )
+
+
+def _decided(kitchen: Kitchen, keys: Mapping[str, Any], steps: Steps) -> Decision:
+    path = steps.folder / DECISION
+
+    def make() -> None:
+        speeds = measure(kitchen, steps.folder) if kitchen.recipe.is_timed else None
+        write_json(path, decide(kitchen.recipe, speeds).model_dump(mode="json"))
+
+    steps.do("decision", keys, DECISION, DECISION, make)
+    return read_record(path, Decision, "a decision of 'posse recipe'")
+
+
+def _data(kitchen: Kitchen, keys: Mapping[str, Any], decision: Decision, steps: Steps) -> Dataset:
+    frames: dict[str, JsonValue] = dict(decision.frames)
+    of = {"craft": keys["craft"], "seed": keys["seed"], "data": keys["data"], "frames": frames}
+    made = partial(make_data, kitchen, decision.frames, steps.folder)
+    steps.do("frames", of, DATA, f"{DATA}/{PARTITION_FILE}", made)
+    return Dataset(steps.folder / DATA)
+
+
+def _models(kitchen: Kitchen, decision: Decision, dataset: Dataset, steps: Steps) -> list[Path]:
+    """Train and export the models; the exported files in the order of their tasks."""
+    recipe, registry, folder = kitchen.recipe, kitchen.plugins.registry, steps.folder
+    exported = []
+    for task in recipe.nets:
+        first = task == "keypoints" and recipe.keypoints_from_boxes
+        start = folder / "boxes" / MODEL if first else None
+        options = options_for(recipe, task, decision.epochs[task], start, registry)
+        of: dict[str, JsonValue] = {
+            "dataset": dataset.sha256,
+            "detector": recipe.nets[task].name,
+            "options": {key: x for key, x in options.items() if key != "start"},
+            "start": None if start is None else sha256(start),
+        }
+        made = partial(train, recipe, task, options, dataset, folder / task, registry)
+        steps.do(task, of, task, f"{task}/{MODEL}", made)
+    for task in recipe.nets:
+        model, out = folder / task / MODEL, folder / f"{task}.onnx"
+        of = {"model": sha256(model)}
+        steps.do(
+            f"{task}.onnx", of, out.name, out.name, partial(export, model, task, dataset, out, registry)
+        )
+        exported.append(out)
+    return exported
+
+
+def _digests(folder: Path, recipe: Recipe) -> dict[str, JsonValue]:
+    """Task → digest of its model."""
+    return {task: sha256(folder / task / MODEL) for task in recipe.nets}

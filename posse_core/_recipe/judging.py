@@ -1,0 +1,128 @@
+"""How good a recipe's models are: on the test part by group, and on images without a spacecraft."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+import cv2
+import numpy as np
+from pydantic import JsonValue
+
+from posse_core._arrays import AnyArray, evenly_spread
+from posse_core._dataset.dataset import Dataset
+from posse_core._detection.draw import draw
+from posse_core._detection.evaluate import evaluate, frames_of
+from posse_core._detection.groups import Group, groups
+from posse_core._detection.models import open_models
+from posse_core._detection.page import make_page
+from posse_core._detection.pose_detector import LEAST_SCORE, PoseDetector
+from posse_core._detection.square import to_grey
+from posse_core._evaluation.pages import jpeg, page, paragraph, strip
+from posse_core._evaluation.poses import pose_errors
+from posse_core._files.atomic import write_bytes, write_json
+from posse_core._files.reading import FileRecord
+from posse_core._frames import matrix_from_quaternion
+from posse_core._model.label_line import LabelLine
+from posse_core._recipe.data import Kitchen
+from posse_core._recipe.training import MODEL
+
+EVALUATION: Final = "evaluation.json"
+PAGE: Final = "evaluation.html"
+PICTURES: Final = "predictions.html"
+PART: Final = "test"
+_PICTURES: Final = 32
+_WIDTH_PX: Final = 480
+_SOURCE: Final = "source "
+
+
+class Evaluation(FileRecord):
+    """The accuracy of a recipe's models.
+
+    Attributes:
+        dataset_sha256: of the dataset.
+        groups: of the test part: all frames, those of each source with the spacecraft, and others.
+        without_craft: number of frames that show no spacecraft.
+        found_without_craft: number of those in which something was detected.
+    """
+
+    dataset_sha256: str
+    groups: list[Group]
+    without_craft: int
+    found_without_craft: int
+
+
+def judge(kitchen: Kitchen, dataset: Dataset, folder: Path) -> None:
+    """Evaluate the models on the test part: :data:`PAGE`, :data:`PICTURES`, and last :data:`EVALUATION`.
+
+    Raises:
+        InputError: the test part is empty, or a model cannot be used.
+    """
+    models = [folder / task / MODEL for task in kitchen.recipe.nets]
+    detector, finder = open_models(models[0], models[1], kitchen.plugins.registry, {})
+    positions = frames_of(dataset, PART)
+    judged = evaluate(
+        dataset, kitchen.show.bar(positions, len(positions), "evaluating"), detector, finder
+    )
+    found = groups(dataset, judged)
+    for name, source in kitchen.recipe.data.sources.items():
+        mine = [j for j in judged if j.bodies and j.labels.origin[0] == name]
+        if source.craft and mine:
+            found.append(replace(groups(dataset, mine)[0], name=f"{_SOURCE}{name}"))
+    empty = [j for j in judged if not j.bodies]
+    wrong = sum(any(d.score >= LEAST_SCORE for d in j.detections) for j in empty)
+    title = f"The pose of {dataset.spacecraft.name}, part {PART}"
+    summary = f"Dataset's SHA-256: {dataset.sha256}"
+    write_bytes(folder / PAGE, make_page(title, summary, dataset, judged, found).encode())
+    shown = [positions[k] for k in evenly_spread(len(positions), _PICTURES)]
+    write_bytes(
+        folder / PICTURES, _pictures(dataset, shown, PoseDetector(detector, finder), title).encode()
+    )
+    record: dict[str, JsonValue] = Evaluation(
+        dataset_sha256=dataset.sha256,
+        groups=found,
+        without_craft=len(empty),
+        found_without_craft=wrong,
+    ).model_dump(mode="json")
+    write_json(folder / EVALUATION, record)
+
+
+def _pictures(dataset: Dataset, positions: list[int], detector: PoseDetector, title: str) -> str:
+    """A page with frames, and what is found in them."""
+    captions, pictures = [], []
+    for position in positions:
+        image, labels = dataset.image(position), dataset[position]
+        found = list(detector.detect(image))[:1]
+        pose = detector.pose_of(found[0], dataset.camera) if found else None
+        words = f"frame {labels.index}, {labels.origin[0]}"
+        if labels.box_visible_px is None:
+            words += ": no spacecraft"
+        elif pose is not None:
+            words += f": {_errors(dataset, labels, pose.R_cam_from_body, pose.t_body_cam_m)}"
+        captions.append(f"{words}, {'nothing found' if not found else f'score {found[0].score:.2f}'}")
+        scale = _WIDTH_PX / image.shape[1]
+        light = np.sqrt(to_grey(image))
+        size = (_WIDTH_PX, round(image.shape[0] * scale))
+        small = cv2.resize(light, size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_NEAREST)
+        drawn = [
+            replace(
+                d,
+                box_px=d.box_px * scale,
+                keypoints_px=None if d.keypoints_px is None else (d.keypoints_px + 0.5) * scale - 0.5,
+            )
+            for d in found
+        ]
+        canvas = np.round(255 * small).astype(np.uint8)
+        pictures.append(jpeg(draw(canvas, drawn, sorted(dataset.classes))))
+    said = (
+        "Frames of the test part, evenly spread, with the best detection. Pictures show the square root"
+        f" of the grey values. A score below {LEAST_SCORE} counts as nothing."
+    )
+    return page(title, said, [strip("Found", captions, pictures), paragraph(said)])
+
+
+def _errors(dataset: Dataset, labels: LabelLine, R_found: AnyArray, t_found_m: AnyArray) -> str:
+    R, t_m = matrix_from_quaternion(np.array(labels.q_cam_from_body)), np.array(labels.t_body_cam_m)
+    e_t, e_q_rad = pose_errors(R, t_m, R_found, t_found_m, dataset.spacecraft.symmetries)
+    return f"position off by {100 * e_t:.2g} % of the range, attitude by {np.degrees(e_q_rad):.2g}°"

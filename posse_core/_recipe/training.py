@@ -1,0 +1,86 @@
+"""The models of a recipe: training, and the speed of training."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from posse_core._arrays import evenly_spread
+from posse_core._dataset.dataset import Dataset
+from posse_core._detection.models import open_model
+from posse_core._errors import InputError
+from posse_core._interfaces.detector import Model
+from posse_core._plugins.registry import Registry
+from posse_core._recipe.model import Recipe
+
+MODEL: Final = "model.safetensors"
+_COMPARED: Final = 8
+"""Frames that go through a model and its export."""
+
+
+def check_nets(recipe: Recipe, registry: Registry) -> None:
+    """Check that the detectors do their tasks and can be trained and exported, and their options.
+
+    Raises:
+        InputError: a detector or an option is wrong.
+    """
+    for task, choice in recipe.nets.items():
+        able = registry.spec("detector", choice.name).capabilities
+        for wanted in (task, "train", "onnx"):
+            if wanted not in able:
+                fit = [
+                    spec.name
+                    for spec in registry.specs("detector")
+                    if {task, "train", "onnx"} <= spec.capabilities
+                ]
+                raise InputError(
+                    f"{task}: the detector {choice.name!r} has no capability {wanted!r}; there are"
+                    f" {', '.join(fit) or 'none'}"
+                )
+        fields = registry.options_model("detector", choice.name).model_fields
+        if "epochs" not in fields and recipe.hours is not None:
+            raise InputError(
+                f"{task}: the detector {choice.name!r} has no option 'epochs', by which its time is"
+                " limited; choose another"
+            )
+        registry.options("detector", choice.name, choice.options, where=task)
+
+
+def options_for(
+    recipe: Recipe, task: str, epochs: int, start: Path | None, registry: Registry
+) -> dict[str, Any]:
+    """The options of a training, of those that the detector has.
+
+    Args:
+        start: weights to begin with, None for random ones.
+    """
+    choice = recipe.nets[task]
+    derived: dict[str, Any] = {"epochs": epochs, "threads": recipe.workers, "seed": recipe.seed}
+    if start is not None:
+        derived["start"] = start
+    known = registry.options_model("detector", choice.name).model_fields
+    return {**{key: x for key, x in derived.items() if key in known}, **choice.options}
+
+
+def train(
+    recipe: Recipe,
+    task: str,
+    options: Mapping[str, Any],
+    dataset: Dataset,
+    folder: Path,
+    registry: Registry,
+) -> None:
+    """Train a model, or go on where it was stopped."""
+    name = recipe.nets[task].name
+    checked = registry.options("detector", name, options, where=task)
+    model: Model = registry.create("detector", name, checked)
+    folder.mkdir(parents=True, exist_ok=True)
+    model.train(dataset, folder)
+
+
+def export(model: Path, task: str, dataset: Dataset, out: Path, registry: Registry) -> None:
+    """Export a model to ONNX and compare both on frames that are evenly spread."""
+    positions = evenly_spread(len(dataset), _COMPARED).tolist()
+    images = [dataset.image(position) for position in positions]
+    open_model(model, task, registry, {}).export_onnx(out, images)

@@ -22,6 +22,7 @@ from posse_core._cli.main import posse
 from posse_core._plugins.kinds import KINDS, Kind, shown
 from posse_core._plugins.loading import load_plugins
 from posse_core._plugins.registry import ComponentSpec, Registry
+from posse_core._recipe.model import Recipe
 from posse_core._scenario.model import Scenario
 from posse_core._scenario.track import TrackConfig
 
@@ -63,6 +64,7 @@ def write() -> None:
     for kind in KINDS.values():
         pages[f"kind-{kind.name}"] = "\n".join(_kind_page(kind, registry))
     pages["scenario"] = "\n".join(_model_page("Keys of a scenario", Scenario))
+    pages["recipe"] = "\n".join(_model_page("Keys of a recipe", Recipe))
     pages["track"] = "\n".join(_model_page("Keys of a track", TrackConfig))
     pages["commands"] = "\n".join(_commands_page())
     pages["components"] = _contents(

@@ -81,6 +81,9 @@ from ._interfaces.propagator import FlightPropagator as FlightPropagator
 from ._interfaces.propagator import ForcedMotion as ForcedMotion
 from ._interfaces.propagator import PropagationProblem as PropagationProblem
 from ._interfaces.propagator import Propagator as Propagator
+from ._interfaces.refiner import Refinement as Refinement
+from ._interfaces.refiner import Refiner as Refiner
+from ._interfaces.refiner import RefinerSetting as RefinerSetting
 from ._interfaces.renderer import Renderer as Renderer
 from ._interfaces.scene import SceneSource as SceneSource
 from ._interfaces.sensor import Sensor as Sensor

@@ -244,7 +244,7 @@ def create(kind: str, name: str, **options: Any) -> Any:
 
     Args:
         kind: ``propagator``, ``attitude-law``, ``joint-law``, ``scene``, ``renderer``, ``annotator``,
-            ``detector``, ``navigator``, ``controller``, ``writer`` or ``executor``.
+            ``detector``, ``refiner``, ``navigator``, ``controller``, ``writer`` or ``executor``.
         options: of the component; ``posse describe KIND NAME`` lists them.
 
     Raises:

@@ -50,6 +50,7 @@ ROOMS = (
     "_selection",
     "_evaluation",
     "_detection",
+    "_refinement",
     "_navigation",
     "_view",
     "_recipe",

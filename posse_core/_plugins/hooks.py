@@ -79,6 +79,11 @@ def posse_detectors() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
 
 
 @hookspec
+def posse_refiners() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
+    """Classes of :class:`posse_core.Refiner`, which refine poses. Since 0.1."""
+
+
+@hookspec
 def posse_navigators() -> Sequence[ComponentSpec]:  # type: ignore[empty-body]
     """Classes of :class:`posse_core.Navigator`, which estimate the relative motion. Since 0.1."""
 

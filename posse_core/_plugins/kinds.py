@@ -168,6 +168,13 @@ _KINDS = (
         },
     ),
     Kind(
+        "refiner",
+        "posse_refiners",
+        "posse_core:Refiner",
+        "brings the pose of a known spacecraft closer to what an image shows",
+        conformance="posse_core.testing:RefinerConformance",
+    ),
+    Kind(
         "navigator",
         "posse_navigators",
         "posse_core:Navigator",

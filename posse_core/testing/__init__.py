@@ -24,6 +24,7 @@ from posse_core.testing.executors import ExecutorConformance
 from posse_core.testing.joint_laws import JointLawConformance
 from posse_core.testing.navigators import NavigatorConformance
 from posse_core.testing.propagators import PropagatorConformance
+from posse_core.testing.refiners import RefinerConformance
 from posse_core.testing.renderers import RendererConformance
 from posse_core.testing.sensors import SensorConformance
 from posse_core.testing.writers import WriterConformance
@@ -36,6 +37,7 @@ __all__ = [
     "JointLawConformance",
     "NavigatorConformance",
     "PropagatorConformance",
+    "RefinerConformance",
     "RendererConformance",
     "SensorConformance",
     "WriterConformance",

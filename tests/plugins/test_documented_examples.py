@@ -27,6 +27,7 @@ from posse_core.testing import (
     ExecutorConformance,
     JointLawConformance,
     NavigatorConformance,
+    RefinerConformance,
     RendererConformance,
     SensorConformance,
     WriterConformance,
@@ -132,6 +133,17 @@ def test_the_joint_law_conforms_and_swings(load) -> None:
         joint_surroundings(np.array([0.0, 10.0, 25.0, 30.0]))
     )
     np.testing.assert_allclose(np.degrees(values), 8 * np.array([0, 1, -np.sqrt(0.5), -1]), atol=1e-9)
+
+
+def test_the_refiner_conforms(load) -> None:
+    registry = load("posse_refiners").registry
+
+    class Whole(RefinerConformance):
+        def refiner(self):
+            return registry.create("refiner", "whole")
+
+    for name in (name for name in vars(RefinerConformance) if name.startswith("test_")):
+        getattr(Whole(), name)()
 
 
 def test_the_navigator_conforms(load) -> None:

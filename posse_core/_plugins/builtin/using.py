@@ -1,4 +1,4 @@
-"""The core's writers, executors and subcommands."""
+"""The core's refiners, writers, executors and subcommands."""
 
 from __future__ import annotations
 
@@ -8,6 +8,18 @@ from posse_core._plugins.registry import ComponentSpec
 _LABELS_ONLY = frozenset({"labels-only"})
 _STATIC_WORLD = frozenset({"global-shutter-only", "no-joints"})
 _NO_RATIONAL_LENS = frozenset({"no-rational-lens"})
+
+
+@hookimpl
+def posse_refiners() -> list[ComponentSpec]:
+    return [
+        ComponentSpec(
+            "render-compare",
+            "draws what would be seen, compares, and corrects the pose; finds the light itself",
+            "posse_core._refinement.render_compare:RenderCompare",
+            "posse_core._refinement.options:RenderCompareOptions",
+        ),
+    ]
 
 
 @hookimpl

@@ -1,0 +1,1 @@
+"""Refinement of poses by comparing an image with what would be seen."""

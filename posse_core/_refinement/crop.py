@@ -1,0 +1,140 @@
+"""The part of an image that shows the spacecraft, at the scales at which it is compared."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from posse_core._arrays import AnyArray, Float32Array, FloatArray
+from posse_core._model.camera import Camera, PixelBox
+from posse_core._model.srgb import linear_from_srgb, srgb_from_linear
+from posse_core._refinement.placement import Placement
+from posse_core._refinement.studio import scaled
+
+_MARGIN_SHARE = 0.15
+_MARGIN_PX = 8
+"""Pixels of the crop about the spacecraft, and at least this share of its extent."""
+_LEAST_PX = 8
+_FINEST = 4
+
+
+@dataclass(frozen=True)
+class Scale:
+    """The size of images in which the spacecraft is compared.
+
+    Attributes:
+        binned: pixels of the image along each side of one of the crop.
+        finer: pixels that are drawn along each side of one of the crop.
+    """
+
+    binned: int
+    finer: int
+
+    @property
+    def drawn(self) -> float:
+        """Pixels that are drawn along one of the image."""
+        return self.finer / self.binned
+
+
+@dataclass(frozen=True)
+class Crop:
+    """A part of the image as a pinhole would see it.
+
+    Attributes:
+        scale: of its pixels.
+        seen: (h, w) the image's values, 0 … 1.
+        linear: (h, w) the brightness that they stand for, 0 … 1.
+        is_linear: whether both are the same; otherwise sRGB codes the brightness.
+        drawn_box: the box to draw, in pixels of ``camera``.
+        camera: the pinhole that draws it.
+    """
+
+    scale: Scale
+    seen: Float32Array
+    linear: Float32Array
+    is_linear: bool
+    drawn_box: PixelBox
+    camera: Camera
+
+    def coded(self, linear: Float32Array) -> Float32Array:
+        """Values of an image of this brightness; what is brighter than white is white."""
+        shares = np.clip(linear, 0, 1)
+        return np.asarray(shares if self.is_linear else srgb_from_linear(shares), np.float32)
+
+
+class Picture:
+    """An image and its camera, out of which crops are cut."""
+
+    def __init__(self, grey: Float32Array, camera: Camera, *, is_linear: bool) -> None:
+        self._grey, self._camera, self._is_linear = grey, camera, is_linear
+        self._pinhole = scaled(camera, 1)
+
+    def extent_px(self, placement: Placement, vertices_body_m: FloatArray) -> float:
+        """The longer side of the box around the spacecraft, px; 0 if it cannot be projected."""
+        low, high = self._bounds(placement, vertices_body_m)
+        return float((high - low).max())
+
+    def crop(self, placement: Placement, vertices_body_m: FloatArray, scale: Scale) -> Crop | None:
+        """The part around the spacecraft at a pose; None if too little of it is in the image."""
+        bins, camera = scale.binned, self._camera
+        low, high = self._bounds(placement, vertices_body_m)
+        margin_px = max(_MARGIN_PX * bins, _MARGIN_SHARE * float((high - low).max()))
+        size = np.array([camera.width_px, camera.height_px]) // bins
+        first = np.clip(np.floor((low - margin_px) / bins), 0, size).astype(int)
+        last = np.clip(np.ceil((high + margin_px) / bins), 0, size).astype(int)
+        width, height = (last - first).tolist()
+        if min(width, height) < _LEAST_PX:
+            return None
+        x0, y0 = first.tolist()
+        pixels = self._straight(PixelBox(x0 * bins, y0 * bins, width * bins, height * bins))
+        linear = binned(pixels, bins)
+        drawn = PixelBox(*(scale.finer * v for v in (x0, y0, width, height)))
+        seen = linear if self._is_linear else srgb_from_linear(linear)
+        camera = scaled(camera, scale.drawn)
+        return Crop(scale, seen, linear, self._is_linear, drawn, camera)
+
+    def _bounds(
+        self, placement: Placement, vertices_body_m: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        R, t = placement
+        px = self._pinhole.project(vertices_body_m @ R.T + t)
+        px = px[np.isfinite(px).all(axis=1)]
+        if not len(px):
+            return np.zeros(2), np.zeros(2)
+        return px.min(axis=0), px.max(axis=0)
+
+    def _straight(self, box: PixelBox) -> Float32Array:
+        """The linear image in a box of the pinhole's."""
+        if self._camera.distortion is None:
+            grey: AnyArray = self._grey[box.slices]
+        else:
+            rays = self._pinhole.rays(box.pixel_centres_px())
+            u, v = np.moveaxis(self._camera.project(rays).astype(np.float32), -1, 0)
+            grey = cv2.remap(self._grey, u, v, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+        share = np.clip(grey, 0, 1, dtype=np.float64)
+        return np.asarray(share if self._is_linear else linear_from_srgb(share), np.float32)
+
+
+def scales(extent_px: float, sizes_px: tuple[float, ...]) -> list[Scale]:
+    """The scales at which a spacecraft of an extent has about the sizes, the coarsest first."""
+    found: list[Scale] = []
+    for size_px in sizes_px:
+        bins, finer = 1, 1
+        while extent_px / bins > 1.41 * size_px:
+            bins *= 2
+        while bins == 1 and finer < _FINEST and extent_px * finer < 0.67 * size_px:
+            finer *= 2
+        if Scale(bins, finer) not in found:
+            found.append(Scale(bins, finer))
+    return found
+
+
+def binned(pixels: AnyArray, bins: int) -> Float32Array:
+    """The means of squares of pixels: (h, w, …) → (h / bins, w / bins, …)."""
+    if bins == 1:
+        return np.asarray(pixels, np.float32)
+    height, width, *more = pixels.shape
+    squares = pixels.reshape(height // bins, bins, width // bins, bins, *more)
+    return np.asarray(squares.mean(axis=(1, 3)), np.float32)

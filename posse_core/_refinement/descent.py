@@ -1,0 +1,132 @@
+"""Descent to the pose at which image and drawing agree: Gauss–Newton steps with damping."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from posse_core._arrays import Float32Array, FloatArray
+from posse_core._refinement.compare import Comparison, LitComparer
+from posse_core._refinement.placement import Placement
+
+_TUKEY = 4.0
+"""Residuals above so many standard deviations do not count."""
+_LEAST_SPREAD = 2 / 255
+_LARGEST = 4.0
+_SMALLEST = 0.02
+"""Steps in pixels that the surface moves: the largest that is made, and the last one."""
+_TRIES = 3
+_LEAST_DISTANCE = 0.3
+"""Poses nearer than this share of the spacecraft's radius are not tried."""
+_BLOCK_PX = 8
+
+
+@dataclass(frozen=True)
+class Found:
+    """A pose and the comparison at it."""
+
+    placement: Placement
+    comparison: Comparison
+
+
+def descended(
+    comparer: LitComparer,
+    placement: Placement,
+    radius_m: float,
+    radius_px: float,
+    steps: int,
+    has_time: Callable[[], bool],
+) -> Found:
+    """Descend from a pose.
+
+    Args:
+        radius_m, radius_px: of the spacecraft, in space and in the crop.
+        steps: the most steps.
+        has_time: whether another step may be made.
+    """
+    here = Found(placement, comparer.compare(placement))
+    unit = units(placement, radius_m, radius_px)
+    damping = 1e-3
+    for _ in range(steps):
+        spread = _spread(here.comparison)
+        cost = _cost(here.comparison, spread)
+        H, slope = _normal_equations(here.comparison, spread, unit)
+        there = None
+        for _ in range(_TRIES):
+            if not has_time():
+                return here
+            damped = H + damping * np.diag(np.diag(H)) + 1e-9 * np.trace(H) * np.eye(6)
+            step = np.linalg.solve(damped, slope) if H.any() else np.zeros(6)
+            step *= min(1.0, _LARGEST / max(float(np.abs(step).max()), 1e-12))
+            moved = here.placement.moved(step * unit)
+            if moved.t_body_cam_m[2] < _LEAST_DISTANCE * radius_m or not step.any():
+                break
+            tried = Found(moved, comparer.compare(moved))
+            if _cost(tried.comparison, spread) < cost:
+                there = tried
+                break
+            damping = max(damping, 1e-3) * 10
+        if there is None:
+            break
+        here, damping = there, max(damping / 10, 1e-4)
+        if float(np.abs(step).max()) < _SMALLEST:
+            break
+    return here
+
+
+def units(placement: Placement, radius_m: float, radius_px: float) -> FloatArray:
+    """(6,) changes of a pose, rad and m, by which the spacecraft's rim moves by about a pixel."""
+    across_m = radius_m / radius_px
+    along_m = across_m * max(1.0, float(placement.t_body_cam_m[2]) / radius_m)
+    return np.array([*[1 / radius_px] * 3, across_m, across_m, along_m])
+
+
+def covariance(comparison: Comparison, placement: Placement, radius_m: float) -> FloatArray:
+    """(6, 6) covariance of the pose, of a small rotation (rad) and of the position (m), camera axes.
+
+    The inverse of the Hessian, with the residuals as they are: they are correlated within blocks, which
+    count as independent of each other (the sandwich of Huber 1967, by clusters).
+    """
+    unit = units(placement, radius_m, max(radius_m, 1e-6) / placement.t_body_cam_m[2] * 1e3)
+    spread = _spread(comparison)
+    weight = _weight(comparison, spread)
+    H, _ = _normal_equations(comparison, spread, unit)
+    rows, columns = comparison.residual.shape
+    block = (np.arange(rows)[:, None] // _BLOCK_PX) * (columns // _BLOCK_PX + 1)
+    block = (block + np.arange(columns) // _BLOCK_PX)[comparison.compared]
+    pulls = comparison.by_pose[comparison.compared].astype(np.float64) * unit
+    pulls *= (weight * comparison.residual[comparison.compared])[:, None]
+    sums = np.stack([np.bincount(block, pulls[:, k]) for k in range(6)], axis=1)
+    sums = sums[sums.any(axis=1)]
+    correction = len(sums) / max(len(sums) - 6, 1)
+    inverse = np.linalg.pinv(H, hermitian=True)
+    return np.asarray(correction * (inverse @ (sums.T @ sums) @ inverse) * np.outer(unit, unit))
+
+
+def _spread(comparison: Comparison) -> float:
+    off = np.abs(comparison.residual[comparison.compared])
+    return 1.4826 * float(np.median(off)) + _LEAST_SPREAD if len(off) else _LEAST_SPREAD
+
+
+def _weight(comparison: Comparison, spread: float) -> Float32Array:
+    """Tukey's weight of each compared pixel."""
+    share = comparison.residual[comparison.compared] / np.float32(_TUKEY * spread)
+    return np.asarray(np.maximum(1 - share * share, 0) ** 2, np.float32)
+
+
+def _cost(comparison: Comparison, spread: float) -> float:
+    """Tukey's cost, the mean over the compared pixels."""
+    off = np.abs(comparison.residual[comparison.compared])
+    share = np.minimum(off / np.float32(_TUKEY * spread), 1)
+    return float(np.mean(1 - (1 - share * share) ** 3)) if len(off) else np.inf
+
+
+def _normal_equations(
+    comparison: Comparison, spread: float, unit: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    J = comparison.by_pose[comparison.compared] * unit.astype(np.float32)
+    weighted = J * _weight(comparison, spread)[:, None]
+    H = np.asarray(weighted.T @ J, np.float64)
+    return H, np.asarray(weighted.T @ comparison.residual[comparison.compared], np.float64)

@@ -274,6 +274,8 @@ def _loaded(
     if not isinstance(source, Mapping):
         members = scenario_members(str(source))
         if len(members) > 1:
-            raise InputError(f"{source}: a collection; name one of its scenarios: {', '.join(members)}")
-        source = members[0]
+            names = ", ".join(member.source for member in members)
+            raise InputError(f"{source}: a collection; name one of its scenarios: {names}")
+        source, given = members[0].source, {**members[0].overrides, **(overrides or {}), **given}
+        return load_scenario(source, load_plugins().registry, given)
     return load_scenario(source, load_plugins().registry, {**(overrides or {}), **given})

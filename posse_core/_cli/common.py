@@ -15,6 +15,7 @@ from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
 
 if TYPE_CHECKING:
+    from posse_core._scenario.load import Member
     from posse_core._scenario.model import Scenario
 
 DEFAULT_SCENARIO = "aqua"
@@ -63,13 +64,14 @@ def options_from(overrides: Sequence[str]) -> dict[str, Any]:
     return dict(parse_override(text) for text in overrides)
 
 
-def read_scenario(source: str, overrides: Sequence[str], **named: str | int | None) -> Scenario:
+def read_scenario(source: str | Member, overrides: Sequence[str], **named: str | int | None) -> Scenario:
     """The scenario, changed by ``-o`` and by the named options (None: not given)."""
-    from posse_core._scenario.load import load_scenario
+    from posse_core._scenario.load import Member, load_scenario
 
-    given = options_from(overrides)
+    member = source if isinstance(source, Member) else Member(source, {})
+    given = {**member.overrides, **options_from(overrides)}
     given.update({key: value for key, value in named.items() if value is not None})
-    return load_scenario(source, load_plugins().registry, given)
+    return load_scenario(member.source, load_plugins().registry, given)
 
 
 @contextlib.contextmanager

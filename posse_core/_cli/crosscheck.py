@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from posse_core._evaluation.crosscheck.measures import Comparison
     from posse_core._evaluation.crosscheck.settings import Case, Poses
     from posse_core._interfaces.executor import Executor
+    from posse_core._scenario.load import Member
 
 
 def _threshold_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -121,7 +122,7 @@ def command(
         for member in _members(source):
             named = {"renderer.name": names[0], "seed": seed}
             scenario = read_scenario(member, scenario_overrides, **named)
-            cases.append(ScenarioCase(Path(member).stem, scenario, poses, frames))
+            cases.append(ScenarioCase(member.name, scenario, poses, frames))
     if not all(isinstance(case, ClosedFormCase) for case in cases):
         given = [case.name for case in cases]
         cases = [ClosedFormCase(name) for name in ANCHORS if name not in given] + cases
@@ -148,7 +149,7 @@ def command(
     _end(comparisons, verdicts)
 
 
-def _members(source: str) -> list[str]:
+def _members(source: str) -> list[Member]:
     """As :func:`scenario_members`, but for an unknown name a similar closed form's is suggested."""
     from posse_core._evaluation.crosscheck.closed_forms import CLOSED_FORMS
     from posse_core._scenario.load import scenario_members

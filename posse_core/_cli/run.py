@@ -92,8 +92,8 @@ def command(
     with _started_in(out) if resume and scenario is None and out is not None else given as source:
         for member in scenario_members(source):
             checked = read_scenario(member, overrides, **named)
-            with naming(member), phase("preparing the trajectory and the spacecraft"):
-                plans[Path(member).stem] = make_plan(checked, plugins.registry)
+            with naming(member.source), phase("preparing the trajectory and the spacecraft"):
+                plans[member.name] = make_plan(checked, plugins.registry)
         folder = out or free_folder(Path(source).stem)
         folders = {name: f"{folder}/{name}" if len(plans) > 1 else folder for name in plans}
         for name, plan in plans.items():

@@ -16,6 +16,7 @@ METRICS: Final[Mapping[str, str]] = {
     "mAP50": "mAP at an overlap of 0.5 alone",
     "mAP75": "mAP at an overlap of 0.75 alone",
     "mAR": "COCO's average recall with up to 100 detections in an image; 1 is best",
+    "AR50": "its greatest term, the recall at an overlap of 0.5; the thesis' mAR",
     _OF_ONE: "mAP of the spacecraft NAME",
     "box IoU mean": "overlap (area of the intersection over that of the union) of each spacecraft's box"
     " with the best detection of its class, 0 without one: the mean",

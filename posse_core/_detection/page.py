@@ -71,10 +71,10 @@ def _precision(dataset: LabelledImages, judged: Sequence[Judged]) -> Iterator[Ma
     recall = np.linspace(0, 1, 101).tolist()
     for name, by_overlap in curves.items():
         series = [
-            Series(f"IoU {iou:g}", list(zip(recall, precision.tolist(), strict=True)), line=True)
+            Series(f"{iou:.2f}", list(zip(recall, precision.tolist(), strict=True)), line=True)
             for iou, precision in by_overlap.items()
         ]
-        yield plot(name, Axis("recall", 0, 1), Axis("precision", 0, 1), series)
+        yield plot(f"precision of {name}, by IoU", Axis("recall", 0, 1), Axis("", 0, 1), series)
 
 
 def _by_range(judged: Sequence[Judged]) -> Iterator[Markup]:

@@ -81,6 +81,7 @@ def coco_metrics(
 
     Returns:
         ``mAP`` over overlaps of 0.5 to 0.95, ``mAP50``, ``mAP75``, ``mAR`` (100 detections an image),
+        ``AR50``, its greatest term, at an overlap of 0.5, which the thesis calls mAR (section 2.5.3),
         and ``AP.CLASS`` of each class that an image shows.
 
     Raises:
@@ -93,6 +94,7 @@ def coco_metrics(
         "mAP50": _mean(precision[0, :, :, 0, -1]),
         "mAP75": _mean(precision[5, :, :, 0, -1]),
         "mAR": _mean(evaluation.eval["recall"][:, :, 0, -1]),
+        "AR50": _mean(evaluation.eval["recall"][0, :, 0, -1]),
     }
     shown = {truth.label for image in truths for truth in image}
     for column, name in enumerate(classes):
@@ -137,14 +139,14 @@ def precision_by_recall(
     detections: Sequence[Sequence[Detection]],
     classes: Sequence[str],
 ) -> dict[str, dict[float, FloatArray]]:
-    """COCO's curves: class → overlap (0.5, 0.75, 0.9) → (101,) precision at a recall of 0, 0.01, … 1.
+    """COCO's curves: class → overlap (0.5, 0.55, … 0.95) → (101,) precision at a recall of 0, 0.01, … 1.
 
     A class that no image shows has no curve.
     """
     precision = _coco(truths, detections, classes).eval["precision"]
     shown = {truth.label for image in truths for truth in image}
     return {
-        name: {iou: precision[row, :, column, 0, -1] for iou, row in ((0.5, 0), (0.75, 5), (0.9, 8))}
+        name: {0.5 + 0.05 * row: precision[row, :, column, 0, -1] for row in range(len(precision))}
         for column, name in enumerate(classes)
         if name in shown
     }

@@ -20,7 +20,10 @@ from posse_core._arrays import AnyArray
 from posse_core._errors import ComponentError
 from posse_core._evaluation.numbers import number
 
-COLOURS = ("#1667b5", "#d1495b", "#2e933c", "#8f5ab8", "#c77d0a", "#5c6b73")
+COLOURS = (
+    *("#1667b5", "#d1495b", "#2e933c", "#8f5ab8", "#c77d0a"),
+    *("#5c6b73", "#17a2b8", "#7a4b22", "#b83280", "#8a9a0b"),
+)
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,24 +25,47 @@ from posse_core._scenario.model import Scenario
 from posse_core._scenario.yaml_lines import KeyPath, YamlText
 
 
-def scenario_members(source: str) -> list[str]:
-    """The scenarios of a source: the source itself, or the ``members`` of a collection.
+@dataclass(frozen=True)
+class Member:
+    """A scenario of a collection.
 
-    A collection is a YAML file whose one key, ``members``, lists names or files of scenarios.
+    Attributes:
+        source: its name or the path of its file.
+        overrides: dotted key → value by which the collection replaces the scenario's.
+    """
+
+    source: str
+    overrides: Mapping[str, Any]
+
+    @property
+    def name(self) -> str:
+        """Its name, or that of its file without the ending."""
+        return Path(self.source).stem
+
+
+def scenario_members(source: str) -> list[Member]:
+    """The scenarios of a source: the source itself, or the members of a collection.
+
+    A collection is a YAML file whose key ``members`` lists names or files of scenarios. Its other key,
+    ``overrides``, may replace keys of them all.
 
     Raises:
-        InputError: the source cannot be read, or ``members`` is not such a list.
+        InputError: the source cannot be read, or is no such collection.
     """
     text = _read(source)
     if not isinstance(text.value, dict) or "members" not in text.value:
-        return [source]
-    members = text.value["members"]
-    if len(text.value) > 1 or not isinstance(members, list) or not members:
-        raise InputError(
-            f"{text.where(('members',))}: the only key of a collection, a list of scenarios"
-        )
+        return [Member(source, {})]
+    members, overrides = text.value["members"], text.value.get("overrides", {})
+    if not isinstance(members, list) or not members:
+        raise InputError(f"{text.where(('members',))}: a collection has a list of scenarios here")
+    if not isinstance(overrides, dict):
+        raise InputError(f"{text.where(('overrides',))}: give dotted keys and values, as after -o")
+    for key in text.value:
+        if key not in ("members", "overrides"):
+            raise InputError(f"{text.where((key,))}: a collection has the keys members and overrides")
     names = built_in_names()
-    return [str(m) if m in names else str(Path(source).parent / str(m)) for m in members]
+    paths = [str(m) if m in names else str(Path(source).parent / str(m)) for m in members]
+    return [Member(path, {str(key): value for key, value in overrides.items()}) for path in paths]
 
 
 def load_scenario(

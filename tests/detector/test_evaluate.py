@@ -204,7 +204,7 @@ def test_the_page_shows_what_was_measured(dataset):
     assert f"<td>{found[0].metrics['ADD median, d']:.4g}</td>" in text
     plots = [ElementTree.fromstring(svg) for svg in re.findall(r"<svg.*?</svg>", text, re.S)]
     assert len(plots) == 2 + 4  # a curve for each class; overlap, place, attitude, ADD by range
-    assert [len(plot.findall("polyline")) for plot in plots] == [3, 3, 0, 0, 0, 0]
+    assert [len(plot.findall("polyline")) for plot in plots] == [10, 10, 0, 0, 0, 0]
     assert [len(plot.findall(".//circle")) for plot in plots] == [0, 0, 10, 10, 10, 10]
     worst = re.findall(r"frame (\d+), IoU ([\d.]+)</figcaption>", text)
     assert [float(iou) for _, iou in worst] == sorted(float(iou) for _, iou in worst)

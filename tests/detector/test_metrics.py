@@ -82,10 +82,14 @@ def test_averages_are_those_of_pycocotools(seed):
     ours = coco_metrics(truths, found, CLASSES)
     for name, place in (("mAP", 0), ("mAP50", 1), ("mAP75", 2), ("mAR", 8)):
         assert ours[name] == pytest.approx(theirs[place], abs=1e-12)
+    recall = evaluation.eval["recall"][:, :, 0, 2]
+    known = [row[row > -1] for row in recall]
+    assert ours["AR50"] == pytest.approx(max(row.mean() for row in known), abs=1e-12)
     for name, curves in precision_by_recall(truths, found, CLASSES).items():
-        for row, iou in ((0, 0.5), (5, 0.75), (8, 0.9)):
+        np.testing.assert_allclose(list(curves), np.linspace(0.5, 0.95, 10), atol=1e-12)
+        for row, curve in enumerate(curves.values()):
             expected = evaluation.eval["precision"][row, :, CLASSES.index(name), 0, 2]
-            np.testing.assert_allclose(curves[iou], expected, atol=1e-12)
+            np.testing.assert_allclose(curve, expected, atol=1e-12)
 
 
 def test_nothing_found_scores_nothing():

@@ -28,7 +28,10 @@ def test_every_scenario_with_a_flight_is_named_as_one():
     with_flight = {
         name
         for name in built_in_names()
-        if any(load_scenario(member, registry).flight is not None for member in scenario_members(name))
+        if any(
+            load_scenario(member.source, registry).flight is not None
+            for member in scenario_members(name)
+        )
     }
     assert with_flight == set(FLIGHTS)
 

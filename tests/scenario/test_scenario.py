@@ -103,7 +103,46 @@ def test_a_dumped_scenario_loads_to_itself(tmp_path):
 @pytest.mark.parametrize("name", built_in_names())
 def test_built_in_scenarios_load(name):
     for member in scenario_members(name):
-        load_scenario(member, REGISTRY, {"renderer.name": "test"})
+        load_scenario(member.source, REGISTRY, {**member.overrides, "renderer.name": "test"})
+
+
+def test_a_collection_replaces_keys_of_its_members(tmp_path):
+    """Of the thesis' datasets, only POSSE has stars (its Table 5.1)."""
+    gains = {
+        name: {
+            None if stars is None else stars.gain
+            for member in scenario_members(name)
+            for stars in [
+                load_scenario(
+                    member.source, REGISTRY, {**member.overrides, "renderer.name": "test"}
+                ).sky.stars
+            ]
+        }
+        for name in ("posse-v1", "posse-v2", "posse-v3", "posse-v4", "posse")
+    }
+    assert gains.pop("posse") == {1e6}
+    assert list(gains.values()) == [{None}] * 4
+    (tmp_path / "one.yaml").write_text(MINIMAL)
+    both = tmp_path / "both.yaml"
+    both.write_text("members: [one.yaml, aqua]\noverrides: {camera.width_px: 77}\n")
+    for member in scenario_members(str(both)):
+        made = load_scenario(member.source, REGISTRY, {**member.overrides, "renderer.name": "test"})
+        assert made.camera.width_px == 77
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("members: []", "members: a collection has a list of scenarios here"),
+        ("members: [aqua]\noverrides: 3", "overrides: give dotted keys and values"),
+        ("members: [aqua]\noverride: {}", "override: a collection has the keys members and overrides"),
+    ],
+)
+def test_a_wrong_collection_is_told(tmp_path, text, told):
+    path = tmp_path / "c.yaml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=f"c.yaml.*{told}"):
+        scenario_members(str(path))
 
 
 def test_naming_another_component_leaves_the_formers_options(tmp_path):

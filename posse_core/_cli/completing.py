@@ -120,6 +120,20 @@ def crosscheck_keys(ctx: click.Context, parameter: click.Parameter, incomplete: 
     return _overrides(keys, table, ctx, incomplete)
 
 
+def export_keys(ctx: click.Context, parameter: click.Parameter, incomplete: str) -> list[Item]:
+    """``FORMAT.KEY=VALUE``: of the formats that ``--format`` names, or of all."""
+    from posse_core._cli.keys import Key
+
+    table = _table()
+    formats = ctx.params.get("formats") or table.components["writer"]
+    keys = {
+        name: Key(about=f"options of the format {name}", keys=options)
+        for name, options in table.components["writer"].items()
+        if name in formats and options
+    }
+    return _overrides(keys, table, ctx, incomplete)
+
+
 def _table() -> KeyTable:
     from posse_core._cli.keys import key_table
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 
 from posse_core._cli import completing
+from posse_core._cli.common import options_from
 from posse_core._cli.progress import phase
+from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
 
 
@@ -26,7 +30,17 @@ from posse_core._plugins.loading import load_plugins
     type=click.Path(path_type=Path, file_okay=False),
     help="Folder to write to; by default the dataset's own.",
 )
-def command(dataset: Path, formats: tuple[str, ...], out: Path | None) -> None:
+@click.option(
+    "-o",
+    "overrides",
+    multiple=True,
+    metavar="FORMAT.KEY=VALUE",
+    shell_complete=completing.export_keys,
+    help="Set an option of a format, as in -o hf.licence=cc-by-4.0. May be repeated.",
+)
+def command(
+    dataset: Path, formats: tuple[str, ...], out: Path | None, overrides: tuple[str, ...]
+) -> None:
     """Write the labels of DATASET in other formats, and print the paths of the files.
 
     'posse plugins' lists the formats as writers. Image paths in the files are relative to the dataset's
@@ -37,7 +51,10 @@ def command(dataset: Path, formats: tuple[str, ...], out: Path | None) -> None:
     from posse_core._simulator.returned import written
 
     registry = load_plugins().registry
-    writers = {name: registry.create("writer", name) for name in formats}
+    writers = {
+        name: registry.create("writer", name, registry.options("writer", name, given, where=name))
+        for name, given in _options(formats, overrides).items()
+    }
     source = Dataset(dataset)
     _ = source.manifest  # raises if the run has not ended: no partial export
     folder = source.folder if out is None else out
@@ -48,3 +65,16 @@ def command(dataset: Path, formats: tuple[str, ...], out: Path | None) -> None:
             record_exports(source.folder, paths)
         for path in paths:
             click.echo(path)
+
+
+def _options(formats: Sequence[str], overrides: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """The options of each format by ``-o``."""
+    options: dict[str, dict[str, Any]] = {name: {} for name in formats}
+    for key, value in options_from(overrides).items():
+        name, _, option = key.partition(".")
+        if name not in options or not option:
+            raise InputError(
+                f"option -o {key}={value}: begin it with a format, as in -o {formats[0]}.KEY=VALUE"
+            )
+        options[name][option] = value
+    return options

@@ -18,6 +18,7 @@ import numpy as np
 
 from posse_core._arrays import AnyArray, Float32Array, FloatArray, array_fault
 from posse_core._dataset.dataset import Dataset
+from posse_core._dataset.layout import MANIFEST, inside
 from posse_core._errors import ComponentError
 from posse_core._files.atomic import atomic_folder
 from posse_core._interfaces.detector import Detection, Detector, KeypointFinder
@@ -205,13 +206,19 @@ def written(writer: Writer, name: str, dataset: Dataset, folder: Path) -> list[P
     """Export a dataset, and check the paths that the writer returns.
 
     The writer works in a folder of its own, whose files move to ``folder`` when it has ended: an export
-    is there as a whole or not at all.
+    is there as a whole or not at all. Of an earlier export into the dataset's own folder, the files that
+    are not written again are removed, such as an image that is in another part now.
     """
     with atomic_folder(folder) as building:
         with failures_named("writer", name):
             made = writer.write(dataset, building)
-        paths = checked_paths(made, name, building)
-    return [folder / path.relative_to(building) for path in paths]
+        paths = [path.relative_to(building) for path in checked_paths(made, name, building)]
+        files = {path.relative_to(building).as_posix() for path in building.rglob("*")}
+    if (folder / MANIFEST).exists() and folder.resolve() == dataset.folder.resolve():
+        for old in dataset.manifest.exports.keys() - files:
+            if any(Path(old).is_relative_to(path) for path in paths):
+                inside(folder, old).unlink(missing_ok=True)
+    return [folder / path for path in paths]
 
 
 class CheckedDetector(Detector):

@@ -38,6 +38,11 @@ READERS = {
         image["file_name"] for image in json.loads((folder / "coco.json").read_text())["images"]
     ],
     "colmap": of_colmap,
+    "hf": lambda folder: [
+        f"images/{json.loads(line)['file_name']}"
+        for path in folder.glob("hf/*/metadata.jsonl")
+        for line in path.read_text().splitlines()
+    ],
     "nerfstudio": of_nerfstudio,
     "posse": lambda folder: [
         row["filename"]

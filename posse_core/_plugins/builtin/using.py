@@ -44,6 +44,12 @@ def posse_writers() -> list[ComponentSpec]:
             capabilities=_STATIC_WORLD,
         ),
         ComponentSpec(
+            "hf",
+            "a folder for Hugging Face's datasets: images, labels, splits, card, Croissant",
+            "posse_core._formats.hf:HfWriter",
+            "posse_core._formats.hf:HfOptions",
+        ),
+        ComponentSpec(
             "kalibr",
             "intrinsics and extrinsics of all cameras as a Kalibr camchain",
             "posse_core._formats.kalibr:KalibrWriter",

@@ -15,7 +15,7 @@ from posse_core._dataset.spacecraft import SpacecraftInfo
 from posse_core._detection.pnp import MIN_POINTS, solve_pose
 from posse_core._errors import InputError
 from posse_core._evaluation.metrics import TrueBox, box_iou, matches, seen_bodies, true_box
-from posse_core._evaluation.poses import add_m, adi_m, pose_errors
+from posse_core._evaluation.poses import add_m, adi_m, nees, pose_errors
 from posse_core._frames import matrix_from_quaternion
 from posse_core._interfaces.detector import Detection, Detector, KeypointFinder, PoseEstimate
 from posse_core._model.camera import Camera
@@ -30,12 +30,14 @@ class PoseErrors:
         e_t: position error divided by the range.
         e_q_rad: attitude error, the smallest over the spacecraft's symmetries.
         add, adi: mean distance of the mesh's vertices (ADD and ADI), divided by its diameter.
+        nees: normalised estimation error squared, by the pose's covariance.
     """
 
     e_t: float
     e_q_rad: float
     add: float
     adi: float
+    nees: float
 
 
 @dataclass(frozen=True)
@@ -175,7 +177,8 @@ def _errors(
     e_t, e_q_rad = pose_errors(R, t, *estimated, info.symmetries)
     points, diameter_m = mesh.vertices_body_m, mesh.diameter_m
     add, adi = (measure(points, R, t, *estimated) / diameter_m for measure in (add_m, adi_m))
-    return PoseErrors(e_t, e_q_rad, add, adi)
+    within = nees(R, t, *estimated, pose.covariance, info.symmetries)
+    return PoseErrors(e_t, e_q_rad, add, adi, within)
 
 
 def _shape(dataset: LabelledImages, name: str | None, spacecraft: str) -> tuple[SpacecraftInfo, Mesh]:

@@ -32,6 +32,10 @@ METRICS: Final[Mapping[str, str]] = {
     "e_t median": "position error divided by the range, median of the estimated poses",
     "e_q median, deg": "attitude error to the nearest of the spacecraft's symmetries, median of the"
     " estimated poses",
+    "NEES median": "squared error in standard deviations of the estimated poses, by their own covariance"
+    " (six degrees of freedom): the median, 5.35 if the covariances are right, more if too small",
+    "in 95 % region": "share of the estimated poses whose error is inside the ellipsoid that their"
+    " covariance says holds 95 %",
     "SPEED 2019": "mean of e_t + e_q (radians) of the estimated poses; 0 is best",
     "SPEED 2021": "the same, 0 where both errors are below the floors of SPEED+ (0.002173 and 0.169°)",
     "SPEED 2023": "the same, each error 0 where it is below its floor",

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from scipy.stats import chi2
 
 from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.images import LabelledImages
@@ -18,6 +19,7 @@ from posse_core._evaluation.poses import speed_score
 from posse_core._model.label_line import LabelLine
 
 _PHASES_DEG = (0, 30, 60, 90, 120, 180)
+_CHI_SQUARED_95 = float(chi2.ppf(0.95, 6))
 _CORRECT_ADD_DIAMETERS = 0.1
 """A pose is correct if its ADD is below this share of the diameter (Hinterstoisser et al. 2012)."""
 
@@ -82,6 +84,8 @@ def _pose_metrics(shown: Sequence[JudgedBody]) -> dict[str, float]:
         "ADI median, d": float(np.median([pose.adi for pose in found])),
         "e_t median": float(np.median(e_t)),
         "e_q median, deg": float(np.rad2deg(np.median(e_q))),
+        "NEES median": float(np.median([pose.nees for pose in found])),
+        "in 95 % region": float(np.mean([pose.nees < _CHI_SQUARED_95 for pose in found])),
         "SPEED 2019": speed_score(e_t, e_q, "2019"),
         "SPEED 2021": speed_score(e_t, e_q, "2021"),
         "SPEED 2023": speed_score(e_t, e_q, "2023"),

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from posse_core._arrays import FloatArray
+from posse_core._frames import rotation_vector_from_matrix
 
 SpeedVersion = Literal["2019", "2021", "2023"]
 _POSITION_FLOOR_SHARE = 0.002173  # of the range: the error of the testbed's own truth in SPEED+
@@ -42,6 +43,30 @@ def _angle(R_a: FloatArray, R_b: FloatArray) -> float:
     R = np.asarray(R_a).T @ np.asarray(R_b)
     sine = np.linalg.norm([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
     return float(np.arctan2(sine, np.trace(R) - 1))
+
+
+def nees(
+    R_cam_from_body: FloatArray,
+    t_body_cam_m: FloatArray,
+    R_found: FloatArray,
+    t_found_m: FloatArray,
+    covariance: FloatArray,
+    symmetries: Sequence[FloatArray] = (),
+) -> float:
+    """Normalised estimation error squared of one pose (Bar-Shalom et al. 2001, section 5.4).
+
+    If the covariance is right, it has a χ² distribution of 6 degrees of freedom: its mean is 6, and 95 %
+    of poses are below 12.6.
+
+    Args:
+        R_cam_from_body, t_body_cam_m, R_found, t_found_m, symmetries: as of :func:`pose_errors`.
+        covariance: (6, 6) of a small rotation in camera axes (rad) and of the position (m).
+    """
+    turns = [np.eye(3), *symmetries]
+    nearest = min((R_cam_from_body @ S for S in turns), key=lambda R: _angle(R, R_found))
+    away = rotation_vector_from_matrix(R_found @ nearest.T)
+    error = np.concatenate([away, np.asarray(t_found_m, np.float64) - t_body_cam_m])
+    return float(error @ np.linalg.pinv(covariance) @ error)
 
 
 def speed_score(e_t: FloatArray, e_q_rad: FloatArray, version: SpeedVersion) -> float:

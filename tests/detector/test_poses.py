@@ -6,10 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
+from scipy.stats import chi2, kstest
 
 from posse_core._evaluation.poses import (
     add_m,
     adi_m,
+    nees,
     pose_errors,
     speed_score,
 )
@@ -31,6 +33,21 @@ def test_speed_errors_are_the_angle_and_the_relative_distance(seed, angle, share
     assert e_q == pytest.approx(angle, abs=1e-7)
     assert e_q == pytest.approx(2 * np.arccos(min(abs(q @ q_other), 1)), abs=1e-6)
     assert pose_errors(R, t, R_same, found)[1] == pytest.approx(e_q, abs=1e-9)
+
+
+def test_poses_drawn_by_their_covariance_have_chi_squared_errors():
+    """Also where a symmetry of the body turned them: the nearest counts."""
+    random = np.random.default_rng(0)
+    root = random.normal(size=(6, 6)) * np.array([0.01, 0.02, 0.005, 0.1, 0.05, 1.0])[:, None]
+    half_turn = np.diag([-1.0, -1.0, 1.0])
+    R, t = Rotation.random(rng=random).as_matrix(), np.array([1.0, -2.0, 30.0])
+    found = []
+    for k in range(4000):
+        error = root @ random.normal(size=6)
+        R_found = Rotation.from_rotvec(error[:3]).as_matrix() @ R @ (half_turn if k % 2 else np.eye(3))
+        found.append(nees(R, t, R_found, t + error[3:], root @ root.T, [half_turn]))
+    # Kolmogorov and Smirnov's test would err in one seed of a thousand.
+    assert kstest(found, chi2(6).cdf).pvalue > 1e-3
 
 
 def test_a_symmetry_costs_nothing():

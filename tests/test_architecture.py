@@ -51,6 +51,7 @@ ROOMS = (
     "_evaluation",
     "_detection",
     "_refinement",
+    "_photos",
     "_navigation",
     "_view",
     "_recipe",

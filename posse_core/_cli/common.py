@@ -6,6 +6,7 @@ import contextlib
 import json
 import time
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -15,6 +16,7 @@ from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
 
 if TYPE_CHECKING:
+    from posse_core._model.camera import Camera
     from posse_core._scenario.load import Member
     from posse_core._scenario.model import Scenario
 
@@ -72,6 +74,15 @@ def read_scenario(source: str | Member, overrides: Sequence[str], **named: str |
     given = {**member.overrides, **options_from(overrides)}
     given.update({key: value for key, value in named.items() if value is not None})
     return load_scenario(member.source, load_plugins().registry, given)
+
+
+def camera_of(path: Path) -> Camera:
+    """The camera that ``--camera`` names: a camera.json, or another calibration."""
+    from posse_core._plugins.options import validated
+    from posse_core._scenario.camera import CameraConfig
+
+    keys = {"calibration": str(path)}
+    return validated(CameraConfig, keys, lambda key: f"--camera {path}").camera()
 
 
 @contextlib.contextmanager

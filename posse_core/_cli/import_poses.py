@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import click
 
 from posse_core._cli import completing
+from posse_core._cli.common import camera_of
 from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
 
@@ -19,8 +21,8 @@ from posse_core._plugins.loading import load_plugins
 @click.option(
     "--target",
     required=True,
-    shell_complete=completing.components("scene"),
-    help="Name of the spacecraft to render; 'posse plugins' lists them as scenes.",
+    shell_complete=completing.crafts,
+    help="Spacecraft to render: its name ('posse plugins' lists them as scenes) or a package's folder.",
 )
 @click.option(
     "--sun",
@@ -73,22 +75,20 @@ def command(
     import numpy as np
 
     from posse_core._formats.poses import camera_beside, read_poses
-    from posse_core._plugins.options import validated
-    from posse_core._scenario.camera import CameraConfig
+    from posse_core._scenario.component import TargetChoice, target_named
     from posse_core._scenario.from_poses import write_scenario
 
-    registry = load_plugins().registry
-    registry.options("scene", target, {}, where=f"--target {target}")
+    choice = target_named(target, load_plugins().registry)
+    if choice.name == "package":
+        # A path in a scenario is from the scenario's folder.
+        choice = TargetChoice.model_validate({"package": os.path.relpath(target, out)})
     if out.exists():
         raise InputError(f"{out}: this folder exists already; name a new one")
     if not np.isfinite([*centre_m, every_s or 0.0]).all():
         raise InputError("--every and --centre-of-mass: a number is not finite; give metres and seconds")
     poses = read_poses(labels).with_origin(np.array(centre_m))
-    camera = camera_beside(labels) if camera_file is None else None
-    if camera_file is not None:
-        keys = {"calibration": str(camera_file)}
-        camera = validated(CameraConfig, keys, lambda key: f"--camera {camera_file}").camera()
-    path = write_scenario(labels, poses, np.array(sun_cam), target, camera, out, every_s=every_s)
+    camera = camera_beside(labels) if camera_file is None else camera_of(camera_file)
+    path = write_scenario(labels, poses, np.array(sun_cam), choice, camera, out, every_s=every_s)
     if camera is None:
         click.echo(
             f"posse: no camera.json beside {labels}; the scenario has the default camera;"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -89,6 +90,10 @@ def _fields(annotation: Mapping[str, Any], category: Mapping[str, Any]) -> dict[
     if isinstance(annotation.get("segmentation"), dict):
         labels["mask_rle"] = annotation["segmentation"]
         labels["mask_area_px"] = round(annotation["area"])
+    if "q_cam_from_body" in annotation:
+        labels["q_cam_from_body"] = annotation["q_cam_from_body"]
+        labels["t_body_cam_m"] = annotation["t_body_cam_m"]
+        labels["range_m"] = math.hypot(*annotation["t_body_cam_m"])
     if "keypoints" in annotation:
         flat = iter(annotation["keypoints"])
         points = zip(category["keypoints"], zip(flat, flat, flat, strict=True), strict=True)
@@ -101,6 +106,7 @@ class CocoDataset(LabelledImages):
 
     A folder has its parts in ``train.json``, ``valid.json`` and ``test.json``, of which the last two may
     be missing; a single file is a dataset of one part, ``all``. Image paths are relative to the folder.
+    An annotation may have a pose, by the keys ``q_cam_from_body`` and ``t_body_cam_m`` of label lines.
     COCO has neither the camera nor the positions of keypoints on the spacecraft. They are read from
     ``camera.json``, ``spacecraft/NAME.json`` and ``spacecraft/NAME.ply`` beside the COCO files, as in a
     dataset of ``posse run`` (of bodies beside the target also ``bodies/BODY/NAME.json``); without

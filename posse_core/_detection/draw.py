@@ -29,13 +29,15 @@ class Pen:
 
     Attributes:
         canvas: (H, W, 3) uint8, in any order of channels; it is changed.
+        size_px: longer side of the canvas that lines and letters suit; by default this one's.
     """
 
     canvas: AnyArray
+    size_px: int | None = None
 
     @property
     def _size_px(self) -> int:
-        return int(max(self.canvas.shape[:2]))
+        return int(max(self.canvas.shape[:2])) if self.size_px is None else self.size_px
 
     @property
     def line_px(self) -> int:
@@ -61,6 +63,13 @@ class Pen:
         if rounded is not None:
             thickness = self.line_px if hidden else -1
             cv2.circle(self.canvas, rounded, 2 * self.line_px, colour, thickness, cv2.LINE_AA)
+
+    def cross(self, at_px: ArrayLike, colour: Colour) -> None:
+        """A cross that stands upright."""
+        rounded = _rounded(at_px)
+        if rounded is not None:
+            size_px = 8 * self.line_px
+            cv2.drawMarker(self.canvas, rounded, colour, cv2.MARKER_CROSS, size_px, self.line_px)
 
     def arrow(self, start_px: ArrayLike, end_px: ArrayLike, colour: Colour, name: str) -> None:
         """An arrow with its name beside the tip, but within the canvas."""

@@ -44,7 +44,7 @@ class CocoWriter(Writer):
             write_items(text, _annotations(dataset, category))
             text.write(',\n"categories": ')
             crafts = dataset.classes
-            write_items(text, (_category(crafts[name], id_) for name, id_ in category.items()))
+            write_items(text, (category_record(crafts[name], id_) for name, id_ in category.items()))
             text.write("}\n")
         return [path]
 
@@ -88,7 +88,8 @@ def _annotations(dataset: Dataset, category: dict[str, int]) -> Iterator[dict[st
             yield annotation
 
 
-def _category(craft: SpacecraftInfo, id_: int) -> dict[str, Any]:
+def category_record(craft: SpacecraftInfo, id_: int) -> dict[str, Any]:
+    """The category of a spacecraft."""
     number = {name: i for i, name in enumerate(craft.keypoints_body_m, 1)}
     return {
         "id": id_,

@@ -14,7 +14,7 @@ from posse_core._formats.speed_images import SpeedImages, files_of
 from posse_core._model.spacecraft import Spacecraft
 from posse_core._plugins.loading import load_plugins
 from posse_core._scenario.camera import preset_camera
-from posse_core._scenario.component import TargetChoice, create
+from posse_core._scenario.component import create, target_named
 
 ImageFormat = Literal["posse", "coco", "speed", "speed+", "shirt"]
 """How labelled images are laid out."""
@@ -74,7 +74,5 @@ def _kind_of(path: Path) -> ImageFormat:
 def _built(target: str) -> Spacecraft:
     """A spacecraft by its name, or from the folder of its package."""
     registry = load_plugins().registry
-    known = {spec.name for spec in registry.specs("scene")}
-    keys = {"package": target} if target not in known and Path(target).is_dir() else {"name": target}
-    spacecraft: Spacecraft = create(registry, "scene", TargetChoice.model_validate(keys)).build()
+    spacecraft: Spacecraft = create(registry, "scene", target_named(target, registry)).build()
     return spacecraft

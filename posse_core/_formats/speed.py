@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from pydantic import AliasChoices, Field, RootModel
 
@@ -28,16 +29,23 @@ class SpeedWriter(Writer):
         path = folder / "speed.json"
         with text_file(path) as text:
             poses = (
-                {
-                    "filename": labels.image,
-                    "q_vbs2tango_true": labels.q_cam_from_body,
-                    "r_Vo2To_vbs_true": labels.t_body_cam_m,
-                }
+                speed_record(labels.image, labels.q_cam_from_body, labels.t_body_cam_m)
                 for labels in labels_with(dataset, "SPEED", NEEDS)
             )
             write_items(text, poses)
             text.write("\n")
         return [path]
+
+
+def speed_record(
+    image: str, q_cam_from_body: Sequence[float], t_body_cam_m: Sequence[float]
+) -> dict[str, Any]:
+    """The entry of an image, with the keys of SPEED+."""
+    return {
+        "filename": image,
+        "q_vbs2tango_true": q_cam_from_body,
+        "r_Vo2To_vbs_true": t_body_cam_m,
+    }
 
 
 def read_speed(path: Path) -> Iterator[NamedPose]:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from pydantic import Field, model_serializer, model_validator
 
+from posse_core._errors import InputError
 from posse_core._plugins.options import Options
 from posse_core._plugins.registry import Registry
 from posse_core._scenario.materials import MaterialKeys
@@ -58,6 +60,21 @@ class TargetChoice(ComponentChoice):
     def _flatten(self) -> dict[str, Any]:
         changed = {name: keys.model_dump(exclude_none=True) for name, keys in self.materials.items()}
         return {"name": self.name, **self.options, **({"materials": changed} if changed else {})}
+
+
+def target_named(text: str, registry: Registry) -> TargetChoice:
+    """The spacecraft that one word means: its name or, if none has it, the folder of a package.
+
+    Raises:
+        InputError: there is neither.
+    """
+    names = registry.names("scene")
+    if text in names or not (Path(text).is_dir() or len(Path(text).parts) > 1):
+        registry.options("scene", text, {}, where=text)
+        return TargetChoice(name=text)
+    if not Path(text).is_dir():
+        raise InputError(f"{text}: no such package folder; make one with 'posse import MODEL'")
+    return TargetChoice.model_validate({"package": text})
 
 
 def create(registry: Registry, kind: str, choice: ComponentChoice) -> Any:

@@ -34,6 +34,7 @@ from posse_core._frames import (
 )
 from posse_core._model.camera import Camera
 from posse_core._model.poses import Poses
+from posse_core._scenario.component import TargetChoice
 
 EPOCH_UTC = "2022-03-20T12:00:00"
 RADIUS_M = 7.0e6
@@ -144,7 +145,7 @@ def write_scenario(
     labels: Path,
     poses: Poses,
     sun_cam: FloatArray,
-    target: str,
+    target: TargetChoice,
     camera: Camera | None,
     out: Path,
     *,
@@ -154,7 +155,7 @@ def write_scenario(
 
     Args:
         sun_cam: (3,), as in :func:`motion_of`.
-        target: name of the spacecraft to render.
+        target: the spacecraft to render.
         camera: the camera of the labels; None for the default camera of scenarios.
         every_s: as in :func:`sequence_of`; None for frames that have nothing to do with each other.
 
@@ -172,7 +173,7 @@ def write_scenario(
         "v_m_s": arrays["v_target_eci_m_s"][0].tolist(),
     }
     value: dict[str, Any] = {
-        "target": {"name": target},
+        "target": target.model_dump(mode="json"),
         "orbit": {"state_eci": state},
         "propagator": {"name": "file", "path": "trajectory.npz"},
         "attitude": {"target": recorded, "camera": dict(recorded)},

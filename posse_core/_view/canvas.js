@@ -117,13 +117,17 @@ class Screen {
   begin(W, H) {
     const { canvas } = this, context = fitted(canvas), ratio = devicePixelRatio;
     const scale = this.scale = Math.min(canvas.clientWidth / W, canvas.clientHeight / H) * this.zoom;
-    const left = canvas.clientWidth / 2 + this.x - scale * W / 2, top = canvas.clientHeight / 2 + this.y - scale * H / 2;
+    const left = this.left = canvas.clientWidth / 2 + this.x - scale * W / 2;
+    const top = this.top = canvas.clientHeight / 2 + this.y - scale * H / 2;
     context.setTransform(ratio * scale, 0, 0, ratio * scale, ratio * left, ratio * top);
     context.imageSmoothingEnabled = scale < 2;
     context.fillStyle = "#07090b";
     context.fillRect(0, 0, W, H);
     return context;
   }
+
+  // What is at a place of the canvas, CSS pixels, in label coordinates: the first pixel's centre is at [0, 0].
+  pixelAt(x, y) { return [(x - this.left) / this.scale - 0.5, (y - this.top) / this.scale - 0.5]; }
 }
 
 // Images that are loaded for one frame after another; those that arrive when the next has begun are dropped.

@@ -101,6 +101,9 @@ def posse_executors() -> list[ComponentSpec]:
 def posse_subcommands() -> list[ComponentSpec]:
     return [
         ComponentSpec(
+            "annotate", "label your own photographs with poses", "posse_core._cli.annotate:command"
+        ),
+        ComponentSpec(
             "collect", "join datasets and drop frames by rules", "posse_core._cli.collect:command"
         ),
         ComponentSpec(

@@ -11,7 +11,7 @@ from posse_core._view.mesh_block import mesh_block
 PICKER = "keypoints.html"
 """Name of the page in a package."""
 _SCRIPTS = ("numbers.js", "canvas.js", "turntable.js", "meshview.js", "picker/picker.js")
-_STYLES = ("page.css", "picker/picker.css")
+_STYLES = ("page.css", "workbench.css", "picker/picker.css")
 
 
 def picker_page(craft: Spacecraft, centre_of_mass_m: Sequence[float]) -> bytes:

@@ -1,0 +1,1 @@
+"""Photographs of a spacecraft that a person labels: clicked points, and the poses that they give."""

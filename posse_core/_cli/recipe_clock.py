@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import sys
 import threading
 import time
 from collections.abc import Iterable, Iterator, Mapping
@@ -11,7 +12,7 @@ from typing import Any
 import click
 from tqdm import tqdm
 
-from posse_core._cli.progress import Item, bar
+from posse_core._cli.progress import Item
 
 _EVERY_S = 1.0
 
@@ -39,10 +40,11 @@ class Clock:
         self.refresh()
 
     def bar(self, items: Iterable[Item], total: int, title: str) -> Iterable[Item]:
-        return bar(items, total, title)
+        return tqdm(items, title, total, leave=False, unit="frame", disable=None)
 
     def say(self, line: str) -> None:
-        click.echo(line)
+        with tqdm.external_write_mode(file=sys.stderr):
+            click.echo(line)
 
     def left_s(self, now: float) -> float | None:
         """Time until the expected end, at a time of ``time.monotonic``; None where it is not known."""
@@ -54,15 +56,13 @@ class Clock:
 
     def refresh(self) -> None:
         """Show the line as it is now."""
+        words = ["recipe", *filter(None, [self._step])]
         left_s = self.left_s(time.monotonic())
-        self._line.set_description_str(
-            f"recipe: {self._step}" if self._step else "recipe", refresh=False
-        )
         if left_s is not None:
             total_s = sum(self._expected_s.values())
             self._line.n = round(100 * (1 - left_s / total_s))
-            end = time.strftime("%a %H:%M", time.localtime(time.time() + left_s))
-            self._line.set_postfix_str(f"expected end {end}", refresh=False)
+            words.append(time.strftime("expected end %a %H:%M", time.localtime(time.time() + left_s)))
+        self._line.set_description_str(", ".join(words), refresh=False)
         self._line.refresh()
 
 
@@ -71,7 +71,7 @@ def clock() -> Iterator[Clock]:
     """A line on a terminal that moves with the time; in a log or a pipe it is silent."""
     with tqdm(
         total=100,
-        bar_format="{desc} {percentage:3.0f}%|{bar:20}|{postfix}",
+        bar_format="{desc} {percentage:3.0f}%|{bar}|",
         position=0,
         leave=False,
         disable=None,

@@ -35,6 +35,7 @@ def write_card(
     folder: Path,
     scenarios: Scenarios,
     decision: Decision,
+    epochs: Mapping[str, int],
     evaluation: Evaluation,
     dataset: Dataset,
     notes: Mapping[str, Note],
@@ -45,7 +46,8 @@ def write_card(
     Args:
         folder: of the recipe.
         scenarios: of the recipe.
-        decision: how many frames and epochs.
+        decision: how many frames, and what was expected.
+        epochs: task → number of epochs.
         evaluation: of the test part.
         dataset: that the models learned from.
         notes: of the steps.
@@ -54,7 +56,7 @@ def write_card(
     recipe = scenarios.recipe
     lines = [
         *_head(recipe, dataset),
-        *_models(recipe, decision, models),
+        *_models(recipe, epochs, models),
         *_data(recipe, dataset, decision),
         *_accuracy(evaluation),
         *_limits(scenarios, evaluation),
@@ -80,11 +82,11 @@ def _head(recipe: Recipe, dataset: Dataset) -> Iterator[str]:
     yield ""
 
 
-def _models(recipe: Recipe, decision: Decision, models: Sequence[Path]) -> Iterator[str]:
+def _models(recipe: Recipe, epochs: Mapping[str, int], models: Sequence[Path]) -> Iterator[str]:
     yield "## Models"
     yield ""
     rows = [
-        [f"`{path.name}`", recipe.nets[task].name, str(decision.epochs[task]), f"`{sha256(path)}`"]
+        [f"`{path.name}`", recipe.nets[task].name, str(epochs[task]), f"`{sha256(path)}`"]
         for task, path in zip(recipe.nets, models, strict=True)
     ]
     yield from _table(["file", "net", "epochs", "SHA-256"], rows)

@@ -11,12 +11,13 @@ from pydantic import JsonValue
 
 from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.layout import PARTITION_FILE
+from posse_core._detection.card import ModelCard
 from posse_core._detection.groups import Group
 from posse_core._files.atomic import sha256, write_json
 from posse_core._files.reading import read_record
 from posse_core._plugins.loading import Plugins
 from posse_core._plugins.registry import Registry
-from posse_core._recipe.budget import Decision, decide
+from posse_core._recipe.budget import Decision, decide, epochs_in_time
 from posse_core._recipe.card import write_card
 from posse_core._recipe.data import DATA, Kitchen, make_data
 from posse_core._recipe.judging import EVALUATION, Evaluation, judge
@@ -24,7 +25,7 @@ from posse_core._recipe.model import Recipe
 from posse_core._recipe.probe import measure
 from posse_core._recipe.scenarios import CRAFT, Scenarios
 from posse_core._recipe.steps import Show, Steps
-from posse_core._recipe.training import MODEL, check_nets, export, options_for, train
+from posse_core._recipe.training import MODEL, check_nets, export, options_for, pictures_for, train
 from posse_core._spacecraft.importing import imported, write_package
 from posse_core._spacecraft.options import MeshOptions
 from posse_core._spacecraft.package import DESCRIPTION
@@ -60,7 +61,7 @@ def follow(recipe: Recipe, folder: Path, plugins: Plugins, show: Show) -> Group:
     show.expect(decision.expected_s)
     dataset = _data(kitchen, keys, decision, steps)
     show.say(f"{DATA}: {len(dataset)} frames, {len(dataset.part('test'))} for the test")
-    models = _models(kitchen, decision, dataset, steps)
+    epochs, models = _models(kitchen, decision, dataset, steps)
     steps.do(
         "evaluation",
         {"dataset": dataset.sha256, **_digests(folder, recipe)},
@@ -69,7 +70,7 @@ def follow(recipe: Recipe, folder: Path, plugins: Plugins, show: Show) -> Group:
         partial(judge, kitchen, dataset, folder),
     )
     evaluation = read_record(folder / EVALUATION, Evaluation, "an evaluation of 'posse recipe'")
-    write_card(folder, scenarios, decision, evaluation, dataset, steps.notes(), models)
+    write_card(folder, scenarios, decision, epochs, evaluation, dataset, steps.notes(), models)
     return evaluation.groups[0]
 
 
@@ -112,14 +113,18 @@ def _data(kitchen: Kitchen, keys: Mapping[str, Any], decision: Decision, steps: 
     return Dataset(steps.folder / DATA)
 
 
-def _models(kitchen: Kitchen, decision: Decision, dataset: Dataset, steps: Steps) -> list[Path]:
-    """Train and export the models; the exported files in the order of their tasks."""
+def _models(
+    kitchen: Kitchen, decision: Decision, dataset: Dataset, steps: Steps
+) -> tuple[dict[str, int], list[Path]]:
+    """Train and export the models: the epochs of each task, and the exported files in their order."""
     recipe, registry, folder = kitchen.recipe, kitchen.plugins.registry, steps.folder
+    epochs: dict[str, int] = {}
     exported = []
     for task in recipe.nets:
+        epochs[task] = _epochs(recipe, decision, task, dataset, steps)
         first = task == "keypoints" and recipe.keypoints_from_boxes
         start = folder / "boxes" / MODEL if first else None
-        options = options_for(recipe, task, decision.epochs[task], start, registry)
+        options = options_for(recipe, task, epochs[task], start, registry)
         of: dict[str, JsonValue] = {
             "dataset": dataset.sha256,
             "detector": recipe.nets[task].name,
@@ -135,7 +140,30 @@ def _models(kitchen: Kitchen, decision: Decision, dataset: Dataset, steps: Steps
             f"{task}.onnx", of, out.name, out.name, partial(export, model, task, dataset, out, registry)
         )
         exported.append(out)
-    return exported
+    return epochs, exported
+
+
+def _epochs(recipe: Recipe, decision: Decision, task: str, dataset: Dataset, steps: Steps) -> int:
+    """The epochs of a training: those that it was begun with, or that now fit into the time."""
+    if recipe.nets[task].options.get("epochs") is not None:
+        return decision.epochs[task]
+    note = steps.begun(task, task)
+    if note is not None and isinstance(options := note.of["options"], dict):
+        return int(str(options["epochs"]))
+    notes = steps.notes()
+    spent_s = {name: known.seconds for name, known in notes.items() if name not in recipe.nets}
+    if task == "boxes":
+        pace = spent_s["frames"] / decision.expected_s["frames"]
+    else:
+        spent_s["boxes"] = notes["boxes"].seconds
+        boxes = ModelCard.read(steps.folder / "boxes" / MODEL).epochs
+        learned = boxes * len(pictures_for("boxes", dataset))
+        pace = spent_s["boxes"] / (learned * decision.picture_s["boxes"])
+    pictures = len(pictures_for(task, dataset))
+    fitting = epochs_in_time(recipe, decision, task, pictures, sum(spent_s.values()), pace)
+    expected_s = fitting * pictures * decision.picture_s[task] * pace
+    steps.show.expect({**decision.expected_s, task: expected_s})
+    return fitting
 
 
 def _digests(folder: Path, recipe: Recipe) -> dict[str, JsonValue]:

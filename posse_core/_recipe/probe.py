@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Final
 
 from posse_core._dataset.dataset import Dataset
-from posse_core._evaluation.metrics import true_boxes
 from posse_core._recipe.budget import Speeds
 from posse_core._recipe.data import DATA, Kitchen, make_frames
-from posse_core._recipe.training import options_for, train
+from posse_core._recipe.training import options_for, pictures_for, train
 from posse_core._selection.collect import collect
 from posse_core._selection.partition import write_partition
 
@@ -57,11 +56,6 @@ def _learning(kitchen: Kitchen, probe: Path) -> dict[str, float]:
     collect(runs, [], None, probe / DATA, lambda lines, total: lines)
     dataset = Dataset(probe / DATA)
     write_partition(dataset, recipe.data.split, recipe.seed, "frame")
-    trained = dataset.part("train")
-    pictures = {
-        "boxes": len(trained),
-        "keypoints": sum(bool(true_boxes(dataset[position])) for position in trained),
-    }
     result = {}
     for task, choice in recipe.nets.items():
         registry.load("detector", choice.name)  # imports what would slow down the first training
@@ -73,5 +67,5 @@ def _learning(kitchen: Kitchen, probe: Path) -> dict[str, float]:
             taken.append(time.monotonic() - began)
         epoch_s = (taken[1] - taken[0]) / (_EPOCHS[1] - _EPOCHS[0])
         epoch_s = max(epoch_s, _LEAST_OF_MEAN * taken[1] / _EPOCHS[1])
-        result[task] = epoch_s / max(pictures[task], 1)
+        result[task] = epoch_s / max(len(pictures_for(task, dataset)), 1)
     return result

@@ -79,9 +79,8 @@ class Steps:
         Raises:
             InputError: what is there was begun with something else.
         """
-        notes = self.notes()
-        known = notes.get(name)
-        if (self.folder / made).exists() and known is not None:
+        known = self.begun(name, made)
+        if known is not None:
             for key in [*of, *known.of]:
                 if of.get(key) != known.of.get(key):
                     raise InputError(
@@ -96,6 +95,10 @@ class Steps:
         make()
         spent_s = self.notes()[name].seconds + time.monotonic() - started
         self._note(name, Note(of=dict(of), seconds=round(spent_s, 3)))
+
+    def begun(self, name: str, made: str) -> Note | None:
+        """What a step was begun with whose file or folder is there; None where it is not."""
+        return self.notes().get(name) if (self.folder / made).exists() else None
 
     def notes(self) -> dict[str, Note]:
         """What is known of each step that was begun."""

@@ -10,6 +10,7 @@ from posse_core._arrays import evenly_spread
 from posse_core._dataset.dataset import Dataset
 from posse_core._detection.models import open_model
 from posse_core._errors import InputError
+from posse_core._evaluation.metrics import true_boxes
 from posse_core._interfaces.detector import Model
 from posse_core._plugins.registry import Registry
 from posse_core._recipe.model import Recipe
@@ -61,6 +62,14 @@ def options_for(
         derived["start"] = start
     known = registry.options_model("detector", choice.name).model_fields
     return {**{key: x for key, x in derived.items() if key in known}, **choice.options}
+
+
+def pictures_for(task: str, dataset: Dataset) -> list[int]:
+    """The positions of the frames that a task is learned from: keypoints from those that show some."""
+    trained = dataset.part("train")
+    if task == "boxes":
+        return trained
+    return [position for position in trained if true_boxes(dataset[position])]
 
 
 def train(

@@ -9,7 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from small_recipe import KEYS
 
-from posse_core._recipe.budget import LEAST_EPOCHS, LEAST_FRAMES, Speeds, decide, divided
+from posse_core._recipe.budget import (
+    LEAST_EPOCHS,
+    LEAST_FRAMES,
+    Speeds,
+    decide,
+    divided,
+    epochs_in_time,
+)
 from posse_core._recipe.file import recipe_of
 from posse_core._recipe.model import Recipe
 
@@ -49,6 +56,36 @@ def test_what_is_decided_fits_into_the_hours(
         assert sum(made.expected_s.values()) <= 3600 * hours
         # Neither part of the training gets much more than its share, and none is left unused.
         assert made.epochs["boxes"] + 1 >= LEAST_EPOCHS / 2
+
+
+@given(
+    hours=st.floats(0.3, 50),
+    slower=st.floats(0.3, 3.5),
+    picture_s=st.floats(1e-3, 0.1),
+)
+def test_a_machine_that_has_become_slower_trains_less(
+    hours: float, slower: float, picture_s: float
+) -> None:
+    """Frames took so many times as long as expected, and so do pictures: all ends within the hours."""
+    asked = recipe(hours)
+    made = decide(asked, speeds(0.1, 1.0, picture_s))
+    pictures = round(0.6 * sum(made.frames.values()))
+    spent_s = 10.0 + slower * made.expected_s["frames"]
+    for task in ("boxes", "keypoints"):
+        epochs = epochs_in_time(asked, made, task, pictures, spent_s, slower)
+        spent_s += epochs * pictures * picture_s * slower
+        assert epochs == 1 or spent_s <= 3600 * hours
+
+
+def test_as_expected_the_epochs_are_those_of_the_decision() -> None:
+    asked = recipe(2.0)
+    made = decide(asked, speeds(0.1, 1.0, 0.01))
+    spent_s = 10.0 + made.expected_s["frames"]
+    pictures = 0.6 * sum(made.frames.values())
+    for task, share in (("boxes", 1.0), ("keypoints", 0.75)):
+        epochs = epochs_in_time(asked, made, task, round(share * pictures), spent_s, 1.0)
+        assert abs(epochs - made.epochs[task]) <= 1 + 0.02 * made.epochs[task]
+        spent_s += made.expected_s[task]
 
 
 @given(st.floats(0.5, 20), st.floats(1.5, 8))

@@ -75,6 +75,7 @@ class Learner:
             ]
             mean = np.mean(rows, axis=0).tolist()
             self._write(checkpoint, json.dumps([done + 1, mean]).encode())
+        card = replace(card, epochs=done)
         header = json.dumps({"__metadata__": {**card.metadata(), "mean": json.dumps(mean)}}).encode()
         self._write(folder / "model.safetensors", struct.pack("<Q", len(header)) + header)
         return folder / "model.safetensors"

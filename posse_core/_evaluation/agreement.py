@@ -196,16 +196,17 @@ def _unlike_cameras(one: Camera, other: Camera) -> Iterator[str]:
 
 
 def _frame(labels: LabelLine, scenario: Scenario) -> Iterator[str]:
-    rule, exposure_s = (
-        scenario.sensor.auto_exposure,
-        labels.exposure_s if labels.has("exposure_s") else None,
-    )
-    if exposure_s is not None and rule is None and exposure_s != scenario.sensor.exposure_s:
-        yield f"exposure_s is {exposure_s}, and the scenario's is {scenario.sensor.exposure_s}"
-    if exposure_s is not None and rule is not None:
-        is_within = rule.shortest_s <= exposure_s <= rule.longest_s
-        if not is_within:
-            yield f"exposure_s is {exposure_s}, not within those of auto_exposure"
+    sensor, exposure_s = scenario.sensor, labels.exposure_s if labels.has("exposure_s") else None
+    rule, (least, greatest) = sensor.auto_exposure, (2.0**stops for stops in sensor.exposure_stops)
+    if exposure_s is not None:
+        shortest_s, longest_s = sensor.exposure_s, sensor.exposure_s
+        if rule is not None:
+            shortest_s, longest_s = rule.shortest_s, rule.longest_s
+        if not shortest_s * least <= exposure_s <= longest_s * greatest:
+            if rule is not None:
+                yield f"exposure_s is {exposure_s}, not within those of auto_exposure"
+            else:
+                yield f"exposure_s is {exposure_s}, and the scenario's is {sensor.exposure_s}"
     chosen = {choice.name for choice in scenario.annotators}
     for key in BodyLabels.model_fields:
         annotator = annotator_of(key)

@@ -83,14 +83,19 @@ def white_share_s(sensor: SensorConfig, camera: Camera, flux_w_m2: float) -> flo
     return float(electrons_s / gain_e_dn / (2**sensor.bit_depth - 1))
 
 
-def brightness_faults(case: Case, image: AnyArray, sensor: SensorConfig) -> Iterator[str]:
-    """Whether the target is as bright as exposure and Sun make any material."""
+def brightness_faults(
+    case: Case, image: AnyArray, sensor: SensorConfig, *, by_sun: bool = True
+) -> Iterator[str]:
+    """Whether the target is as bright as exposure and Sun make any material.
+
+    by_sun: the Sun is its brightest light, and not the light boxes of a laboratory.
+    """
     labels = case.labels
     if not case.has("mask_rle", "fraction_lit", "phase_angle_rad", "exposure_s"):
         return
     mask, fraction_lit = case.target.mask, labels.fraction_lit or 0.0
     light = linear(image, sensor)[mask]
-    if _is_lit(case):
+    if by_sun and _is_lit(case):
         white = white_share_s(sensor, case.camera, labels.solar_flux_w_m2) * labels.exposure_s
         scale = white * fraction_lit * labels.sun_fraction_target
         reflectance = float(light.mean()) / scale
@@ -114,7 +119,9 @@ def brightness_faults(case: Case, image: AnyArray, sensor: SensorConfig) -> Iter
         return
     if rule.shortest_s < labels.exposure_s < rule.longest_s:
         metered = float(np.percentile(light.max(axis=1), rule.percentile))
-        if abs(metered / rule.level - 1) > METERED_ERROR:
+        least, greatest = (2.0**stops for stops in sensor.exposure_stops)
+        low, high = (1 - METERED_ERROR) * least, (1 + METERED_ERROR) * greatest
+        if not min(low * rule.level, SATURATED) <= metered <= high * rule.level:
             yield (
                 f"auto exposure brings the {rule.percentile:g}th percentile of the target to"
                 f" {rule.level:g} of white, and it is {metered:.2g}"

@@ -230,8 +230,10 @@ class PictureChecks:
         self._outlines.faults += [Fault(labels.index, text) for text in faults[:1]]
 
     def _light_faults(self, case: Case, image: AnyArray, sensor: SensorConfig) -> Iterator[str]:
-        yield from brightness_faults(case, image, sensor)
-        if image.ndim == 3 and case.has("q_cam_from_body", "t_body_cam_m"):
+        scenario = self._scenarios.of(case.labels)
+        by_sun = scenario is None or scenario.sky.laboratory is None
+        yield from brightness_faults(case, image, sensor, by_sun=by_sun)
+        if by_sun and image.ndim == 3 and case.has("q_cam_from_body", "t_body_cam_m"):
             colours = self._scenarios.base_colours(case.labels)
             if len(colours) == len(case.parts):
                 fault = colour_fault(case, image, sensor, colours)

@@ -12,7 +12,7 @@ from posse_core._arrays import AnyArray, Float32Array, FloatArray
 from posse_core._constants import PLANCK_J_S, SPEED_OF_LIGHT_M_S
 from posse_core._errors import ComponentError
 from posse_core._imaging.noise import detected, normal, read, shot
-from posse_core._imaging.psf import make_psf
+from posse_core._imaging.psf import glared, make_psf
 from posse_core._model.bands import BAND_CENTRES_M, SOLAR_BAND_FRACTIONS
 from posse_core._model.camera import Camera, PixelBox
 from posse_core._model.distortion import Fisheye
@@ -125,6 +125,8 @@ class ImageSensor:
             if self._falloff is not None:
                 electrons[around] *= self._falloff[around]
             electrons[around] = self._psf.blur(electrons[around])
+            if self._config.psf is not None and self._config.psf.glare:
+                electrons = glared(electrons, self._config.psf.glare, self._config.psf.glare_px)
         if len(sky.points_px):
             self._add_points(electrons, sky, craft, exposure_s)
         return electrons

@@ -127,3 +127,40 @@ def make_psf(
     # 97.5 % of the light is within the eighth dark ring; the spot is cut off there and normalised.
     radius_px = int(np.clip(np.ceil(8 * np.pi * unit_px + 0.5), 2, 40))
     return RadialPsf(airy, radius_px, np.pi * unit_px)
+
+
+_GLARE_SIGMAS = np.array([0.25, 0.5, 1.0, 2.0])
+"""Standard deviations of the Gaussians of equal weight that make a halo, in multiples of a unit."""
+_GLARE_HALF = 0.7624
+"""Radius within which half of the halo's light falls, in the same unit."""
+_GLARE_FINEST_PX = 3.0
+"""Standard deviation that the narrowest Gaussian has at the resolution at which it is computed."""
+
+
+def glared(image: Float32Array, share: float, half_px: float) -> Float32Array:
+    """An image of which a share of the light is scattered into a wide halo: (H, W, C) → (H, W, C).
+
+    The halo is a sum of four Gaussians, which falls off nearly as the inverse square of the distance, as
+    measured halos of lenses do (veiling glare). It is computed at a lower resolution. The image is
+    mirrored at its borders, so that no light is lost.
+
+    Args:
+        share: of the light.
+        half_px: radius within which half of the scattered light falls.
+    """
+    height, width = image.shape[:2]
+    unit_px = half_px / _GLARE_HALF
+    factor = max(1.0, _GLARE_SIGMAS[0] * unit_px / _GLARE_FINEST_PX)
+    size = max(1, round(width / factor)), max(1, round(height / factor))
+    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    sigmas = [
+        (float(sigma * size[0] / width), float(sigma * size[1] / height))
+        for sigma in _GLARE_SIGMAS * unit_px
+    ]
+    blurred = [
+        cv2.GaussianBlur(small, (0, 0), sigmaX=x, sigmaY=y, borderType=cv2.BORDER_REFLECT)
+        for x, y in sigmas
+    ]
+    halo = cv2.resize(np.mean(blurred, axis=0), (width, height), interpolation=cv2.INTER_LINEAR)
+    mixed = np.float32(1.0 - share) * image + np.float32(share) * halo.reshape(image.shape)
+    return np.asarray(mixed, dtype=np.float32)

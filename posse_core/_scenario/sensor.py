@@ -41,6 +41,14 @@ class PsfConfig(Options):
     )
     sigma_px: float = Field(0.7, gt=0, le=15, description="standard deviation of the gaussian, pixels")
     diameter_px: float = Field(3.0, gt=0, le=60, description="diameter of the disc of defocus, pixels")
+    glare: Share = Field(
+        0.0,
+        description="share of the light that the lens scatters into a wide halo, which shows around what"
+        " is many times too bright",
+    )
+    glare_px: float = Field(
+        50.0, gt=0, le=1000, description="radius within which half of the scattered light falls, pixels"
+    )
 
 
 class AutoExposureConfig(Options):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from posse_core._plugins.options import Options
 
@@ -29,6 +29,44 @@ class StarsConfig(Options):
     )
 
 
+class LaboratoryConfig(Options):
+    """A dark room with light boxes in place of space, another one in each frame.
+
+    The Sun stands for a lamp, whose strength is ``constants.solar_constant_w_m2``.
+    """
+
+    boxes: tuple[int, int] = Field((1, 3), description="least and greatest number of lit boxes")
+    box_deg: tuple[float, float] = Field(
+        (20.0, 50.0), description="least and greatest side of a box, as the spacecraft sees it"
+    )
+    box_w_m2_sr: tuple[float, float] = Field(
+        (300.0, 5000.0),
+        description="least and greatest radiance of a box, W m⁻² sr⁻¹; a sunlit white plate has 170",
+    )
+    off_axis_deg: float = Field(
+        60.0,
+        ge=0,
+        le=180,
+        description="least angle between the camera's axis and the middle of a box, so that none shines"
+        " behind the spacecraft",
+    )
+    wall_w_m2_sr: tuple[float, float] = Field(
+        (0.0, 2.0), description="least and greatest radiance of the brightest walls, W m⁻² sr⁻¹"
+    )
+
+    @model_validator(mode="after")
+    def _in_order(self) -> LaboratoryConfig:
+        if not 0 <= self.boxes[0] <= self.boxes[1] <= 20:
+            raise ValueError("boxes is the least and the greatest number, from 0 to 20")
+        if not 0 < self.box_deg[0] <= self.box_deg[1] <= 150:
+            raise ValueError("box_deg is the least and the greatest side, above 0 and up to 150")
+        if not 0 < self.box_w_m2_sr[0] <= self.box_w_m2_sr[1]:
+            raise ValueError("box_w_m2_sr is the least and the greatest radiance, above 0")
+        if not 0 <= self.wall_w_m2_sr[0] <= self.wall_w_m2_sr[1]:
+            raise ValueError("wall_w_m2_sr is the least and the greatest radiance, from 0")
+        return self
+
+
 class SkyConfig(Options):
     """What is behind and around the spacecraft."""
 
@@ -37,3 +75,14 @@ class SkyConfig(Options):
         StarsConfig(), description="the stars; null for a sky without them"
     )
     sun_disc: bool = Field(True, description="show the Sun's disc where it is in the field of view")
+    laboratory: LaboratoryConfig | None = Field(
+        None,
+        description="a dark room with light boxes in place of space, drawn from the seed for each frame;"
+        " goes with earth: false and stars: null",
+    )
+
+    @model_validator(mode="after")
+    def _room_has_no_sky(self) -> SkyConfig:
+        if self.laboratory is not None and (self.earth or self.stars is not None):
+            raise ValueError("laboratory: a room shows no sky; give earth: false and stars: null too")
+        return self

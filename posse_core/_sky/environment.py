@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from posse_core._arrays import FloatArray
+from posse_core._arrays import FloatArray, IntArray
 from posse_core._model.scene import EnvironmentMap
 from posse_core._sky.earth import EarthView
+from posse_core._sky.laboratory import Room
 
 SHAPE = (64, 128)
 """Rows and columns."""
@@ -25,14 +26,27 @@ def environment_map(earth: EarthView) -> EnvironmentMap:
     )
     row, column = np.nonzero(earth.touches(middles, pixel_rad))
     n = max(_LEAST_SAMPLES, earth.samples(pixel_rad))
+    radiance_rgb = np.zeros((rows, columns, 3), dtype=np.float32)
+    within = _directions_within(row, column, n)
+    radiance_rgb[row, column] = earth.light(within, pixel_rad / n).mean(axis=(1, 2))
+    return EnvironmentMap(radiance_rgb)
+
+
+def room_map(room: Room) -> EnvironmentMap:
+    """A laboratory's radiance in all directions, as :func:`environment_map`."""
+    rows, columns = SHAPE
+    row, column = (index.ravel() for index in np.indices(SHAPE))
+    light = room.radiance_rgb(_directions_within(row, column, _LEAST_SAMPLES))
+    return EnvironmentMap(light.mean(axis=(1, 2), dtype=np.float32).reshape(rows, columns, 3))
+
+
+def _directions_within(row: IntArray, column: IntArray, n: int) -> FloatArray:
+    """(P, n, n, 3) directions spread over the solid angle of each of (P,) pixels of the map."""
     steps = (np.arange(n) + 0.5) / n
     # Steps within a row are uniform in the cosine, so that every sample has the same solid angle.
-    edges = np.cos(np.pi * np.arange(rows + 1) / rows)
+    edges = np.cos(np.pi * np.arange(SHAPE[0] + 1) / SHAPE[0])
     cosines = edges[row, None] + np.diff(edges)[row, None] * steps
-    directions = _directions(cosines[:, :, None], (column[:, None] + steps)[:, None])
-    radiance_rgb = np.zeros((rows, columns, 3), dtype=np.float32)
-    radiance_rgb[row, column] = earth.light(directions, pixel_rad / n).mean(axis=(1, 2))
-    return EnvironmentMap(radiance_rgb)
+    return _directions(cosines[:, :, None], (column[:, None] + steps)[:, None])
 
 
 def _directions(cosine: FloatArray, column: FloatArray) -> FloatArray:

@@ -1,4 +1,7 @@
-"""The sky seen from the camera: Earth, Moon, Sun and stars. It is the same for every renderer."""
+"""The sky seen from the camera: Earth, Moon, Sun and stars, or a laboratory in their place.
+
+It is the same for every renderer.
+"""
 
 from __future__ import annotations
 
@@ -18,8 +21,9 @@ from posse_core._sky.atmosphere import RADIUS_M, TOP_M
 from posse_core._sky.clouds import make_clouds
 from posse_core._sky.earth import Earth, EarthView
 from posse_core._sky.ellipsoid import entry_distance_m
-from posse_core._sky.environment import environment_map
+from posse_core._sky.environment import environment_map, room_map
 from posse_core._sky.ground import blue_marble
+from posse_core._sky.laboratory import Room, background
 from posse_core._sky.picture import picture
 from posse_core._sky.stars import aberrated, hipparcos, random_field
 from posse_core._sky.sun import MAX_SUBSAMPLES, box_of_disc, limb_darkened, subpixel_rays
@@ -95,10 +99,14 @@ class Sky:
         if earth is not None:
             for box, light in picture(earth, camera, first_row, rows):
                 image.add(box, light)
+        room = self._room(frame)
+        if room is not None:
+            for box, light in background(room, camera, first_row, rows):
+                image.add(box, light)
         moon_rad = float(np.arcsin(min(1.0, moon.RADIUS_M / float(np.linalg.norm(to_moon_m)))))
         box = box_of_disc(camera, to_moon_m / np.linalg.norm(to_moon_m), moon_rad)
         box = box.within_rows(first_row, rows)
-        if not box.is_empty:
+        if room is None and not box.is_empty:
             rays = subpixel_rays(camera, box)
             light = moon.radiance(rays, to_moon_m, moon_to_sun, sun_rgb_w_m2)
             image.add(box, (light * self._passed(frame, earth, rays)).mean(axis=2))
@@ -112,16 +120,26 @@ class Sky:
         return image.radiance_rgb
 
     def environment(self, frame: FrameState) -> EnvironmentMap | None:
-        """Light from everywhere but the Sun and the spacecraft; None if the scenario has no Earth.
+        """Light from everywhere but the Sun and the spacecraft; None if the scenario has neither an
+        Earth nor a laboratory.
 
         The Moon and the stars are left out: their light is under a thousandth of the Earth's. The last
         map is kept, so that several images with the Earth-shine of one state share it.
         """
-        if self._earth is None:
-            return None
         if self._last_environment is None or self._last_environment[0] is not frame:
-            self._last_environment = (frame, environment_map(self._earth.seen(frame)))
+            room = self._room(frame)
+            if room is not None:
+                self._last_environment = (frame, room_map(room))
+            elif self._earth is not None:
+                self._last_environment = (frame, environment_map(self._earth.seen(frame)))
+            else:
+                return None
         return self._last_environment[1]
+
+    def _room(self, frame: FrameState) -> Room | None:
+        """The laboratory around a frame, if the scenario has one."""
+        laboratory = self._config.laboratory
+        return None if laboratory is None else Room.drawn(laboratory, self._seed, frame.index)
 
     def _passed(self, frame: FrameState, earth: EarthView | None, rays_cam: FloatArray) -> Float32Array:
         """Transmission of light from behind the Earth: (..., 3) rays → (..., 3).

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -94,10 +95,10 @@ class Tango(Parametric[TangoOptions]):
         silver = (0.82, 0.82, 0.82)
         own: dict[str, Finish] = {
             "cells": lambda: _cells(seed),
-            "film": lambda: textures.foil("film", silver, seed, 0.05, 0.22),
-            "film_creased": lambda: textures.foil("film_creased", (0.6, 0.6, 0.6), seed, 0.14, 0.30),
-            "film_matt": lambda: textures.foil("film_matt", silver, seed, 0.02, 0.60),
-            "antenna_paint": lambda: textures.paint("antenna_paint", 0.16, seed),
+            "film": lambda: textures.film("film", silver, seed, 14, 0.25),
+            "film_creased": lambda: textures.film("film_creased", silver, seed, 90, 0.30),
+            "film_matt": lambda: textures.film("film_matt", silver, seed, 4, 0.50, 0.5),
+            "antenna_paint": partial(Material, "antenna_paint", (0.09, 0.09, 0.09), roughness=0.4),
         }
         return common_finishes(seed) | own
 

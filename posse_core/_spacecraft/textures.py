@@ -100,6 +100,46 @@ def foil(
     )
 
 
+def film(
+    name: str,
+    color: tuple[float, float, float],
+    seed: int,
+    creases: int,
+    roughness: float,
+    metallic: float = 1.0,
+) -> Material:
+    """Metallised film that is stretched over a flat side: nearly even, with a few sharp creases.
+
+    Args:
+        name: name of the material.
+        color: (3,) linear reflectance.
+        seed: determines the texture.
+        creases: their number on a square metre.
+        roughness: of the film between them.
+        metallic: share of the film that is metal; the rest is paint.
+    """
+    size = 512
+    rng = random_generator(seed, -1, f"film {name}")
+    waves = gaussian_filter(rng.standard_normal((size, size, 2)), (24.0, 24.0, 0), mode="wrap")
+    slope = 0.012 * waves / waves.std()
+    x, y = np.meshgrid(np.arange(size) + 0.5, np.arange(size) + 0.5)
+    for _ in range(creases):
+        at, angle = rng.uniform(0.0, size, 2), rng.uniform(0.0, np.pi)
+        length, width = rng.uniform(0.05, 0.18) * size, rng.uniform(1.2, 3.0)
+        dx, dy = (np.mod(d + size / 2, size) - size / 2 for d in (x - at[0], y - at[1]))  # periodic
+        along, across = dx * np.cos(angle) + dy * np.sin(angle), dy * np.cos(angle) - dx * np.sin(angle)
+        ridge = np.exp(-0.5 * (across / width) ** 2 - (along / length) ** 4)
+        steep = rng.uniform(0.2, 0.6) * ridge * across / width
+        slope += steep[..., None] * np.array([-np.sin(angle), np.cos(angle)])
+    return Material(
+        name,
+        base_color=color,
+        metallic=metallic,
+        roughness=roughness,
+        normal_texture=normal_map(slope),
+    )
+
+
 def solar_panel(
     name: str, cells: tuple[int, int], size_px: tuple[int, int], seed: int, back: float = 0.045
 ) -> Material:

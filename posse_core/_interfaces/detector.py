@@ -130,7 +130,7 @@ class Detector(Model[OptionsT]):
 
     @abstractmethod
     def predict(self, images: Sequence[AnyArray]) -> Sequence[Sequence[Detection]]:
-        """Return the detections in each image, best first.
+        """Return the detections in each image, best first; their boxes are within the image.
 
         Args:
             images: (H, W) or (H, W, 3) red-green-blue, uint8 or uint16.

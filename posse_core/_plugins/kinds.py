@@ -166,6 +166,7 @@ _KINDS = (
             ".onnx": Capability("reads ONNX files"),
             "shipped": Capability("its plugin ships a trained model"),
         },
+        "posse_core.testing:DetectorConformance",
     ),
     Kind(
         "refiner",

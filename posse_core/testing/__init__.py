@@ -20,6 +20,7 @@ from posse_core.testing import closed_forms, scenes
 from posse_core.testing.annotators import AnnotatorConformance
 from posse_core.testing.attitude_laws import AttitudeLawConformance
 from posse_core.testing.controllers import ControllerConformance
+from posse_core.testing.detectors import DetectorConformance
 from posse_core.testing.executors import ExecutorConformance
 from posse_core.testing.joint_laws import JointLawConformance
 from posse_core.testing.navigators import NavigatorConformance
@@ -33,6 +34,7 @@ __all__ = [
     "AnnotatorConformance",
     "AttitudeLawConformance",
     "ControllerConformance",
+    "DetectorConformance",
     "ExecutorConformance",
     "JointLawConformance",
     "NavigatorConformance",

@@ -24,6 +24,7 @@ from posse_core.testing import (
     AnnotatorConformance,
     AttitudeLawConformance,
     ControllerConformance,
+    DetectorConformance,
     ExecutorConformance,
     JointLawConformance,
     NavigatorConformance,
@@ -198,6 +199,18 @@ def test_the_writer_conforms(load) -> None:
             return json.loads((folder / "ranges.json").read_text())
 
     run_all(Ranges())
+
+
+def test_the_detector_conforms(load) -> None:
+    registry = load("posse_detectors").registry
+
+    class Everywhere(DetectorConformance):
+        capabilities = registry.spec("detector", "everywhere").capabilities
+
+        def detector(self):
+            return registry.create("detector", "everywhere")
+
+    run_all(Everywhere())
 
 
 def test_the_executor_conforms(load) -> None:

@@ -166,8 +166,7 @@ def _kind_page(kind: Kind, registry: Registry) -> Iterator[str]:
     yield f"- A plugin returns its records by the hook `{kind.hook}`."
     what = "It is an instance" if kind.name == "subcommand" else "Its class is a subclass"
     yield f"- {what} of {_link(kind.interface)}."
-    if kind.conformance is not None:
-        yield f"- Its tests subclass {_link(kind.conformance)}."
+    yield f"- Its tests subclass {_link(kind.conformance)}; see [tests](../plugins.md#tests)."
     if kind.capabilities:
         yield from ("", "| capability | what it claims | components that have it |", "|---|---|---|")
         for word, capability in kind.capabilities.items():

@@ -80,9 +80,11 @@ def command(kind: str, name: str | None, as_json: bool) -> None:
 
 def _describe_kind(kind: Kind, registry: Registry, as_json: bool) -> None:
     """Print what a kind of component must provide, and the names of those installed."""
-    facts = {"hook": kind.hook, "interface": shown(kind.interface)}
-    if kind.conformance is not None:
-        facts["conformance"] = shown(kind.conformance)
+    facts = {
+        "hook": kind.hook,
+        "interface": shown(kind.interface),
+        "conformance": shown(kind.conformance),
+    }
     claims = {word: capability.claim for word, capability in kind.capabilities.items()}
     names = registry.names(kind.name)
     if as_json:

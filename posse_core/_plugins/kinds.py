@@ -39,16 +39,16 @@ class Kind:
         interface: ``"module:Class"``, of which a component's class is a subclass. The factory of a
             subcommand is an instance of it instead.
         summary: one line of documentation.
-        capabilities: the capabilities that a record may declare, by name.
         conformance: ``"module:Class"`` of the tests that every component of the kind must pass.
+        capabilities: the capabilities that a record may declare, by name.
     """
 
     name: str
     hook: str
     interface: str
     summary: str
+    conformance: str
     capabilities: Mapping[str, Capability] = field(default_factory=dict)
-    conformance: str | None = None
 
     def unknown_capability(self, claimed: Iterable[str]) -> str | None:
         """Return a message about the first capability that this kind does not have, or None."""
@@ -94,41 +94,43 @@ _KINDS = (
         "posse_propagators",
         "posse_core:Propagator",
         "computes the motion of target and chaser",
+        "posse_core.testing:PropagatorConformance",
         {
             "exact-two-body": Capability("agrees with Kepler motion to rounding"),
             "own-frames": Capability("its motion may have other times than the requested ones"),
         },
-        "posse_core.testing:PropagatorConformance",
     ),
     Kind(
         "attitude-law",
         "posse_attitude_laws",
         "posse_core:AttitudeLaw",
         "orients the target or the camera",
+        "posse_core.testing:AttitudeLawConformance",
         {
             "target": Capability("can orient the target"),
             "camera": Capability("can orient the camera"),
         },
-        "posse_core.testing:AttitudeLawConformance",
     ),
     Kind(
         "joint-law",
         "posse_joint_laws",
         "posse_core:JointLaw",
         "moves a joint of a spacecraft",
-        conformance="posse_core.testing:JointLawConformance",
+        "posse_core.testing:JointLawConformance",
     ),
     Kind(
         "scene",
         "posse_scenes",
         "posse_core:SceneSource",
         "makes a spacecraft",
+        "posse_core.testing:SceneSourceConformance",
     ),
     Kind(
         "renderer",
         "posse_renderers",
         "posse_core:Renderer",
         "computes the radiance of the spacecraft",
+        "posse_core.testing:RendererConformance",
         {
             "path-traced": Capability("includes all reflections between parts"),
             "deterministic": Capability("the same request gives images equal to the bit"),
@@ -136,27 +138,27 @@ _KINDS = (
             "depth": Capability("returns the depth of each pixel too"),
             "gpu": Capability("uses a GPU if there is one"),
         },
-        "posse_core.testing:RendererConformance",
     ),
     Kind(
         "annotator",
         "posse_annotators",
         "posse_core:Annotator",
         "makes labels from exact geometry",
-        conformance="posse_core.testing:AnnotatorConformance",
+        "posse_core.testing:AnnotatorConformance",
     ),
     Kind(
         "sensor",
         "posse_sensors",
         "posse_core:Sensor",
         "takes readings beside the chaser's camera",
-        conformance="posse_core.testing:SensorConformance",
+        "posse_core.testing:SensorConformance",
     ),
     Kind(
         "detector",
         "posse_detectors",
         "posse_core:Model",
         "finds spacecraft, or their keypoints, in images",
+        "posse_core.testing:DetectorConformance",
         {
             "boxes": Capability("finds boxes", "posse_core:Detector"),
             "keypoints": Capability("finds keypoints in a box", "posse_core:KeypointFinder"),
@@ -166,36 +168,36 @@ _KINDS = (
             ".onnx": Capability("reads ONNX files"),
             "shipped": Capability("its plugin ships a trained model"),
         },
-        "posse_core.testing:DetectorConformance",
     ),
     Kind(
         "refiner",
         "posse_refiners",
         "posse_core:Refiner",
         "brings the pose of a known spacecraft closer to what an image shows",
-        conformance="posse_core.testing:RefinerConformance",
+        "posse_core.testing:RefinerConformance",
     ),
     Kind(
         "navigator",
         "posse_navigators",
         "posse_core:Navigator",
         "estimates the relative motion from the chaser's readings",
-        {"truth": Capability("gets the true state beside the readings")},
         "posse_core.testing:NavigatorConformance",
+        {"truth": Capability("gets the true state beside the readings")},
     ),
     Kind(
         "controller",
         "posse_controllers",
         "posse_core:Controller",
         "decides on the chaser's impulses",
-        {"no-waypoints": Capability("needs no goal")},
         "posse_core.testing:ControllerConformance",
+        {"no-waypoints": Capability("needs no goal")},
     ),
     Kind(
         "writer",
         "posse_writers",
         "posse_core:Writer",
         "exports a dataset to a format that other tools read",
+        "posse_core.testing:WriterConformance",
         {
             "pinhole-only": Capability("the format cannot describe lens distortion"),
             "no-rational-lens": Capability("the format cannot describe OpenCV's rational lens model"),
@@ -205,20 +207,20 @@ _KINDS = (
                 "reads neither images nor arrays, so a run to a network store can use it"
             ),
         },
-        "posse_core.testing:WriterConformance",
     ),
     Kind(
         "executor",
         "posse_executors",
         "posse_core:Executor",
         "distributes the frames of a run over workers",
-        conformance="posse_core.testing:ExecutorConformance",
+        "posse_core.testing:ExecutorConformance",
     ),
     Kind(
         "subcommand",
         "posse_subcommands",
         "click:Command",
         "a command of the command line",
+        "posse_core.testing:CommandConformance",
     ),
 )
 

@@ -19,6 +19,7 @@ the kit's own tests, and can be used for further tests of a renderer.
 from posse_core.testing import closed_forms, scenes
 from posse_core.testing.annotators import AnnotatorConformance
 from posse_core.testing.attitude_laws import AttitudeLawConformance
+from posse_core.testing.commands import CommandConformance
 from posse_core.testing.controllers import ControllerConformance
 from posse_core.testing.detectors import DetectorConformance
 from posse_core.testing.executors import ExecutorConformance
@@ -27,12 +28,14 @@ from posse_core.testing.navigators import NavigatorConformance
 from posse_core.testing.propagators import PropagatorConformance
 from posse_core.testing.refiners import RefinerConformance
 from posse_core.testing.renderers import RendererConformance
+from posse_core.testing.scene_sources import SceneSourceConformance
 from posse_core.testing.sensors import SensorConformance
 from posse_core.testing.writers import WriterConformance
 
 __all__ = [
     "AnnotatorConformance",
     "AttitudeLawConformance",
+    "CommandConformance",
     "ControllerConformance",
     "DetectorConformance",
     "ExecutorConformance",
@@ -41,6 +44,7 @@ __all__ = [
     "PropagatorConformance",
     "RefinerConformance",
     "RendererConformance",
+    "SceneSourceConformance",
     "SensorConformance",
     "WriterConformance",
     "closed_forms",

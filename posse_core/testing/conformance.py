@@ -31,7 +31,7 @@ def _is_expected_failure(mark: Any) -> bool:
 def _kind_of(test_class: type) -> Kind:
     """The kind whose conformance class ``test_class`` derives from."""
     for kind in KINDS.values():
-        if kind.conformance is not None and issubclass(test_class, import_target(kind.conformance)):
+        if issubclass(test_class, import_target(kind.conformance)):
             return kind
     raise TypeError(f"{test_class.__name__} derives from no conformance class of posse_core.testing")
 

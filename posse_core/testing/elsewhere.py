@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import multiprocessing
+import pickle
+import sys
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from functools import cache
@@ -20,7 +22,15 @@ def in_another_process(function: Callable[..., Result], kind: type, *arguments: 
         f"{kind.__qualname__} is defined within a function, so a worker cannot import it; a component's"
         " class stands at the top of a module"
     )
-    return _process().submit(function, kind, *arguments).result()
+    asked = pickle.dumps((function, kind, *arguments))
+    answer: Result = _process().submit(_called, sys.path, asked).result()
+    return answer
+
+
+def _called(path: list[str], asked: bytes) -> Any:
+    sys.path[:] = path  # as it is now, and not when the process was started
+    function, *arguments = pickle.loads(asked)
+    return function(*arguments)
 
 
 @cache

@@ -23,6 +23,7 @@ from posse_core._plugins.loading import Plugins
 from posse_core.testing import (
     AnnotatorConformance,
     AttitudeLawConformance,
+    CommandConformance,
     ControllerConformance,
     DetectorConformance,
     ExecutorConformance,
@@ -30,6 +31,7 @@ from posse_core.testing import (
     NavigatorConformance,
     RefinerConformance,
     RendererConformance,
+    SceneSourceConformance,
     SensorConformance,
     WriterConformance,
     scenes,
@@ -211,6 +213,26 @@ def test_the_detector_conforms(load) -> None:
             return registry.create("detector", "everywhere")
 
     run_all(Everywhere())
+
+
+def test_the_scene_conforms(load) -> None:
+    registry = load("posse_scenes").registry
+
+    class Kite(SceneSourceConformance):
+        def source(self):
+            return registry.create("scene", "kite")
+
+    run_all(Kite())
+
+
+def test_the_command_conforms(load) -> None:
+    registry = load("posse_subcommands").registry
+
+    class Hello(CommandConformance):
+        def command(self):
+            return registry.load("subcommand", "hello")
+
+    run_all(Hello())
 
 
 def test_the_executor_conforms(load) -> None:

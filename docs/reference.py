@@ -6,6 +6,7 @@ Sphinx calls this before each build (conf.py). The components are those of the i
 from __future__ import annotations
 
 import ast
+import dataclasses
 import inspect
 import os
 import re
@@ -19,8 +20,10 @@ from pydantic import BaseModel
 import posse_core
 from posse_core._cli.describe import option_lines
 from posse_core._cli.main import posse
-from posse_core._plugins.kinds import KINDS, Kind, shown
+from posse_core._plugins.component import Component
+from posse_core._plugins.kinds import KINDS, Kind, import_target, shown
 from posse_core._plugins.loading import load_plugins
+from posse_core._plugins.options import Options
 from posse_core._plugins.registry import ComponentSpec, Registry
 from posse_core._recipe.model import Recipe
 from posse_core._scenario.model import Scenario
@@ -36,6 +39,7 @@ ELSEWHERE = {
 }
 """Pages that are kept outside docs → where the site has them."""
 _LINK = re.compile(r"\]\((?P<path>[^)#:\s]+)(?P<rest>#[^)\s]*)?\)")
+_ROLE = re.compile(r"(?::\w+:`~?(?P<role>[^`]+)`|``(?P<code>[^`]+)``)")
 TITLES = {
     "_api": "Functions of every day",
     "_arrays": "Types of arrays",
@@ -117,6 +121,7 @@ def _api_pages() -> Iterator[tuple[str, str]]:
     kit = ["# The conformance kit", _directive("automodule", "posse_core.testing", members=False)]
     kit += [_documented(f"testing.{name}") for name in posse_core.testing.__all__]
     pages.append(("api-testing", "\n\n".join(kit)))
+    pages.insert(0, ("api-flows", "\n".join(_flows_page())))
     yield from pages
     yield (
         "api",
@@ -127,6 +132,61 @@ def _api_pages() -> Iterator[tuple[str, str]]:
             [page for page, _ in pages],
         ),
     )
+
+
+def records() -> dict[str, list[str]]:
+    """The public names of what flows, by the title of the page that documents them: records, and what
+    else the methods of components take or return."""
+    asked = set(re.findall(r"\w+", " ".join(_signatures().values())))
+    found: dict[str, list[str]] = {}
+    for title, names in public_names().items():
+        for name in sorted(names, key=str.lower):
+            thing: Any = getattr(posse_core, name)
+            if not inspect.isclass(thing) or issubclass(thing, (Component, Options, BaseException)):
+                continue
+            if dataclasses.is_dataclass(thing) or issubclass(thing, (BaseModel, tuple)) or name in asked:
+                found.setdefault(title, []).append(name)
+    return found
+
+
+def _signatures() -> dict[str, str]:
+    """Kind → the annotations of the methods of its public interfaces."""
+    found = dict.fromkeys(KINDS, "")
+    for name in posse_core.__all__:
+        thing: Any = getattr(posse_core, name)
+        if inspect.isclass(thing) and issubclass(thing, Component):
+            methods = [method for _, method in inspect.getmembers(thing, inspect.isfunction)]
+            for kind in KINDS.values():
+                if issubclass(thing, import_target(kind.interface)):
+                    found[kind.name] += " ".join(str(inspect.signature(each)) for each in methods)
+    return found
+
+
+_FLOWS = """\
+Everything that one part of POSSE hands to another has a type. A record is frozen: what got one can keep
+it, and nobody changes it. The last column has the kinds of component whose methods take or return it;
+[how data flows](../design.md#how-data-flows) shows the way from a scenario to a frame."""
+
+
+def _flows_page() -> Iterator[str]:
+    signatures = _signatures()
+    yield from ("# What flows", "", _FLOWS)
+    for title, names in records().items():
+        yield from ("", f"## {title}", "", "| what | is | components |", "|---|---|---|")
+        for name in names:
+            lines = (inspect.getdoc(getattr(posse_core, name)) or "").partition("\n\n")[0].split()
+            said = _ROLE.sub(_as_code, re.split(r"(?<=\w\w[.)])\s", " ".join(lines))[0].rstrip("."))
+            used = ", ".join(
+                f"[{kind}](kind-{kind}.md)"
+                for kind, text in signatures.items()
+                if re.search(rf"\b{name}\b", text)
+            )
+            yield f"| {_link(f'posse_core.{name}')} | {said.replace('|', chr(92) + '|')} | {used} |"
+
+
+def _as_code(found: re.Match[str]) -> str:
+    """reStructuredText's role or code as Markdown's code."""
+    return f"`{found['code'] or found['role'].rpartition('.')[2]}`"
 
 
 def _documented(name: str) -> str:

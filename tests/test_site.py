@@ -13,6 +13,7 @@ from urllib.parse import unquote
 import pytest
 
 import posse_core
+from posse_core._plugins.kinds import KINDS
 from posse_core._plugins.loading import load_plugins
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -66,3 +67,23 @@ def test_every_public_name_and_component_has_its_place(site: Path) -> None:
     for kind in ("renderer", "sensor", "detector", "writer"):
         page = (site / "generated" / f"kind-{kind}.html").read_text("utf-8")
         assert set(registry.names(kind)) <= set(_ID.findall(page))
+
+
+@pytest.mark.slow
+def test_what_flows_has_a_page_and_kinds_have_their_words(site: Path) -> None:
+    """What an annotator gets and gives, and a record of each part of the way; the class of tests and the
+    meaning of the capabilities on a kind's page."""
+    rows = re.findall(
+        r"<tr[^>]*>(.*?)</tr>", (site / "generated/api-flows.html").read_text("utf-8"), re.S
+    )
+    row_of = {found[1]: row for row in rows if (found := re.search(r'#posse_core\.(\w+)"', row))}
+    passed_on = ("Motion", "Trajectory", "FrameState", "RenderRequest", "Radiance", "Frame", "LabelLine")
+    assert {*passed_on, "Manifest", "Look", "Dataset", "Detection", "Estimate"} <= row_of.keys()
+    assert "One instant as an annotator or a sensor looks at it" in unescape(row_of["Look"])
+    assert {"kind-annotator.html", "kind-sensor.html"} & set(_TARGET.findall(row_of["Look"]))
+    assert "kind-renderer.html" in row_of["Radiance"]
+    for kind in KINDS.values():
+        page = unescape((site / "generated" / f"kind-{kind.name}.html").read_text("utf-8"))
+        assert kind.conformance.replace(":", ".") in page
+        for capability in kind.capabilities.values():
+            assert re.sub(r"\W+", " ", capability.claim) in re.sub(r"\W+", " ", page)

@@ -2,8 +2,8 @@
 
     python benchmarks/detectors.py --threads 2
 
-Boxes by 'nano', keypoints by 'simcc', the pose by PnP from known points, as 'posse detect' does it; each
-stage is timed by itself, and all together. Weights are as drawn: time does not depend on them. With
+Boxes by 'nano', keypoints by 'heatmap', the pose by PnP from known points, as 'posse detect' does it;
+each stage is timed by itself, and all together. Weights are as drawn: time does not depend on them. With
 --sdn the thesis' net is timed too.
 """
 
@@ -27,7 +27,7 @@ from posse_core._frames import matrix_from_rotation_vector
 from posse_core._interfaces.detector import Detection
 from posse_core._model.camera import Camera
 from posse_core._plugins.loading import load_plugins
-from posse_detect_torch import box_detector, nano, sdn, simcc, simcc_finder
+from posse_detect_torch import box_detector, heatmap, heatmap_finder, nano, sdn
 from posse_detect_torch.export import export
 from posse_detect_torch.regions_onnx import ONNX_TRANSLATIONS
 
@@ -58,9 +58,9 @@ def _run(options: argparse.Namespace, folder: Path) -> None:
     camera = Camera(width, height, width, width, (width - 1) / 2, (height - 1) / 2, 0.036)
     box = Detection("aqua", 1.0, np.array([width * 0.3, height * 0.3, height * 0.4, height * 0.3]))
 
-    net = simcc.SimCC(POINTS * len(CLASSES))
-    keypoints, points_count = folder / "simcc.onnx", _count(net)
-    _write(simcc.Decoded(net), simcc_finder.OUTPUTS, "simcc", "keypoints", 256, keypoints)
+    net = heatmap.HeatMaps(POINTS * len(CLASSES))
+    keypoints, points_count = folder / "heatmap.onnx", _count(net)
+    _write(heatmap.Decoded(net), heatmap_finder.OUTPUTS, "heatmap", "keypoints", 256, keypoints)
     finder = open_keypoint_finder(keypoints, registry, threads)
     find = _ms(lambda: finder.find(image, [box]), options.repeats)
 
@@ -69,7 +69,7 @@ def _run(options: argparse.Namespace, folder: Path) -> None:
     pixels = camera.project(body_m @ R.T + [0.2, -0.1, 20.0]) + random.normal(0, 1, (POINTS, 2))
     sigma_px = np.ones(POINTS)
     pose = _ms(lambda: solve_pose(body_m, pixels, sigma_px, camera), options.repeats)
-    print(f"simcc 256 px: {points_count / 1e6:.2f} M parameters, {find} a craft")
+    print(f"heatmap 256 px: {points_count / 1e6:.2f} M parameters, {find} a craft")
     print(f"pose of {POINTS} points: {pose}")
 
     for size in options.nano_px:

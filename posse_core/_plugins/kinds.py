@@ -229,7 +229,7 @@ KINDS: Final[Mapping[str, Kind]] = {kind.name: kind for kind in _KINDS}
 
 RESERVED: Final[Mapping[str, Mapping[str, tuple[str, ...]]]] = {
     "posse-detect-onnx": {"plugin": ("detect_onnx",), "detector": ("onnx", "onnx-keypoints")},
-    "posse-detect-torch": {"plugin": ("detect_torch",), "detector": ("nano", "sdn", "simcc")},
+    "posse-detect-torch": {"plugin": ("detect_torch",), "detector": ("heatmap", "nano", "sdn")},
     "posse-executor-ray": {"plugin": ("executor_ray",), "executor": ("ray",)},
     "posse-render-blender": {"plugin": ("render_blender",), "renderer": ("blender",)},
     "posse-render-mitsuba": {"plugin": ("render_mitsuba",), "renderer": ("mitsuba",)},

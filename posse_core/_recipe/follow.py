@@ -122,14 +122,11 @@ def _models(
     exported = []
     for task in recipe.nets:
         epochs[task] = _epochs(recipe, decision, task, dataset, steps)
-        first = task == "keypoints" and recipe.keypoints_from_boxes
-        start = folder / "boxes" / MODEL if first else None
-        options = options_for(recipe, task, epochs[task], start, registry)
+        options = options_for(recipe, task, epochs[task], registry)
         of: dict[str, JsonValue] = {
             "dataset": dataset.sha256,
             "detector": recipe.nets[task].name,
-            "options": {key: x for key, x in options.items() if key != "start"},
-            "start": None if start is None else sha256(start),
+            "options": options,
         }
         made = partial(train, recipe, task, options, dataset, folder / task, registry)
         steps.do(task, of, task, f"{task}/{MODEL}", made)

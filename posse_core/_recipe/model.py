@@ -148,9 +148,6 @@ class Recipe(Options):
     keypoints: ComponentChoice = Field(
         description="detector that finds keypoints, and its options, likewise"
     )
-    keypoints_from_boxes: bool = Field(
-        True, description="begin the training of keypoints with the weights of the model for boxes"
-    )
 
     @model_validator(mode="after")
     def _enough_is_given(self) -> Recipe:

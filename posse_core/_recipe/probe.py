@@ -61,7 +61,7 @@ def _learning(kitchen: Kitchen, probe: Path) -> dict[str, float]:
         registry.load("detector", choice.name)  # imports what would slow down the first training
         taken = []
         for epochs in _EPOCHS:
-            options = {**options_for(recipe, task, epochs, None, registry), "epochs": epochs}
+            options = {**options_for(recipe, task, epochs, registry), "epochs": epochs}
             began = time.monotonic()
             train(recipe, task, options, dataset, probe / f"{task}-{epochs}", registry)
             taken.append(time.monotonic() - began)

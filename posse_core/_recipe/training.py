@@ -48,18 +48,10 @@ def check_nets(recipe: Recipe, registry: Registry) -> None:
         registry.options("detector", choice.name, choice.options, where=task)
 
 
-def options_for(
-    recipe: Recipe, task: str, epochs: int, start: Path | None, registry: Registry
-) -> dict[str, Any]:
-    """The options of a training, of those that the detector has.
-
-    Args:
-        start: weights to begin with, None for random ones.
-    """
+def options_for(recipe: Recipe, task: str, epochs: int, registry: Registry) -> dict[str, Any]:
+    """The options of a training, of those that the detector has."""
     choice = recipe.nets[task]
     derived: dict[str, Any] = {"epochs": epochs, "threads": recipe.workers, "seed": recipe.seed}
-    if start is not None:
-        derived["start"] = start
     known = registry.options_model("detector", choice.name).model_fields
     return {**{key: x for key, x in derived.items() if key in known}, **choice.options}
 

@@ -58,7 +58,7 @@ def offered(*words: str) -> list[str]:
         (("export", "d", "--format", "hf", "-o", ""), ["hf."]),
         (("export", "d", "--format", "coco", "-o", ""), []),
         (("export", "d", "-o", "hf.l"), ["hf.licence="]),
-        (("train", "d", "--detector", ""), ["nano", "sdn", "simcc"]),
+        (("train", "d", "--detector", ""), ["heatmap", "nano", "sdn"]),
         (("import-poses", "x.json", "--target", "a"), ["aqua", "arm"]),
         (("track", "d", "--navigator", "u"), ["ukf"]),
         (("describe", "rend"), ["renderer"]),

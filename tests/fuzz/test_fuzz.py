@@ -356,7 +356,7 @@ def card(task: str, net: str) -> ModelCard:
     return ModelCard(
         *(net, task, ("brick",), 64, "", "", "0", {"brick": points}),
         {"brick": [np.eye(3).tolist()]},
-        {"depth": 18, "detections": 4},
+        {"depth": 18, "detections": 4} if task == "boxes" else {"size": "small"},
     )
 
 
@@ -365,16 +365,16 @@ def write_models(folder: Path) -> None:
     cv2.imwrite(str(folder / "a.png"), np.full((48, 64), 90, np.uint8))
     torch = pytest.importorskip("torch")
     from posse_detect_torch.checkpoint import write_model
+    from posse_detect_torch.heatmap import HeatMaps
     from posse_detect_torch.nano import Nano
-    from posse_detect_torch.simcc import SimCC
 
     torch.set_num_threads(1)
     write_model(folder / "nano.safetensors", Nano(1).state_dict(), card("boxes", "nano"))
-    write_model(folder / "simcc.safetensors", SimCC(2).state_dict(), card("keypoints", "simcc"))
+    write_model(folder / "heatmap.safetensors", HeatMaps(2).state_dict(), card("keypoints", "heatmap"))
 
 
 def model(folder: Path, draw: random.Random) -> list[str]:
-    name = draw.choice(("m.onnx", "nano.safetensors", "simcc.safetensors"))
+    name = draw.choice(("m.onnx", "nano.safetensors", "heatmap.safetensors"))
     path = folder / name
     data = path.read_bytes()
     if draw.random() < 0.2:
@@ -399,7 +399,7 @@ def model(folder: Path, draw: random.Random) -> list[str]:
             header = damaged_value(header, draw)
         text = json.dumps(header).encode()
         path.write_bytes(len(text).to_bytes(8, "little") + text + data[8 + length :])
-    if name == "simcc.safetensors":
+    if name == "heatmap.safetensors":
         return ["detect", "a.png", "--model", "m.onnx", "--keypoints", name]
     return ["detect", "a.png", "--model", name]
 

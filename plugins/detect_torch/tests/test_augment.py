@@ -9,7 +9,7 @@ from posse_core import random_generator
 from posse_detect_torch import augment
 
 SIZE = 96
-CHANGES = [change for change, _ in augment._PROBABILITIES]
+CHANGES = [augment.coarsen, *(change for change, _ in augment._PROBABILITIES)]
 seeds = st.integers(0, 2**31)
 
 
@@ -22,7 +22,7 @@ def test_a_box_goes_where_its_pixels_go(seed):
     picture[y : y + h, x : x + w] = 1
     view = augment.random_view(random, SIZE, (0.6, 1.5), 0.25, np.pi / 2 * random.integers(4))
     moved = augment.move_boxes(np.array([[x, y, x + w, y + h]], float), view, SIZE)[0]
-    ys, xs = np.nonzero(augment.warp(picture, view) > 0.5)
+    ys, xs = np.nonzero(augment.warp(picture, view, len(picture)) > 0.5)
     if min(moved[2:] - moved[:2]) < 2:
         return
     found = [xs.min(), ys.min(), xs.max() + 1, ys.max() + 1]
@@ -36,7 +36,7 @@ def test_a_point_goes_where_its_pixels_go(seed):
     v, u = np.mgrid[:SIZE, :SIZE]
     point = random.uniform(36, 60, 2)
     spot = np.exp(-((u + 0.5 - point[0]) ** 2 + (v + 0.5 - point[1]) ** 2) / 18).astype(np.float32)
-    seen = augment.warp(spot, view).astype(float)
+    seen = augment.warp(spot, view, len(spot)).astype(float)
     found = np.array([((u + 0.5) * seen).sum(), ((v + 0.5) * seen).sum()]) / seen.sum()
     np.testing.assert_allclose(found, augment.move_points(point, view), atol=0.05)
 

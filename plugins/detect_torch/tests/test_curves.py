@@ -20,7 +20,7 @@ def small(make_dataset, tmp_path_factory) -> Path:
 
 @pytest.mark.parametrize(
     ("detector", "settings"),
-    [("nano", []), ("simcc", []), ("sdn", ["-o", "regions=8"])],
+    [("nano", []), ("heatmap", []), ("sdn", ["-o", "regions=8"])],
 )
 def test_every_quantity_of_a_training_is_explained(detector, settings, small, posse, tmp_path):
     settings = [*settings, "-o", "input_px=64", "-o", "epochs=1", "-o", "batch=8"]

@@ -6,77 +6,97 @@ import cv2
 import numpy as np
 import pytest
 import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
-from torch import nn
 from torch.utils.flop_counter import FlopCounterMode
 
 from posse_core import Dataset, Detection, InputError, ModelCard, true_boxes
 from posse_detect_onnx.models import OnnxKeypoints
 from posse_detect_onnx.options import OnnxOptions
+from posse_detect_torch.calibration import calibrate
 from posse_detect_torch.checkpoint import read_like, write_model
-from posse_detect_torch.nano import STRIDE, Nano
-from posse_detect_torch.options import SimccOptions
-from posse_detect_torch.simcc import SPREAD, Decoded, SimCC, losses, steps
-from posse_detect_torch.simcc_finder import SimccFinder
+from posse_detect_torch.heatmap import SPREAD_PX, STRIDE, HeatMaps, cell_centres, losses, read
+from posse_detect_torch.heatmap_finder import HeatmapFinder
+from posse_detect_torch.options import HeatmapOptions
 
 
-def test_it_is_light():
-    net = SimCC(22).eval()
-    assert sum(p.numel() for p in net.parameters()) <= 2e6
+@pytest.mark.parametrize(("size", "millions", "gmac"), [("nano", 1.5, 0.5), ("base", 5.0, 2.0)])
+def test_it_is_light(size, millions, gmac):
+    net = HeatMaps(22, size).eval()
+    assert sum(p.numel() for p in net.parameters()) <= millions * 1e6
     with FlopCounterMode(display=False) as counter, torch.no_grad():
         net(torch.zeros(1, 1, 256, 256))
-    assert counter.get_total_flops() / 2 <= 0.5e9
+    assert counter.get_total_flops() / 2 <= gmac * 1e9
 
 
-def test_steps_cover_the_square():
-    at = steps(4, torch.device("cpu"))
+def test_cells_cover_the_square():
+    at = cell_centres(4, torch.device("cpu"))
     assert at[0] - STRIDE / 2 == -0.5
     assert at[-1] + STRIDE / 2 == 4 * STRIDE - 0.5
 
 
-class Told(nn.Module):
-    def __init__(self, mean, sigma):
-        super().__init__()
-        at = steps(20, torch.device("cpu"))
-        self.logits = tuple(-(((at - m) / sigma) ** 2)[None, None] / 2 for m in mean)
-
-    def forward(self, picture):
-        return self.logits
+def normal(place_px, sigma_px, share=1.0):
+    """A normal distribution over the cells of a square of 160 px: (1, 1, 40, 40)."""
+    at = cell_centres(40, torch.device("cpu"))
+    x, y = (torch.softmax(-(((at - place) / sigma_px) ** 2) / 2, dim=0) for place in place_px)
+    return share * (y[:, None] * x[None, :])[None, None]
 
 
-@pytest.mark.parametrize("sigma", [1.0, 4.0, 12.0])
-def test_a_normal_distribution_is_read_back(sigma):
+@pytest.mark.parametrize("sigma_px", [0.5, 1.5, 3.0])
+@given(x=st.floats(30, 120), y=st.floats(30, 120))
+@settings(max_examples=20)
+def test_a_normal_distribution_is_read_back(sigma_px, x, y):
     """What is told is the truth's own spread and that of not knowing it."""
-    told = Told((70.3, 81.6), np.hypot(sigma, SPREAD))
-    points, deviation, _ = Decoded(told)(torch.zeros(1, 1, 160, 160))
-    np.testing.assert_allclose(points[0, 0], [70.3, 81.6], atol=0.02)
-    assert float(deviation) == pytest.approx(sigma, rel=0.03)
+    points, spread, share = read(normal((x, y), np.hypot(sigma_px, SPREAD_PX)).log())
+    np.testing.assert_allclose(points[0, 0], [x, y], atol=0.05)
+    assert float(spread) == pytest.approx(sigma_px, rel=0.1, abs=0.1)
+    assert float(share) > 0.99
+
+
+def test_a_second_place_takes_its_share_and_draws_nothing_away():
+    two = normal((50.3, 61.7), SPREAD_PX, 0.7) + normal((120.0, 100.0), SPREAD_PX, 0.3)
+    points, _, share = read(two.clamp(min=1e-30).log())
+    np.testing.assert_allclose(points[0, 0], [50.3, 61.7], atol=0.01)
+    assert float(share) == pytest.approx(0.7, abs=1e-3)
 
 
 def test_the_truth_costs_nothing_and_other_points_do_not_count():
-    told = Told((60.3, 91.6), SPREAD).logits
-    logits = tuple(x.expand(1, 2, -1) for x in told)
+    logits = normal((60.3, 91.6), SPREAD_PX).clamp(min=1e-30).log().expand(1, 2, -1, -1)
     points = torch.tensor([[[60.3, 91.6], [0.0, 0]]])
-    right = losses(logits, points, torch.tensor([[1.0, 0]]))
-    assert float(sum(right.values())) == pytest.approx(0, abs=1e-2)
-    wrong = losses(logits, points, torch.tensor([[0.0, 1]]))
-    assert min(map(float, wrong.values())) > 1
-    swapped = losses(logits, points.flip(-1), torch.tensor([[1.0, 0]]))
-    assert min(map(float, swapped.values())) > 1
+    (right,) = losses(logits, points, torch.tensor([[1.0, 0]])).values()
+    assert float(right) == pytest.approx(0, abs=1e-3)
+    (wrong,) = losses(logits, points, torch.tensor([[0.0, 1]])).values()
+    assert float(wrong) > 1
+    (swapped,) = losses(logits, points.flip(-1), torch.tensor([[1.0, 0]])).values()
+    assert float(swapped) > 1
+
+
+@pytest.mark.parametrize("outliers", [0.0, 0.05])
+def test_calibration_finds_the_law_that_errors_were_drawn_by(outliers):
+    """σ = 1.5 √spread / share: errors drawn so give its three numbers back."""
+    random = np.random.default_rng(0)
+    spread, share = np.exp(random.uniform(-2, 2, 20_000)), random.uniform(0.2, 1, 20_000)
+    away = random.normal(0, (1.5 * np.sqrt(spread) / share)[:, None], (20_000, 2))
+    away[random.uniform(size=20_000) < outliers] *= 30
+    found = calibrate(away, spread, share)
+    np.testing.assert_allclose(found[1:], [0.5, -1.0], atol=0.03)
+    assert 1.5 * 0.98 < np.exp(found[0]) < 1.5 * (1.02 if outliers == 0 else 1.25)
 
 
 def test_a_net_begins_with_what_another_knows(tmp_path):
-    card = ModelCard("nano", "boxes", ("a",), 64, "", "", "0")
-    boxes, points = Nano(1), SimCC(3)
-    write_model(tmp_path / "boxes.safetensors", boxes.state_dict(), card)
-    own = points.points.weight.clone()
-    read_like(tmp_path / "boxes.safetensors", points)
-    for name, value in boxes.pyramid.state_dict().items():
-        torch.testing.assert_close(points.pyramid.state_dict()[name], value)
-    torch.testing.assert_close(points.points.weight, own)
+    points = {"P1": [0.0, 0.0, 0.0], "P2": [1.0, 0.0, 0.0], "P3": [0.0, 1.0, 0.0]}
+    card = ModelCard("heatmap", "keypoints", ("a",), 64, "", "", "0", {"a": points})
+    known, new = HeatMaps(3, "nano"), HeatMaps(5, "nano")
+    write_model(tmp_path / "known.safetensors", known.state_dict(), card)
+    own = new.maps.weight.clone()
+    read_like(tmp_path / "known.safetensors", new)
+    for name, value in known.stages.state_dict().items():
+        torch.testing.assert_close(new.stages.state_dict()[name], value)
+    torch.testing.assert_close(new.maps.weight, own)
     write_model(tmp_path / "strange.safetensors", {"weight": torch.zeros(3)}, card)
     with pytest.raises(InputError, match="none of its tensors"):
-        read_like(tmp_path / "strange.safetensors", points)
+        read_like(tmp_path / "strange.safetensors", new)
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +104,7 @@ def trained(posse, make_dataset, tmp_path_factory):
     """A dataset seen from one side, and a keypoint net that learned it."""
     folder = tmp_path_factory.mktemp("keypoints")
     make_dataset(folder / "d", 120)
-    arguments = ("train", folder / "d", "--detector", "simcc", "--out", folder / "o")
+    arguments = ("train", folder / "d", "--detector", "heatmap", "--out", folder / "o")
     settings = ("-o", "input_px=64", "-o", "epochs=9", "-o", "batch=8", "-o", "augment=false")
     code, _, error = posse(*arguments, *settings)
     assert code == 0, error
@@ -111,7 +131,7 @@ def test_from_image_to_pose_with_and_without_torch(posse, trained, tmp_path):
     assert code == 0, error
     assert "points" in out
     dataset = Dataset(folder)
-    finders = [SimccFinder(SimccOptions()), OnnxKeypoints(OnnxOptions())]
+    finders = [HeatmapFinder(HeatmapOptions()), OnnxKeypoints(OnnxOptions())]
     for finder, path in zip(finders, (model, exported), strict=True):
         finder.load(path)
 

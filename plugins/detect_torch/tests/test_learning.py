@@ -113,7 +113,7 @@ def test_a_training_cut_short_ends_as_if_it_had_not_been(make_dataset, tmp_path)
     assert weights[0] == weights[1]
 
 
-@pytest.mark.parametrize("detector", ["nano", "simcc", "sdn"])
+@pytest.mark.parametrize("detector", ["nano", "heatmap", "sdn"])
 def test_a_training_that_cannot_begin_leaves_nothing_behind(detector, dataset, posse, tmp_path):
     strange = tmp_path / "strange.safetensors"
     write_model(strange, {"weight": torch.zeros(3)}, ModelCard("nano", "boxes", ("a",), 64, "", "", "0"))
@@ -308,7 +308,7 @@ def test_coco_is_learned_from_and_measured_on(make_dataset, posse, tmp_path):
     code, out, error = posse("eval", whole, "--model", out.strip(), "--part", "all", "--json")
     assert code == 0, error
     assert json.loads(out)["groups"][0]["frames"] == 10
-    code, _, error = posse(*arguments, tmp_path / "k", "--detector", "simcc")
+    code, _, error = posse(*arguments, tmp_path / "k", "--detector", "heatmap")
     assert code == 2
     assert "spacecraft/NAME.json" in error
 

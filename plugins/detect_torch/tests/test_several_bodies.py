@@ -9,10 +9,10 @@ import torch
 
 from posse_core import Dataset, ModelCard, seen_bodies, true_boxes
 from posse_detect_torch import PoseDataset
+from posse_detect_torch.heatmap_finder import HeatmapLesson
 from posse_detect_torch.nano_detector import NanoLesson
-from posse_detect_torch.options import NanoOptions, SimccOptions
+from posse_detect_torch.options import HeatmapOptions, NanoOptions
 from posse_detect_torch.sdn_detector import proposal_recall
-from posse_detect_torch.simcc_finder import SimccLesson
 
 SIZE = 64
 SCALE = SIZE / company.CAMERA.width_px
@@ -52,8 +52,8 @@ def test_all_bodies_of_a_frame_are_in_its_sample(dataset, tmp_path):
 
 def test_each_body_has_a_square_and_keypoints_of_its_own(dataset, tmp_path):
     card = card_of(dataset, "keypoints")
-    options = SimccOptions(input_px=SIZE, augment=False)
-    lesson = SimccLesson(dataset, tmp_path, card, options)
+    options = HeatmapOptions(input_px=SIZE, augment=False)
+    lesson = HeatmapLesson(dataset, tmp_path, card, options)
     bodies = [body for i in dataset.part("train") for body in seen_bodies(dataset[i]).values()]
     assert len(lesson) == len(bodies)
     for position, body in enumerate(bodies):
@@ -75,14 +75,14 @@ def test_a_net_is_trained_and_judged_on_them(dataset, posse, tmp_path):
     """By the commands; that it learns is the concern of the test of one craft."""
     small = ("-o", f"input_px={SIZE}", "-o", "epochs=1", "-o", "batch=4")
     models = {}
-    for detector in ("nano", "simcc"):
+    for detector in ("nano", "heatmap"):
         out = tmp_path / detector
         code, told, error = posse("train", dataset.folder, "--detector", detector, "--out", out, *small)
         assert code == 0, error
         models[detector] = told.strip()
     code, out, error = posse(
         *("eval", dataset.folder, "--part", "all", "--json"),
-        *("--model", models["nano"], "--keypoints", models["simcc"]),
+        *("--model", models["nano"], "--keypoints", models["heatmap"]),
     )
     assert code == 0, error
     metrics = json.loads(out)["groups"][0]["metrics"]

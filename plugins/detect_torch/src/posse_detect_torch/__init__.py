@@ -35,10 +35,10 @@ def posse_detectors() -> list[ComponentSpec]:
             capabilities=frozenset({"boxes", "train", "onnx", "int8"}),
         ),
         ComponentSpec(
-            "simcc",
+            "heatmap",
             "keypoints with their uncertainty, in the square around a box",
-            "posse_detect_torch.simcc_finder:SimccFinder",
-            "posse_detect_torch.options:SimccOptions",
+            "posse_detect_torch.heatmap_finder:HeatmapFinder",
+            "posse_detect_torch.options:HeatmapOptions",
             capabilities=frozenset({"keypoints", "train", "onnx", "int8"}),
         ),
         ComponentSpec(

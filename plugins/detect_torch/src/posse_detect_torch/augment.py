@@ -16,7 +16,11 @@ Random = np.random.Generator
 
 
 def random_view(
-    random: Random, size_px: int, zoom: tuple[float, float], shift: float, angle_rad: float
+    random: Random,
+    size_px: int,
+    zoom: tuple[float, float],
+    shift: float,
+    angle_rad: float,
 ) -> FloatArray:
     """Return a (2, 3) affine map that rotates and zooms a square about its centre and then shifts it.
 
@@ -36,11 +40,17 @@ def random_view(
     return np.column_stack([A, middle - A @ middle + random.uniform(-shift, shift, 2) * size_px])
 
 
-def warp(picture: Float32Array, view: FloatArray) -> Float32Array:
-    """Apply an affine map to an (S, S) picture; pixels outside the picture become black."""
+def warp(picture: Float32Array, view: FloatArray, size_px: int) -> Float32Array:
+    """Apply an affine map to a square picture; pixels outside the picture become black.
+
+    Args:
+        picture: (S, S).
+        view: (2, 3) map.
+        size_px: side of the result.
+    """
     A, b = view[:, :2], view[:, 2]
     centres = np.column_stack([A, b + A @ [0.5, 0.5] - 0.5])  # OpenCV has pixel centres at integers
-    return np.asarray(cv2.warpAffine(picture, centres, picture.shape[::-1], flags=cv2.INTER_LINEAR))
+    return np.asarray(cv2.warpAffine(picture, centres, (size_px, size_px), flags=cv2.INTER_LINEAR))
 
 
 def move_points(points: FloatArray, view: FloatArray) -> FloatArray:
@@ -74,6 +84,15 @@ def noise(picture: Float32Array, random: Random) -> Float32Array:
 def blur(picture: Float32Array, random: Random) -> Float32Array:
     """Blur with a Gaussian whose standard deviation is at most 1.2 pixels."""
     return np.asarray(cv2.GaussianBlur(picture, (0, 0), random.uniform(0.2, 1.2)))
+
+
+def coarsen(picture: Float32Array, random: Random) -> Float32Array:
+    """Show one picture in three as if the spacecraft were up to four times as far away."""
+    if random.uniform() > 1 / 3:
+        return picture
+    few = round(len(picture) / np.exp(random.uniform(0, np.log(4))))
+    shrunk = cv2.resize(picture, (few, few), interpolation=cv2.INTER_AREA)
+    return np.asarray(cv2.resize(shrunk, picture.shape[::-1], interpolation=cv2.INTER_LINEAR))
 
 
 def glare(picture: Float32Array, random: Random) -> Float32Array:

@@ -85,7 +85,7 @@ class BoxLesson(Lesson):
         if self.options.augment:
             angle = np.pi / 2 * random.integers(4) if self.options.turn else 0.0
             view = random_view(random, size, _ZOOM, _SHIFT, angle)
-            picture = change_appearance(warp(picture, view), random)
+            picture = change_appearance(warp(picture, view, size), random)
             boxes = move_boxes(boxes, view, size)
             labels[(boxes[:, 2:] - boxes[:, :2]).min(axis=1) < _LEAST_SIDE_PX] = -1
         draw = np.array(random.integers(2**31), np.int64)  # a seed for the random choices of the losses

@@ -13,10 +13,7 @@ MEANINGS: Mapping[str, str] = {
     "proposal box": "loss of the proposals' boxes",
     "class": "loss of the classes of the regions (cross-entropy); background is one of them",
     "box": "loss of the regions' boxes",
-    "x": "loss of the keypoints' distributions of x (divergence from the true ones)",
-    "x off": "error of the keypoints' x, in steps of 8 pixels of the input",
-    "y": "loss of the keypoints' distributions of y (divergence from the true ones)",
-    "y off": "error of the keypoints' y, in steps of 8 pixels of the input",
+    "place": "loss of the keypoints' distributions over the square (divergence from the true ones)",
     "valid mAP": "on the valid part: COCO's average precision over overlaps of 0.5 to 0.95; 1 is best",
     "valid mAP50": "on the valid part: average precision at an overlap of 0.5; 1 is best",
     "valid mAR": "on the valid part: COCO's average recall; 1 is best",
@@ -25,6 +22,7 @@ MEANINGS: Mapping[str, str] = {
     "valid AR100 without NMS": "the same of the best 100 proposals where none is suppressed",
     "valid AR1k without NMS": "the same of the best 1000 proposals where none is suppressed",
     "valid median error, %": "on the valid part: median error of keypoints, % of the input's side",
+    "valid within sigma": "on the valid part: share of coordinates within their standard deviation",
 }
 """Quantity of a training → what it means. Losses are means over an epoch's batches; 0 is best, and
 training minimises their sum."""

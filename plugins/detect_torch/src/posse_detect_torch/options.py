@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import hashlib
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeVar
 
-from pydantic import Field, FilePath, field_serializer
+from pydantic import Field, FilePath, ValidationError, field_serializer
 
-from posse_core import Options
+from posse_core import InputError, ModelCard, Options
 
 
 class TrainOptions(Options):
@@ -88,9 +88,30 @@ class SdnOptions(BoxOptions):
     )
 
 
-class SimccOptions(TrainOptions):
+class HeatmapOptions(TrainOptions):
     """Options of the keypoint network."""
 
     input_px: int = Field(
         256, ge=64, le=512, multiple_of=32, description="side of the network's square input, px"
     )
+    size: Literal["nano", "small", "base"] = Field(
+        "small", description="number of channels: 1.3, 2.3 or 4.5 million weights"
+    )
+
+
+OptionsT = TypeVar("OptionsT", bound=TrainOptions)
+
+
+def trained_with(card: ModelCard, options: type[OptionsT]) -> OptionsT:
+    """Return the options that a network was trained with; files that it started from are left out.
+
+    Raises:
+        InputError: The card has other options.
+    """
+    files = {"start": None, "backbone_weights": None}  # cards record only their digests
+    known = {key: files.get(key, value) for key, value in card.options.items()}
+    try:
+        return options.model_validate(known)
+    except ValidationError as error:
+        key = ".".join(map(str, error.errors()[0]["loc"]))
+        raise InputError(f"its POSSE metadata cannot be read: options.{key}") from None

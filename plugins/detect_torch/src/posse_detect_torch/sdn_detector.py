@@ -10,14 +10,13 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from pydantic import ValidationError
 from torch import Tensor, nn
 
-from posse_core import InputError, LabelledImages, ModelCard
+from posse_core import LabelledImages, ModelCard
 from posse_detect_torch.box_detector import BoxDetector, BoxLesson
 from posse_detect_torch.imagenet import load_imagenet
 from posse_detect_torch.learn import Batch
-from posse_detect_torch.options import SdnOptions
+from posse_detect_torch.options import SdnOptions, trained_with
 from posse_detect_torch.regions import iou_matrix
 from posse_detect_torch.sdn import PROPOSALS, Decoded, Sdn, proposals
 from posse_detect_torch.sdn_losses import losses
@@ -119,16 +118,7 @@ class SdnDetector(BoxDetector[SdnOptions]):
         return SdnLesson(dataset, folder, card.classes, self.options)
 
     def net(self, card: ModelCard) -> Sdn:
-        options = {
-            **card.options,
-            "backbone_weights": None,
-            "start": None,
-        }  # cards record only their digests
-        try:
-            return _net(len(card.classes), SdnOptions.model_validate(options))
-        except ValidationError as error:
-            key = ".".join(map(str, error.errors()[0]["loc"]))
-            raise InputError(f"its POSSE metadata cannot be read: options.{key}") from None
+        return _net(len(card.classes), trained_with(card, SdnOptions))
 
     def decoded(self, net: nn.Module) -> nn.Module:
         assert isinstance(net, Sdn)

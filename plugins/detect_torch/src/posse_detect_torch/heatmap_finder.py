@@ -1,4 +1,4 @@
-"""The component of the keypoint network ``simcc``, which sees squares around boxes."""
+"""The component of the keypoint network ``heatmap``, which sees squares around boxes."""
 
 from __future__ import annotations
 
@@ -26,36 +26,45 @@ from posse_core import (
     to_grey,
     true_box,
 )
-from posse_detect_torch.augment import change_appearance, move_points, random_view, warp
+from posse_detect_torch.augment import (
+    change_appearance,
+    coarsen,
+    move_points,
+    random_view,
+    warp,
+)
+from posse_detect_torch.calibration import calibrate
 from posse_detect_torch.checkpoint import read_weights
 from posse_detect_torch.export import Outputs, difference, export, raw_difference
+from posse_detect_torch.heatmap import Decoded, HeatMaps, losses, read
 from posse_detect_torch.int8 import write_int8
 from posse_detect_torch.learn import Batch, Lesson, device_of, first_net, learn
-from posse_detect_torch.options import SimccOptions
+from posse_detect_torch.options import HeatmapOptions, trained_with
 from posse_detect_torch.pictures import Cut, Pictures, cut_pictures
-from posse_detect_torch.simcc import Decoded, SimCC, losses
 
 OUTPUTS = ("points", "sigma", "raw")
 _ZOOM, _SHIFT = (0.8, 1.2), 0.08  # the range of errors of a detector's boxes
+_ROOM = 0.15
+"""What cached squares have beyond the network's on each side, as a share of its side: little of a
+picture that is turned and shifted is empty then."""
 
 
-class SimccLesson(Lesson):
+class HeatmapLesson(Lesson):
     """Learns from squares around the labelled boxes, rotated by any angle."""
 
-    net: SimCC
-    options: SimccOptions
+    net: HeatMaps
+    options: HeatmapOptions
 
     def __init__(
-        self, dataset: LabelledImages, folder: Path, card: ModelCard, options: SimccOptions
+        self, dataset: LabelledImages, folder: Path, card: ModelCard, options: HeatmapOptions
     ) -> None:
         self.options = options
-        size = options.input_px
-        shown = {part: _shown(dataset, part, size) for part in ("train", "valid")}
+        shown = {part: _shown(dataset, part, options.input_px) for part in ("train", "valid")}
         self._ranges = card.keypoint_outputs
         self._points = sum(len(points) for points in card.keypoints_body_m.values())
-        self.net = first_net(options, lambda: SimCC(self._points))
+        self.net = first_net(options, lambda: HeatMaps(self._points, options.size))
         self._train, self._valid = (
-            cut_pictures(dataset, cuts, size, folder, f"keypoints-{part}")
+            cut_pictures(dataset, cuts, _cut_px(options.input_px), folder, f"keypoints-{part}")
             for part, cuts in shown.items()
         )
 
@@ -64,12 +73,13 @@ class SimccLesson(Lesson):
 
     def sample(self, position: int, random: np.random.Generator) -> dict[str, AnyArray]:
         size = self.options.input_px
-        picture, points = self._train.linear(position), self._target(self._train, position)
+        view = np.eye(2, 3)
         if self.options.augment:
             angle = random.uniform(0, 2 * np.pi) if self.options.turn else 0.0
             view = random_view(random, size, _ZOOM, _SHIFT, angle)
-            picture = change_appearance(warp(picture, view), random)
-            points = move_points(points + 0.5, view) - 0.5
+        picture, points = self._seen(self._train, position, view)
+        if self.options.augment:
+            picture = change_appearance(coarsen(picture, random), random)
         inside = np.all((points > -0.5) & (points < size - 0.5), axis=1, keepdims=True)  # false for NaN
         return {
             "picture": picture[None],
@@ -77,37 +87,64 @@ class SimccLesson(Lesson):
             "weights": np.asarray(inside[:, 0], np.float32),
         }
 
-    def _target(self, pictures: Pictures[BodyLabels], position: int) -> AnyArray:
-        """Return (P, 2) pixels of the square; NaN for points of other classes and behind the camera.
+    def _seen(
+        self, pictures: Pictures[BodyLabels], position: int, view: FloatArray
+    ) -> tuple[Float32Array, FloatArray]:
+        """Return the network's input (S, S) through a map of its pixels, and keypoints (P, 2) in them.
 
-        Hidden points are learned too, since the visible shape determines where they are.
+        Points of other classes and those behind the camera are NaN. Hidden points are learned too, since
+        the visible shape determines where they are.
         """
         body = pictures.labels[position]
         points = np.full((self._points, 2), np.nan)
         known = np.array([point[:2] for point in body.keypoints.values()], dtype=np.float64)
-        points[self._ranges[body.spacecraft]] = pictures.squares[position].points_in(known)
-        return points
+        square = Square.around(true_box(body).box_px, self.options.input_px)
+        points[self._ranges[body.spacecraft]] = square.points_in(known)
+        cut = pictures.squares[position]
+        scale = square.scale / cut.scale
+        corner = square.scale * (np.array([cut.x_px, cut.y_px]) - [square.x_px, square.y_px])
+        inside = np.column_stack([scale * view[:, :2], view[:, :2] @ corner + view[:, 2]])
+        picture = warp(pictures.linear(position), inside, square.size_px)
+        return picture, move_points(points + 0.5, view) - 0.5
 
     def losses(self, batch: Batch) -> dict[str, Tensor]:
         return losses(self.net(batch["picture"]), batch["points"], batch["weights"])
 
     @torch.inference_mode()
     def judge(self, net: nn.Module) -> dict[str, float]:
-        """Return the median error of the keypoints in per cent of the square's side."""
+        """Calibrate the standard deviations of ``net``, and measure it.
+
+        Returns:
+            The median error of the keypoints in per cent of the square's side; and the share of the
+            coordinates whose error is within their standard deviation, which would be 0.68 if errors
+            were normally distributed.
+        """
         if len(self._valid) == 0:
             return {}
-        assert isinstance(net, SimCC)
-        decoded, device = Decoded(net).eval(), next(net.parameters()).device
-        away: list[float] = []
+        assert isinstance(net, HeatMaps)
+        net.eval()
+        device, size = next(net.parameters()).device, self.options.input_px
+        away_px, spread_px, share = [], [], []
         for position in range(len(self._valid)):
-            found = decoded(torch.from_numpy(self._valid.linear(position))[None, None].to(device))[0][0]
-            distance = np.linalg.norm(found.cpu().numpy() - self._target(self._valid, position), axis=1)
-            away += distance[np.isfinite(distance)].tolist()
-        return {"valid median error, %": 100 * float(np.median(away)) / self.options.input_px}
+            picture, true = self._seen(self._valid, position, np.eye(2, 3))
+            inside = np.all((true > -0.5) & (true < size - 0.5), axis=1)
+            points, spread, there = read(net(torch.from_numpy(picture)[None, None].to(device)))
+            away_px.append((points[0].cpu().numpy() - true)[inside])
+            spread_px.append(spread[0].cpu().numpy()[inside])
+            share.append(there[0].cpu().numpy()[inside])
+        away, told = np.concatenate(away_px), (np.concatenate(spread_px), np.concatenate(share))
+        net.calibration.copy_(torch.from_numpy(calibrate(away, *told)))
+        a, b, c = net.calibration.tolist()
+        sigma_px = np.exp(a + b * np.log(told[0]) + c * np.log(told[1]))
+        distance = np.linalg.norm(away, axis=1)
+        return {
+            "valid median error, %": 100 * float(np.median(distance)) / size,
+            "valid within sigma": float(np.mean(np.abs(away) < sigma_px[:, None])),
+        }
 
 
-class SimccFinder(KeypointFinder[SimccOptions]):
-    """Finds keypoints with :class:`posse_detect_torch.simcc.SimCC`."""
+class HeatmapFinder(KeypointFinder[HeatmapOptions]):
+    """Finds keypoints with :class:`posse_detect_torch.heatmap.HeatMaps`."""
 
     def train(self, dataset: LabelledImages, folder: Path) -> Path:
         """See :class:`posse_core.Model`.
@@ -117,21 +154,25 @@ class SimccFinder(KeypointFinder[SimccOptions]):
         """
         card = ModelCard.of_dataset(
             dataset,
-            net="simcc",
+            net="heatmap",
             task="keypoints",
             input_px=self.options.input_px,
             options=self.options.model_dump(mode="json"),
             version=version("posse-detect-torch"),
         )
-        return learn(lambda: SimccLesson(dataset, folder, card, self.options), card, folder)
+        return learn(lambda: HeatmapLesson(dataset, folder, card, self.options), card, folder)
 
     def load(self, path: Path) -> None:
         self._card = ModelCard.read(path)
-        if self._card.net != "simcc":
-            raise InputError(f"{path}: is a model of {self._card.net!r}, not of 'simcc'")
+        if self._card.net != "heatmap":
+            raise InputError(f"{path}: is a model of {self._card.net!r}, not of 'heatmap'")
         self.classes = self._card.classes
         self.keypoints_body_m = self._card.keypoint_arrays_m
-        net = SimCC(sum(map(len, self.keypoints_body_m.values())))
+        try:
+            size = trained_with(self._card, HeatmapOptions).size
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
+        net = HeatMaps(sum(map(len, self.keypoints_body_m.values())), size)
         read_weights(path, net)
         self._decoded = Decoded(net).eval().to(device_of(self.options))
 
@@ -161,8 +202,12 @@ class SimccFinder(KeypointFinder[SimccOptions]):
         write_int8(path, out, pictures)
 
 
+def _cut_px(size_px: int) -> int:
+    return round(size_px * (1 + 2 * _ROOM))
+
+
 def _shown(dataset: LabelledImages, part: str, size_px: int) -> list[Cut[BodyLabels]]:
-    """Return the squares around the bodies that a part's frames show; check for keypoints.
+    """Return what is cached of the bodies that a part's frames show; check for keypoints.
 
     A body whose class has no keypoints is left out.
     """
@@ -175,7 +220,10 @@ def _shown(dataset: LabelledImages, part: str, size_px: int) -> list[Cut[BodyLab
                     " annotator 'keypoints', or add spacecraft/NAME.json to a COCO folder"
                 )
             if body.keypoints:
-                square = Square.around(true_box(body).box_px, size_px)
+                seen = Square.around(true_box(body).box_px, size_px)
+                room = round(_ROOM * seen.side_px)
+                corner = seen.x_px - room, seen.y_px - room
+                square = Square(*corner, seen.side_px + 2 * room, _cut_px(size_px))
                 cuts.append(Cut(position, body, square))
     return cuts
 

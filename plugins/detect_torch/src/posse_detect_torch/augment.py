@@ -87,9 +87,7 @@ def blur(picture: Float32Array, random: Random) -> Float32Array:
 
 
 def coarsen(picture: Float32Array, random: Random) -> Float32Array:
-    """Show one picture in three as if the spacecraft were up to four times as far away."""
-    if random.uniform() > 1 / 3:
-        return picture
+    """Show a picture as if the spacecraft were up to four times as far away."""
     few = round(len(picture) / np.exp(random.uniform(0, np.log(4))))
     shrunk = cv2.resize(picture, (few, few), interpolation=cv2.INTER_AREA)
     return np.asarray(cv2.resize(shrunk, picture.shape[::-1], interpolation=cv2.INTER_LINEAR))

@@ -44,6 +44,8 @@ from posse_detect_torch.pictures import Cut, Pictures, cut_pictures
 
 OUTPUTS = ("points", "sigma", "raw")
 _ZOOM, _SHIFT = (0.8, 1.2), 0.08  # the range of errors of a detector's boxes
+_COARSE = 1 / 3
+"""Share of the pictures that are coarsened."""
 _ROOM = 0.15
 """What cached squares have beyond the network's on each side, as a share of its side: little of a
 picture that is turned and shifted is empty then."""
@@ -79,7 +81,9 @@ class HeatmapLesson(Lesson):
             view = random_view(random, size, _ZOOM, _SHIFT, angle)
         picture, points = self._seen(self._train, position, view)
         if self.options.augment:
-            picture = change_appearance(coarsen(picture, random), random)
+            if random.uniform() < _COARSE:
+                picture = coarsen(picture, random)
+            picture = change_appearance(picture, random)
         inside = np.all((points > -0.5) & (points < size - 0.5), axis=1, keepdims=True)  # false for NaN
         return {
             "picture": picture[None],

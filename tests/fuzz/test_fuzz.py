@@ -69,6 +69,57 @@ def write_scenarios(folder: Path) -> None:
     (folder / "sensors.yaml").write_text(yaml.safe_dump(value))
 
 
+WORLDS = ("tracking.yaml", "company.yaml", "worn.yaml")
+
+
+def write_worlds(folder: Path) -> None:
+    """Scenarios with joints, several bodies, damage and varied materials."""
+    registry = load_plugins().registry
+    for name, scenario in (("tracking", "aqua-tracking"), ("company", "aqua-company")):
+        made = load_scenario(scenario, registry, {"times.count": 3})
+        (folder / f"{name}.yaml").write_text(dump_scenario(made))
+    changed = {
+        "target": {"name": "aqua", "materials": {"foil_amber": {"specular": 0.0}}},
+        "damage": {"missing_parts": 1, "torn_parts": 1},
+        "variation": {"per": "frame", "materials": {"*": {"brightness": [0.8, 1.2]}}},
+        "times.count": 3,
+    }
+    made = load_scenario("aqua", registry, changed)
+    (folder / "worn.yaml").write_text(dump_scenario(made))
+
+
+def world(folder: Path, draw: random.Random) -> list[str]:
+    path = folder / draw.choice(WORLDS)
+    if draw.random() < 0.8:
+        value = yaml.safe_load(path.read_text())
+        parts = [key for key in ("bodies", "joints", "damage", "variation", "target") if value.get(key)]
+        key = draw.choice(parts)
+        value[key] = damaged_value(value[key], draw)
+        path.write_text(yaml.safe_dump(value))
+    else:
+        damage(path, draw)
+    (folder / "file").touch()
+    return draw.choice((["propagate", path.name, "--out", "t.npz"], ["run", path.name, "--out", "file"]))
+
+
+def write_flights(folder: Path) -> None:
+    registry = load_plugins().registry
+    for name in ("fly-approach", "fly-hold"):
+        (folder / f"{name}.yaml").write_text(dump_scenario(load_scenario(name, registry)))
+
+
+def flight(folder: Path, draw: random.Random) -> list[str]:
+    path = folder / draw.choice(("fly-approach.yaml", "fly-hold.yaml"))
+    if draw.random() < 0.8:
+        value = yaml.safe_load(path.read_text())
+        value["flight"] = damaged_value(value["flight"], draw)
+        path.write_text(yaml.safe_dump(value))
+    else:
+        damage(path, draw)
+    (folder / "file").touch()  # a flight that is sound ends here, since it is no folder
+    return ["fly", path.name, "--out", "file"]
+
+
 def scenario(folder: Path, draw: random.Random) -> list[str]:
     path = folder / draw.choice(SCENARIOS)
     if draw.random() < 0.6:
@@ -406,6 +457,8 @@ def model(folder: Path, draw: random.Random) -> list[str]:
 
 KINDS: dict[str, tuple[Callable[[Path], None], Case]] = {
     "scenario": (write_scenarios, scenario),
+    "world": (write_worlds, world),
+    "flight": (write_flights, flight),
     "dataset": (write_dataset, dataset),
     "foreign": (write_foreign, foreign),
     "table": (write_tables, table),

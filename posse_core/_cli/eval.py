@@ -96,7 +96,7 @@ def command(
     digest = source.sha256
     if out is not None:
         models = " and ".join(path.name for path in (model, keypoints) if path is not None)
-        title = f"{models or 'the shipped models'} on {source.folder.resolve().name}, part {part}"
+        title = f"{models or 'The shipped models'} on {source.folder.resolve().name}, part {part}"
         write_bytes(
             out, make_page(title, f"Dataset's SHA-256: {digest}", source, judged, result).encode()
         )

@@ -45,4 +45,13 @@ METRICS: Final[Mapping[str, str]] = {
 
 def meanings(columns: Sequence[str]) -> list[tuple[str, str]]:
     """The meaning of each of some columns, beside its name."""
-    return [(name, METRICS[name if name in METRICS else _OF_ONE]) for name in columns]
+    of_one = _OF_ONE.removesuffix("NAME")
+    return [
+        (
+            name,
+            METRICS[name]
+            if name in METRICS
+            else METRICS[_OF_ONE].replace("NAME", name.removeprefix(of_one)),
+        )
+        for name in columns
+    ]

@@ -54,8 +54,19 @@ def paragraph(text: str, *, broken: bool = False) -> Markup:
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]], broken: Collection[int] = ()) -> Markup:
-    """A table; the rows whose indices are ``broken`` are highlighted."""
-    return _part("table", header=header, rows=rows, broken=broken)
+    """A table, with columns of numbers to the right; the rows whose indices are ``broken`` are
+    highlighted."""
+    kinds = ["number" if all(map(_is_number, column)) else "" for column in zip(*rows, strict=True)]
+    return _part("table", header=header, rows=rows, kinds=kinds or [""] * len(header), broken=broken)
+
+
+def _is_number(cell: str) -> bool:
+    """Whether a cell is a number, or stands for one that is not there."""
+    try:
+        float(cell)
+    except ValueError:
+        return cell in ("", "-", "–")
+    return True
 
 
 def strip(title: str, captions: Sequence[str], jpegs: Sequence[bytes]) -> Markup:

@@ -57,8 +57,9 @@ function short(value) {
   return String(Number(value.toPrecision(4)));
 }
 
-// Pointer handling shared by the plots: start(x, y), move(x, y, dx, dy, event), click(x, y), in CSS pixels.
-function dragged(canvas, { start = () => {}, move, click = () => {} }) {
+// Pointer handling shared by the plots: start(x, y), move(x, y, dx, dy, event), end() of what was moved, or
+// click(x, y), in CSS pixels.
+function dragged(canvas, { start = () => {}, move, end = () => {}, click = () => {} }) {
   let last = null, moved = 0;
   canvas.onpointerdown = (event) => {
     canvas.setPointerCapture(event.pointerId);
@@ -74,7 +75,8 @@ function dragged(canvas, { start = () => {}, move, click = () => {} }) {
     if (moved > 3) move(x, y, dx, dy, event);
   };
   canvas.onpointerup = canvas.onpointercancel = (event) => {
-    if (last && moved <= 3 && event.type === "pointerup") click(...last);
+    if (last && moved > 3) end();
+    else if (last && event.type === "pointerup") click(...last);
     last = null;
   };
 }

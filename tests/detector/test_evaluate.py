@@ -200,8 +200,9 @@ def test_the_page_shows_what_was_measured(dataset):
     text = make_page("a <model> on d", "summary", dataset, judged, found)
     assert "a &lt;model&gt; on d" in text
     assert not re.search(r'(?:src|href)="(?!data:)', text)
-    assert f"<td>{found[0].metrics['mAP']:.4g}</td>" in text
-    assert f"<td>{found[0].metrics['ADD median, d']:.4g}</td>" in text
+    for name in ("mAP", "ADD median, d"):
+        assert f'<td class="number">{found[0].metrics[name]:.4g}</td>' in text
+    assert "<td>mAP of the spacecraft brick</td>" in text
     plots = [ElementTree.fromstring(svg) for svg in re.findall(r"<svg.*?</svg>", text, re.S)]
     assert len(plots) == 2 + 4  # a curve for each class; overlap, place, attitude, ADD by range
     assert [len(plot.findall("polyline")) for plot in plots] == [10, 10, 0, 0, 0, 0]

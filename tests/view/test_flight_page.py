@@ -8,6 +8,7 @@ import cv2
 import flights
 import numpy as np
 import pytest
+from browser import opened
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 from small_run import BOX_OBJ
@@ -364,3 +365,27 @@ def test_a_flight_without_attitude_and_limits_is_drawn_too(browse, flown, tmp_pa
         path, 'byId("next").click(); told.plots = plots.map((plot) => plot.title); drawPlots();'
     )
     assert found == {"errors": [], "plots": ["Range", "Impulse", "Δv so far"]}
+
+
+def test_a_drag_across_a_plot_shows_this_part_of_the_flight(page, flown, tmp_path):
+    """By real events of the pointer, of which a drag has many."""
+    t_s = flown[1].t_s
+    with opened(page, tmp_path, height=2400) as tab:
+        x, y, width, height = tab.place("#times canvas")
+        left, right, low, high = tab.tell(
+            "[52, byId('times').querySelector('canvas').clientWidth - MARGIN, part.from, part.to]"
+        )
+        assert (low, high) == (t_s[0], t_s[-1])
+        shares = 0.3, 0.7
+        at = [x + left + share * (right - left) for share in shares]
+        tab.drag((at[1], y + height / 2), (at[0], y + height / 2))
+        shown = tab.tell("[part.from, part.to]")
+        expected = [low + share * (high - low) for share in shares]
+        assert shown == pytest.approx(expected, abs=2 * (high - low) / width)
+        assert tab.tell("byId('whole').hidden") is False
+        tab.click(x + (left + right) / 2, y + height / 2)
+        middle = tab.tell("t_s[state.current]")
+        assert abs(middle - sum(expected) / 2) <= np.diff(t_s).max()
+        tab.press("#whole")
+        assert tab.tell("[part.from, part.to]") == [low, high]
+        assert tab.errors == []

@@ -13,7 +13,7 @@ function drawPlots() {
 }
 
 function showPart(from, to) {
-  if (to - from < 1e-6 * (t_s.at(-1) - t_s[0])) return;
+  if (to - from < 1e-6 * (t_s.at(-1) - t_s[0])) return drawAll();
   Object.assign(part, { from, to });
   byId("whole").hidden = false;
   drawAll();

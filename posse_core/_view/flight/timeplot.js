@@ -27,7 +27,7 @@ function framesShown() {
 
 class TimePlot {
   constructor(plot, parent) {
-    Object.assign(this, plot);
+    Object.assign(this, plot, { until: null });   // s, where a drag has come to
     const figure = document.createElement("figure"), caption = document.createElement("figcaption");
     this.readout = document.createElement("span");
     caption.append(this.unit ? `${this.title}, ${this.unit}` : this.title, this.readout);
@@ -36,8 +36,14 @@ class TimePlot {
     figure.append(caption, this.canvas);
     parent.append(figure);
     dragged(this.canvas, {
+      // The part is shown when the pointer lets go: until then the axis must stay.
       start: (x) => { this.from = this.timeAt(x); },
-      move: (x) => showPart(...[this.from, this.timeAt(x)].sort((a, b) => a - b)),
+      move: (x) => { this.until = this.timeAt(x); drawAll(); },
+      end: () => {
+        const ends = [this.from, this.until].sort((a, b) => a - b);
+        this.until = null;
+        showPart(...ends);
+      },
       click: (x) => select(nearestFrame(this.timeAt(x))),
     });
     this.canvas.ondblclick = showWhole;
@@ -87,6 +93,10 @@ class TimePlot {
     this.drawTimes(context);
     this.drawValues(context);
     this.drawMarks(context);
+    if (this.until !== null) {
+      context.fillStyle = `${TEXT}33`;
+      context.fillRect(x(this.from), this.top, x(this.until) - x(this.from), this.bottom - this.top);
+    }
     context.fillStyle = TEXT;
     context.fillRect(x(t_s[current]) - 0.75, this.top, 1.5, this.bottom - this.top);
     context.restore();

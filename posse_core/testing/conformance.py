@@ -6,6 +6,9 @@ from typing import Any
 
 from posse_core._plugins.kinds import KINDS, Kind, import_target
 
+CHANGED = "it is not as it was before the call: the component changed what it was given; copy it first"
+"""What the tests of several kinds say of an array that a component must leave alone."""
+
 
 def left_out(test_class: type) -> list[str]:
     """Tests of this package that ``test_class`` overrides without declaring them as expected failures.

@@ -18,7 +18,7 @@ from posse_core._interfaces.navigator import Estimate
 from posse_core._interfaces.propagator import PropagationProblem
 from posse_core._plugins.options import NoOptions
 from posse_core._propagators.roe import RoePropagator
-from posse_core.testing.conformance import Conformance
+from posse_core.testing.conformance import CHANGED, Conformance
 
 _EPOCH = Epoch.from_iso("2022-01-31T02:02:27.58")
 _START = np.array([4.0, -30.0, 3.0, 0.0, 0.01, 0.0])
@@ -55,22 +55,45 @@ class ControllerConformance(Conformance):
     def test_commands_are_three_finite_numbers(self) -> None:
         problem = self.problem()
         for dv in self._commands(self.controller(), problem):
-            assert isinstance(dv, np.ndarray)
-            assert dv.shape == (3,)
-            assert dv.dtype == np.float64
-            assert np.isfinite(dv).all()
+            assert isinstance(dv, np.ndarray), (
+                "a command is an array; return np.array([...]) with m/s along R, T and N"
+            )
+            assert dv.shape == (3,), "a command has three numbers: m/s along R, T and N"
+            assert dv.dtype == np.float64, (
+                "a command is of float64; is it computed in single precision or from integers?"
+            )
+            assert np.isfinite(dv).all(), (
+                "a command is not a number: is something divided by zero, or the programme "
+                "without solution not handled?"
+            )
 
     def test_no_impulse_is_above_the_limit(self) -> None:
         problem = replace(self.problem(), largest_m_s=0.01)
         sizes = np.linalg.norm(self._commands(self.controller(), problem), axis=1)
-        assert sizes.max() <= 0.01 * (1 + 1e-9)
+        assert sizes.max() <= 0.01 * (1 + 1e-9), (
+            "an impulse is above ControlProblem.largest_m_s; is the limit applied to each "
+            "axis, and not to the size?"
+        )
 
     def test_the_same_flight_gives_the_same_bits(self) -> None:
         """Also for a controller that has flown before: a start leaves nothing of the last flight."""
         problem, controller = self.problem(), self.controller()
         one = self._commands(controller, problem)
-        np.testing.assert_array_equal(self._commands(controller, problem), one)
-        np.testing.assert_array_equal(self._commands(self.controller(), problem), one)
+        np.testing.assert_array_equal(
+            self._commands(controller, problem),
+            one,
+            err_msg=(
+                "the second flight of a controller differs from its first: start() leaves "
+                "something of the last flight"
+            ),
+        )
+        np.testing.assert_array_equal(
+            self._commands(self.controller(), problem),
+            one,
+            err_msg=(
+                "a new controller commands something else: does it draw, or share a state with others?"
+            ),
+        )
 
     def test_what_it_is_given_is_left_alone(self) -> None:
         problem, untouched = self.problem(), self.problem()
@@ -79,13 +102,13 @@ class ControllerConformance(Conformance):
         estimate, copy = self._estimate(0.0, _START), self._estimate(0.0, _START)
         controller.command(estimate)
         for name in ("r_rtn_m", "v_rtn_m_s", "covariance"):
-            np.testing.assert_array_equal(getattr(estimate, name), getattr(copy, name))
-        np.testing.assert_array_equal(problem.burns_s, untouched.burns_s)
+            np.testing.assert_array_equal(getattr(estimate, name), getattr(copy, name), err_msg=CHANGED)
+        np.testing.assert_array_equal(problem.burns_s, untouched.burns_s, err_msg=CHANGED)
         for given, kept in zip(problem.waypoints, untouched.waypoints, strict=True):
-            np.testing.assert_array_equal(given.r_rtn_m, kept.r_rtn_m)
-            np.testing.assert_array_equal(given.v_rtn_m_s, kept.v_rtn_m_s)
+            np.testing.assert_array_equal(given.r_rtn_m, kept.r_rtn_m, err_msg=CHANGED)
+            np.testing.assert_array_equal(given.v_rtn_m_s, kept.v_rtn_m_s, err_msg=CHANGED)
         for burn, same in zip(problem.plan, untouched.plan, strict=True):
-            np.testing.assert_array_equal(burn.dv_rtn_m_s, same.dv_rtn_m_s)
+            np.testing.assert_array_equal(burn.dv_rtn_m_s, same.dv_rtn_m_s, err_msg=CHANGED)
 
     def test_a_command_given_is_not_changed_later(self) -> None:
         """A controller that returns its own array would rewrite the record of the flight."""
@@ -95,7 +118,13 @@ class ControllerConformance(Conformance):
         kept = first.copy()
         for t_s in problem.burns_s[1:4]:
             controller.command(self._estimate(float(t_s), 1.1 * _START))
-        np.testing.assert_array_equal(first, kept)
+        np.testing.assert_array_equal(
+            first,
+            kept,
+            err_msg=(
+                "a command that was given changed later: it is the controller's own array; return a copy"
+            ),
+        )
 
     def test_the_attitude_may_be_known_or_not(self) -> None:
         """A covariance (12, 12), and (6, 6) where the navigator estimates no attitude."""
@@ -109,13 +138,19 @@ class ControllerConformance(Conformance):
         for estimate in (known, unknown):
             controller = self.controller()
             controller.start(self.problem())
-            assert np.isfinite(controller.command(estimate)).all()
+            assert np.isfinite(controller.command(estimate)).all(), (
+                "a command is not a number with a covariance of (12, 12) or (6, 6); are its "
+                "rows taken as position and velocity first?"
+            )
 
     def test_there_need_not_be_an_estimate_at_every_instant(self) -> None:
         problem, controller = self.problem(), self.controller()
         controller.start(problem)
         for t_s in problem.burns_s[2::3]:
-            assert np.isfinite(controller.command(self._estimate(float(t_s), _START))).all()
+            assert np.isfinite(controller.command(self._estimate(float(t_s), _START))).all(), (
+                "a command is not a number where estimates of some instants are missing; does "
+                "it count on each of them?"
+            )
 
     def test_it_brings_the_chaser_to_the_waypoint(self) -> None:
         """Without errors, to within a tenth of the way; not asked of ``no-waypoints``."""
@@ -126,14 +161,19 @@ class ControllerConformance(Conformance):
         states = self._flight(self.controller(), problem)[1]
         held = states[problem.burns_s >= goal.t_s, :3]
         away_m = np.linalg.norm(held - goal.r_rtn_m, axis=1)
-        assert away_m.max() < 0.1 * np.linalg.norm(_START[:3] - goal.r_rtn_m)
+        assert away_m.max() < 0.1 * np.linalg.norm(_START[:3] - goal.r_rtn_m), (
+            "the chaser is not at the waypoint when it should be; are the axes R, T, N, and "
+            "velocities those in the rotating frame?"
+        )
 
     def test_it_needs_no_goal(self) -> None:
         """Capability ``no-waypoints``."""
         if "no-waypoints" not in self.capabilities:
             return
         commands = self._commands(self.controller(), replace(self.problem(), waypoints=()))
-        assert np.isfinite(commands).all()
+        assert np.isfinite(commands).all(), (
+            "a command is not a number without waypoints; leave out the capability 'no- waypoints'"
+        )
 
     def _commands(self, controller: Controller, problem: ControlProblem) -> FloatArray:
         return self._flight(controller, problem)[0]

@@ -42,7 +42,10 @@ class GeometryConformance(RendererStage):
                 view = caster.view(frame.craft)
                 exact = np.zeros((scene.camera.height_px, scene.camera.width_px), dtype=bool)
                 exact[view.box.slices] = view.mask
-                assert iou(stage.shot(frame).coverage > 0.5, exact) >= self.iou_min
+                assert iou(stage.shot(frame).coverage > 0.5, exact) >= self.iou_min, (
+                    "the silhouette is not that of the exact ray cast; are pose, intrinsics and the "
+                    "centre of the first pixel at (0, 0) POSSE's?"
+                )
 
     def test_edges_are_where_the_pinhole_puts_them(self) -> None:
         """Area and centroid of the coverage of a small plate, in several attitudes, off the image's
@@ -59,8 +62,19 @@ class GeometryConformance(RendererStage):
                 corners = project(camera, frame, plate.vertices_body_m)
                 area, middle = polygon_area_and_centroid(corners)
                 perimeter = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=-1).sum()
-                assert abs(coverage.sum() - area) < self.edge_tolerance_px * perimeter
-                np.testing.assert_allclose(centroid(coverage), middle, atol=self.edge_tolerance_px)
+                assert abs(coverage.sum() - area) < self.edge_tolerance_px * perimeter, (
+                    "a plate covers another area than its projection; are pixels counted whole, or "
+                    "scaled?"
+                )
+                np.testing.assert_allclose(
+                    centroid(coverage),
+                    middle,
+                    atol=self.edge_tolerance_px,
+                    err_msg=(
+                        "a plate is not where its projection is; half a pixel is often the pixel's "
+                        "corner taken for its centre"
+                    ),
+                )
 
     def test_axes_of_the_pose(self) -> None:
         """Balls on the body axes +x, +y and +z, each of one primary colour, have the right positions."""
@@ -80,7 +94,15 @@ class GeometryConformance(RendererStage):
                 expected = project(scene.camera, frame, 0.8 * np.eye(3))
                 for band in range(3):
                     found = centroid(image.radiance_rgb[..., band])
-                    np.testing.assert_allclose(found, expected[band], atol=0.6)
+                    np.testing.assert_allclose(
+                        found,
+                        expected[band],
+                        atol=0.6,
+                        err_msg=(
+                            "a ball on a body axis is elsewhere, or of another colour: is the pose "
+                            "body to camera, and the order of bands red, green, blue?"
+                        ),
+                    )
 
     def test_a_box_is_the_slice_of_a_larger_one(self) -> None:
         scene = ball()
@@ -95,13 +117,25 @@ class GeometryConformance(RendererStage):
                 PixelBox(width // 2, height // 2, 1, 1),
             ):
                 part = stage.shot(frame, box=box)
-                assert part.box == box
-                np.testing.assert_allclose(part.coverage, whole.coverage[box.slices], atol=0.25)
+                assert part.box == box, "it rendered another box than it was asked for"
+                np.testing.assert_allclose(
+                    part.coverage,
+                    whole.coverage[box.slices],
+                    atol=0.25,
+                    err_msg=(
+                        "coverage in a box is not that of the whole image there; is the box shifted, or "
+                        "are samples placed by the box?"
+                    ),
+                )
                 full = (part.coverage == 1) & (whole.coverage[box.slices] == 1)
                 np.testing.assert_allclose(
                     part.radiance_rgb[full].sum(axis=0),
                     whole.radiance_rgb[box.slices][full].sum(axis=0),
                     rtol=0.02,
+                    err_msg=(
+                        "radiance in a box is not that of the whole image there; does light depend on "
+                        "the box?"
+                    ),
                 )
 
     def test_coverage_and_radiance_agree(self) -> None:
@@ -113,10 +147,20 @@ class GeometryConformance(RendererStage):
             image = stage.shot(frame)
         full = lambert(frame, WHITE.base_color, 1.0)
         partial = (image.coverage > 0.05) & (image.coverage < 0.95)
-        assert partial.sum() > 50
+        assert partial.sum() > 50, "hardly any pixel is partly covered: edges have no sub-pixel samples"
         share = image.radiance_rgb[partial] / full
-        np.testing.assert_allclose(share, np.stack([image.coverage[partial]] * 3, -1), atol=0.02)
-        assert image.radiance_rgb[image.coverage == 0].max() == 0.0
+        np.testing.assert_allclose(
+            share,
+            np.stack([image.coverage[partial]] * 3, -1),
+            atol=0.02,
+            err_msg=(
+                "radiance does not scale with coverage: it must be averaged over the pixel with "
+                "black where nothing is, not divided by coverage"
+            ),
+        )
+        assert image.radiance_rgb[image.coverage == 0].max() == 0.0, (
+            "there is light where nothing is covered: is a background or the sky in the image?"
+        )
 
     def test_depth(self) -> None:
         """Planar depth at the pixel's centre, if the renderer provides it."""
@@ -130,5 +174,13 @@ class GeometryConformance(RendererStage):
         normal = frame.craft.R_cam_from_body @ np.cross([0.7, 0, 0.3], [0, 0.7, 0.1])
         z_m = (normal @ frame.craft.t_body_cam_m) / (rays @ normal)
         full = image.coverage > 0.999
-        np.testing.assert_allclose(image.depth_m[full], z_m[full], atol=1e-3)
-        assert np.isnan(image.depth_m[image.coverage == 0]).all()
+        np.testing.assert_allclose(
+            image.depth_m[full],
+            z_m[full],
+            atol=1e-3,
+            err_msg=(
+                "depth is not planar z at the pixel's centre: is it the ray's length, or an "
+                "average over the pixel?"
+            ),
+        )
+        assert np.isnan(image.depth_m[image.coverage == 0]).all(), "depth must be NaN where nothing is"

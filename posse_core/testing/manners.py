@@ -37,8 +37,20 @@ class MannersConformance(RendererStage):
             after = [stage.shot(frame) for frame in frames][-1]
         with self.opened(scene) as stage:
             fresh = stage.shot(frames[-1])
-        np.testing.assert_allclose(after.coverage, fresh.coverage, atol=0.25)
-        np.testing.assert_allclose(after.radiance_rgb.sum(), fresh.radiance_rgb.sum(), rtol=0.02)
+        np.testing.assert_allclose(
+            after.coverage,
+            fresh.coverage,
+            atol=0.25,
+            err_msg="coverage depends on the frames before: is a transform or a buffer kept?",
+        )
+        np.testing.assert_allclose(
+            after.radiance_rgb.sum(),
+            fresh.radiance_rgb.sum(),
+            rtol=0.02,
+            err_msg=(
+                "radiance depends on the frames before: is the Sun, a shadow map or a transform kept?"
+            ),
+        )
 
     def test_the_same_request_gives_the_same_bits(self) -> None:
         """Capability ``deterministic``: also in another process, started by spawn."""
@@ -49,17 +61,40 @@ class MannersConformance(RendererStage):
             one = stage.shot(frame)
             stage.shot(facing(sun=(0.0, 1.0, 1.0)), seed=5)
             two = stage.shot(frame)
-        np.testing.assert_array_equal(one.radiance_rgb, two.radiance_rgb)
-        np.testing.assert_array_equal(one.coverage, two.coverage)
+        np.testing.assert_array_equal(
+            one.radiance_rgb,
+            two.radiance_rgb,
+            err_msg=(
+                "radiance differs between two times of one request; leave out 'deterministic', "
+                "or seed what is drawn by request.seed"
+            ),
+        )
+        np.testing.assert_array_equal(
+            one.coverage,
+            two.coverage,
+            err_msg=(
+                "coverage differs between two times of one request; leave out 'deterministic', "
+                "or seed what is drawn by request.seed"
+            ),
+        )
         with multiprocessing.get_context("spawn").Pool(1) as pool:
             three = pool.apply(_in_child, (type(stage.renderer), stage.renderer.options, scene, frame))
-        np.testing.assert_array_equal(one.radiance_rgb, three.radiance_rgb)
+        np.testing.assert_array_equal(
+            one.radiance_rgb,
+            three.radiance_rgb,
+            err_msg=(
+                "radiance differs in another process; leave out 'deterministic', or make it "
+                "free of threads, time and caches"
+            ),
+        )
 
     def test_it_says_what_it_is(self) -> None:
         with self.opened(ball()) as stage:
             description = stage.renderer.describe()
-        assert description
-        assert all(isinstance(key, str) and isinstance(value, str) for key, value in description.items())
+        assert description, "describe() is empty; give versions and choices for the manifest"
+        assert all(
+            isinstance(key, str) and isinstance(value, str) for key, value in description.items()
+        ), "describe() must give strings by strings"
 
 
 def _in_child(kind: type[Renderer], options: BaseModel, scene: Scene, frame: FrameState) -> Radiance:

@@ -33,7 +33,7 @@ from posse_core._model.camera import Camera
 from posse_core._plugins.options import NoOptions
 from posse_core._propagators.roe import RoePropagator
 from posse_core._randomness import random_generator
-from posse_core.testing.conformance import Conformance
+from posse_core.testing.conformance import CHANGED, Conformance
 
 _START_SIGMAS = np.repeat([1.0, 0.005], 3)
 _POSE_SIGMAS = np.array([0.01, 0.01, 0.01, 0.02, 0.02, 0.2])
@@ -98,7 +98,7 @@ class _Flight:
             target = self.target.two_body(np.array([state.t_s]))
             R_eci_rtn = frames.R_eci_from_rtn(target[0][0], target[1][0])
             R_eci_cam = R_eci_rtn @ looking_at_target(state.r_rtn_m[None], np.array([k]))[0]
-            assert state.q_eci_from_body is not None
+            assert state.q_eci_from_body is not None, "the kit's flight has attitudes"
             R = R_eci_cam.T @ frames.matrix_from_quaternion(state.q_eci_from_body)
             t = -R_eci_cam.T @ R_eci_rtn @ state.r_rtn_m
             px = _CAMERA.project(_CORNERS_M @ R.T + t)
@@ -193,11 +193,30 @@ class NavigatorConformance(Conformance):
             (coasts,) = flight.truth(np.array([t_s]))
             (burns,) = flight.truth(np.array([t_s]), [burn])
             if t_s == 95.0:
-                np.testing.assert_allclose(after.r_rtn_m, before.r_rtn_m, atol=1e-9)
-                np.testing.assert_allclose(after.v_rtn_m_s - before.v_rtn_m_s, _DV_M_S, atol=1e-6)
+                np.testing.assert_allclose(
+                    after.r_rtn_m,
+                    before.r_rtn_m,
+                    atol=1e-9,
+                    err_msg="the position changed at an impulse, which changes velocity alone",
+                )
+                np.testing.assert_allclose(
+                    after.v_rtn_m_s - before.v_rtn_m_s,
+                    _DV_M_S,
+                    atol=1e-6,
+                    err_msg=(
+                        "the velocity did not change by the impulse: is it applied once, in RTN axes, "
+                        "at its own instant?"
+                    ),
+                )
             else:
                 np.testing.assert_allclose(
-                    after.r_rtn_m - before.r_rtn_m, burns.r_rtn_m - coasts.r_rtn_m, atol=1e-3
+                    after.r_rtn_m - before.r_rtn_m,
+                    burns.r_rtn_m - coasts.r_rtn_m,
+                    atol=1e-3,
+                    err_msg=(
+                        "after an impulse the estimate does not move as the true motion does: is it "
+                        "applied twice, or at the wrong instant?"
+                    ),
                 )
         assert np.linalg.norm(_asked(other, 93.0).v_rtn_m_s - _asked(one, 93.0).v_rtn_m_s) < 1e-9, (
             "an impulse acts before its instant"
@@ -219,8 +238,24 @@ class NavigatorConformance(Conformance):
                 navigator.update(all_readings[9])
             navigator.update(all_readings[10])
             results.append(_asked(navigator, 130.0))
-        np.testing.assert_allclose(results[1].r_rtn_m, results[0].r_rtn_m, atol=1e-6)
-        np.testing.assert_allclose(results[1].v_rtn_m_s, results[0].v_rtn_m_s, atol=1e-8)
+        np.testing.assert_allclose(
+            results[1].r_rtn_m,
+            results[0].r_rtn_m,
+            atol=1e-6,
+            err_msg=(
+                "readings that arrive after a later impulse give another position than in time: "
+                "keep the state at the last reading, and the impulses since"
+            ),
+        )
+        np.testing.assert_allclose(
+            results[1].v_rtn_m_s,
+            results[0].v_rtn_m_s,
+            atol=1e-8,
+            err_msg=(
+                "readings that arrive after a later impulse give another velocity than in time: "
+                "keep the state at the last reading, and the impulses since"
+            ),
+        )
 
     def test_what_is_not_seen_is_known_less_and_less(self) -> None:
         navigator, flight = self._started()
@@ -240,7 +275,9 @@ class NavigatorConformance(Conformance):
         for readings in everything[:5]:
             navigator.update(readings)
         empty = Readings(5, 50.0, 50.0, everything[5].q_eci_from_camera, truth=everything[5].truth)
-        assert navigator.update(empty) is None
+        assert navigator.update(empty) is None, (
+            "a frame in which nothing was read has no innovation; return None"
+        )
         fault = _fault(_asked(navigator, 50.0), 50.0)
         assert fault is None, fault
 
@@ -249,10 +286,14 @@ class NavigatorConformance(Conformance):
         for readings in flight.readings():
             innovation = navigator.update(readings)
             if innovation is not None:
-                assert isinstance(innovation, Innovation)
-                assert 0 <= innovation.nis < np.inf
-                assert 0 <= innovation.rejected <= innovation.dof
-                assert innovation.dof > 0
+                assert isinstance(innovation, Innovation), "update() must return an Innovation or None"
+                assert 0 <= innovation.nis < np.inf, (
+                    "an innovation's nis is negative or not finite: is its covariance not positive?"
+                )
+                assert 0 <= innovation.rejected <= innovation.dof, (
+                    "an innovation rejects more numbers than there are"
+                )
+                assert innovation.dof > 0, "an innovation of no numbers is none; return None"
 
     def test_a_flight_begins_anew(self) -> None:
         """A second flight of the same navigator equals the first to the bit."""
@@ -272,15 +313,21 @@ class NavigatorConformance(Conformance):
         navigator.start(problem)
         for readings, same in zip(flight.readings()[:3], flight.readings()[:3], strict=True):
             navigator.update(readings)
-            assert readings.keypoints is not None
-            assert same.keypoints is not None
-            np.testing.assert_array_equal(readings.keypoints.points_px, same.keypoints.points_px)
-            assert readings.pose is not None
-            assert same.pose is not None
-            np.testing.assert_array_equal(readings.pose.covariance, same.pose.covariance)
-            np.testing.assert_array_equal(readings.q_eci_from_camera, same.q_eci_from_camera)
-        np.testing.assert_array_equal(problem.start.covariance, kept.start.covariance)
-        np.testing.assert_array_equal(problem.start.r_rtn_m, kept.start.r_rtn_m)
+            assert readings.keypoints is not None, "the kit's readings have keypoints"
+            assert same.keypoints is not None, "the kit's readings have keypoints"
+            np.testing.assert_array_equal(
+                readings.keypoints.points_px, same.keypoints.points_px, err_msg=CHANGED
+            )
+            assert readings.pose is not None, "the kit's readings have a pose"
+            assert same.pose is not None, "the kit's readings have a pose"
+            np.testing.assert_array_equal(
+                readings.pose.covariance, same.pose.covariance, err_msg=CHANGED
+            )
+            np.testing.assert_array_equal(
+                readings.q_eci_from_camera, same.q_eci_from_camera, err_msg=CHANGED
+            )
+        np.testing.assert_array_equal(problem.start.covariance, kept.start.covariance, err_msg=CHANGED)
+        np.testing.assert_array_equal(problem.start.r_rtn_m, kept.start.r_rtn_m, err_msg=CHANGED)
 
     def _started(self) -> tuple[Navigator, _Flight]:
         flight = _Flight(with_truth="truth" in self.capabilities)
@@ -299,8 +346,8 @@ def _errors(truth: Estimate, estimate: Estimate) -> FloatArray:
     """(6,) or (12,) truth minus estimate, in the order of the covariance."""
     parts = [truth.r_rtn_m - estimate.r_rtn_m, truth.v_rtn_m_s - estimate.v_rtn_m_s]
     if estimate.q_eci_from_body is not None and estimate.omega_body_rad_s is not None:
-        assert truth.q_eci_from_body is not None
-        assert truth.omega_body_rad_s is not None
+        assert truth.q_eci_from_body is not None, "the kit's flight has attitudes"
+        assert truth.omega_body_rad_s is not None, "the kit's flight has rates"
         found = frames.matrix_from_quaternion(estimate.q_eci_from_body)
         turn = found.T @ frames.matrix_from_quaternion(truth.q_eci_from_body)
         parts += [

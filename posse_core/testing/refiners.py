@@ -25,7 +25,7 @@ from posse_core._model.spacecraft import Material, Part, Spacecraft
 from posse_core._plugins.options import NoOptions
 from posse_core._randomness import random_generator
 from posse_core.testing import scenes
-from posse_core.testing.conformance import Conformance
+from posse_core.testing.conformance import CHANGED, Conformance
 
 _SUN_CAM = np.array([0.4, -0.5, -0.768114574786861])
 _SAMPLES = 3
@@ -58,14 +58,20 @@ class RefinerConformance(Conformance):
         before, after = _errors(start), _errors(made.pose)
         assert after[0] < before[0] / 2, f"the attitude is off by {np.degrees(after[0]):.2f}°"
         assert after[1] < before[1] / 2, f"the position is off by {after[1]:.3f} m"
-        assert made.agreement > made.agreement_before
+        assert made.agreement > made.agreement_before, (
+            "the agreement did not grow, though the pose is accepted as better"
+        )
 
     def test_the_error_is_as_small_as_the_covariance_says(self) -> None:
         with self._opened() as refiner:
             pose = refiner.refine(_image(), [_start()], _SUN_CAM).pose
         covariance = pose.covariance
-        assert covariance.shape == (6, 6)
-        np.testing.assert_allclose(covariance, covariance.T, rtol=1e-6, atol=1e-15)
+        assert covariance.shape == (6, 6), (
+            "a covariance is (6, 6): a small rotation in camera axes, then the position"
+        )
+        np.testing.assert_allclose(
+            covariance, covariance.T, rtol=1e-6, atol=1e-15, err_msg="a covariance is symmetric"
+        )
         turn = Rotation.from_matrix(_R_TRUE @ pose.R_cam_from_body.T).as_rotvec()
         off = np.concatenate([turn, _T_TRUE_M - pose.t_body_cam_m])
         squared = float(off @ np.linalg.solve(covariance, off))
@@ -78,7 +84,7 @@ class RefinerConformance(Conformance):
         with self._opened() as refiner:
             made = refiner.refine(np.clip(image, 0, 255).astype(np.uint8), [start], _SUN_CAM)
         assert not made.is_better, "it accepts a pose in an image without a spacecraft"
-        assert made.pose is start
+        assert made.pose is start, "it must return the start itself where it finds nothing better"
 
     def test_of_several_starts_the_right_one_is_taken(self) -> None:
         """Whichever is first: the other is turned by 120° and shows other sides."""
@@ -89,7 +95,10 @@ class RefinerConformance(Conformance):
         for starts in ([wrong, _start()], [_start(), wrong]):
             with self._opened() as refiner:
                 made = refiner.refine(_image(), starts, _SUN_CAM)
-            assert _errors(made.pose)[0] < np.radians(4.0)
+            assert _errors(made.pose)[0] < np.radians(4.0), (
+                "of two starts it did not take the one that the image shows; compare them all "
+                "before refining"
+            )
 
     def test_the_sun_need_not_be_known(self) -> None:
         with self._opened() as refiner:
@@ -106,20 +115,41 @@ class RefinerConformance(Conformance):
         with self._opened() as fresh:
             anew = fresh.refine(_image(), [_start()], _SUN_CAM)
         for made in (again, anew):
-            np.testing.assert_array_equal(made.pose.R_cam_from_body, first.pose.R_cam_from_body)
-            np.testing.assert_array_equal(made.pose.t_body_cam_m, first.pose.t_body_cam_m)
-            np.testing.assert_array_equal(made.pose.covariance, first.pose.covariance)
+            np.testing.assert_array_equal(
+                made.pose.R_cam_from_body,
+                first.pose.R_cam_from_body,
+                err_msg=(
+                    "the attitude differs from that of the same image before: does it keep or draw "
+                    "something?"
+                ),
+            )
+            np.testing.assert_array_equal(
+                made.pose.t_body_cam_m,
+                first.pose.t_body_cam_m,
+                err_msg=(
+                    "the position differs from that of the same image before: does it keep or draw "
+                    "something?"
+                ),
+            )
+            np.testing.assert_array_equal(
+                made.pose.covariance,
+                first.pose.covariance,
+                err_msg=(
+                    "the covariance differs from that of the same image before: does it keep or "
+                    "draw something?"
+                ),
+            )
 
     def test_what_it_is_given_is_left_alone(self) -> None:
         image, start, sun = _image(), _start(), _SUN_CAM.copy()
         kept_image, kept_start = image.copy(), deepcopy(start)
         with self._opened() as refiner:
             refiner.refine(image, [start], sun)
-        np.testing.assert_array_equal(image, kept_image)
-        np.testing.assert_array_equal(sun, _SUN_CAM)
-        np.testing.assert_array_equal(start.R_cam_from_body, kept_start.R_cam_from_body)
-        np.testing.assert_array_equal(start.t_body_cam_m, kept_start.t_body_cam_m)
-        np.testing.assert_array_equal(start.covariance, kept_start.covariance)
+        np.testing.assert_array_equal(image, kept_image, err_msg=CHANGED)
+        np.testing.assert_array_equal(sun, _SUN_CAM, err_msg=CHANGED)
+        np.testing.assert_array_equal(start.R_cam_from_body, kept_start.R_cam_from_body, err_msg=CHANGED)
+        np.testing.assert_array_equal(start.t_body_cam_m, kept_start.t_body_cam_m, err_msg=CHANGED)
+        np.testing.assert_array_equal(start.covariance, kept_start.covariance, err_msg=CHANGED)
 
     def test_images_may_be_of_colour_and_of_16_bits(self) -> None:
         grey = _image()
@@ -127,15 +157,21 @@ class RefinerConformance(Conformance):
         for image in (np.repeat(grey[..., None], 3, axis=-1), deep):
             with self._opened() as refiner:
                 made = refiner.refine(image, [_start()], _SUN_CAM)
-            assert made.is_better
-            assert _errors(made.pose)[0] < _errors(_start())[0] / 2
+            assert made.is_better, (
+                "it does not accept a pose in an image in colour or of 16 bits; convert it by "
+                "posse_core.to_grey"
+            )
+            assert _errors(made.pose)[0] < _errors(_start())[0] / 2, (
+                "the pose of an image in colour or of 16 bits is not closer than the start; "
+                "convert it by posse_core.to_grey"
+            )
 
     def test_a_start_out_of_view_is_returned(self) -> None:
         start = replace(_start(), t_body_cam_m=np.array([60.0, 0.0, 6.0]))
         with self._opened() as refiner:
             made = refiner.refine(_image(), [start], _SUN_CAM)
-        assert not made.is_better
-        assert made.pose is start
+        assert not made.is_better, "it accepts a pose for a start that is out of view"
+        assert made.pose is start, "it must return the start itself if it is out of view"
 
     def test_it_may_be_closed_twice_and_without_open(self) -> None:
         refiner = self.refiner()
@@ -297,8 +333,16 @@ def _errors(pose: PoseEstimate) -> tuple[float, float]:
 
 def _check_form(made: Refinement) -> None:
     pose = made.pose
-    assert 0 <= made.agreement <= 1
-    assert 0 <= made.agreement_before <= 1
-    np.testing.assert_allclose(pose.R_cam_from_body @ pose.R_cam_from_body.T, np.eye(3), atol=1e-6)
-    assert np.isfinite(pose.t_body_cam_m).all()
-    assert np.isfinite(pose.covariance).all()
+    assert 0 <= made.agreement <= 1, "agreement is 0 … 1"
+    assert 0 <= made.agreement_before <= 1, "agreement_before is 0 … 1"
+    np.testing.assert_allclose(
+        pose.R_cam_from_body @ pose.R_cam_from_body.T,
+        np.eye(3),
+        atol=1e-6,
+        err_msg=(
+            "R_cam_from_body is no rotation; build it from a small rotation vector, not "
+            "from sums of matrices"
+        ),
+    )
+    assert np.isfinite(pose.t_body_cam_m).all(), "the position is not finite"
+    assert np.isfinite(pose.covariance).all(), "the covariance is not finite"

@@ -76,7 +76,7 @@ class SensorConformance(Conformance):
         """The second reading of a frame, a moment later, can be written too."""
         sensor = self._opened()
         look = self._look(sensor, _states()[0], number=1, reading_s=0.1)
-        assert look.number == 1
+        assert look.number == 1, "the kit's second look is number 1"
         self._checked(look, sensor)
 
     def test_its_readings_have_no_faults(self) -> None:

@@ -25,9 +25,17 @@ class SkyConformance(RendererStage):
             image = stage.shot(frame, environment=sky)
         full = image.coverage > 0.999
         mean = image.radiance_rgb[full].mean(axis=0)
-        np.testing.assert_allclose(mean, level, rtol=2 * self.radiance_tolerance)
+        np.testing.assert_allclose(
+            mean,
+            level,
+            rtol=2 * self.radiance_tolerance,
+            err_msg=(
+                "a white ball in an even sky has another radiance than the sky: is the map "
+                "integrated with cos θ/π?"
+            ),
+        )
         assert image.radiance_rgb[image.coverage == 0].max() == 0.0, "the sky itself is in the image"
-        assert image.coverage.min() == 0.0
+        assert image.coverage.min() == 0.0, "every pixel is covered: the sky is not part of the coverage"
 
     def test_the_skys_bright_side_lights_that_side(self) -> None:
         """Capability ``environment``: the map is in camera axes, whatever the spacecraft's attitude."""
@@ -49,11 +57,19 @@ class SkyConformance(RendererStage):
                 light = image.radiance_rgb.sum(axis=-1)
                 offset = centroid(light) - centroid(image.coverage)
                 if axis[2]:
-                    assert np.abs(offset).max() < 0.5
-                    assert light.max() > 0.8  # 3 bands of 1/3
+                    assert np.abs(offset).max() < 0.5, (
+                        "a sky that is bright behind the camera lights the ball off its middle: are the "
+                        "map's axes the camera's?"
+                    )
+                    assert light.max() > 0.8, (
+                        "a sky that is bright behind the camera hardly lights the ball's front"
+                    )  # 3 bands of 1/3
                 else:
                     assert offset @ axis[:2] > 1.0, f"the sky is bright {side}, the ball is not"
-                    assert abs(offset @ [axis[1], axis[0]]) < 0.5
+                    assert abs(offset @ [axis[1], axis[0]]) < 0.5, (
+                        "the light is off to a side where the sky is not bright: are the map's axes the "
+                        "camera's, and its seam behind?"
+                    )
 
     def test_a_sky_comes_and_goes(self) -> None:
         """A frame's sky does not affect later frames without a sky or with a dark one."""
@@ -67,4 +83,12 @@ class SkyConformance(RendererStage):
                     sky = EnvironmentMap(np.full((8, 16, 3), level, dtype=np.float32))
                 image = stage.shot(dark, environment=sky)
                 mean = image.radiance_rgb[image.coverage > 0.999].mean()
-                np.testing.assert_allclose(mean, level or 0.0, rtol=0.05)
+                np.testing.assert_allclose(
+                    mean,
+                    level or 0.0,
+                    rtol=0.05,
+                    err_msg=(
+                        "a frame's light is that of another frame's sky: is the map kept when the next "
+                        "frame has another, or none?"
+                    ),
+                )

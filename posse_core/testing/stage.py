@@ -50,16 +50,28 @@ class Stage:
         requested = box or PixelBox(0, 0, self.camera.width_px, self.camera.height_px)
         image = self.renderer.render(RenderRequest(frame.craft, requested, environment, seed))
         shape = (requested.height, requested.width)
-        assert image.box == requested
-        assert image.radiance_rgb.shape == (*shape, 3)
-        assert image.coverage.shape == shape
-        assert image.radiance_rgb.dtype == image.coverage.dtype == np.float32
-        assert np.isfinite(image.radiance_rgb).all()
-        assert image.radiance_rgb.min() >= 0
-        assert image.coverage.min() >= 0
-        assert image.coverage.max() <= 1
+        assert image.box == requested, "it rendered another box than it was asked for"
+        assert image.radiance_rgb.shape == (*shape, 3), (
+            "radiance_rgb must be (height, width, 3) of the box"
+        )
+        assert image.coverage.shape == shape, "coverage must be (height, width) of the box"
+        assert image.radiance_rgb.dtype == image.coverage.dtype == np.float32, (
+            "radiance_rgb and coverage must be float32"
+        )
+        assert np.isfinite(image.radiance_rgb).all(), (
+            "radiance is not finite somewhere: is a root or a logarithm taken of what may "
+            "be below zero, or a length divided by?"
+        )
+        assert image.radiance_rgb.min() >= 0, (
+            "radiance is negative somewhere: is it filtered with negative weights, or a "
+            "colour converted?"
+        )
+        assert image.coverage.min() >= 0, (
+            "coverage is negative somewhere: is it filtered with negative weights?"
+        )
+        assert image.coverage.max() <= 1, "coverage exceeds 1 somewhere"
         if image.depth_m is not None:
-            assert image.depth_m.shape == shape
+            assert image.depth_m.shape == shape, "depth_m must be (height, width) of the box"
         return image
 
 
@@ -102,9 +114,20 @@ class RendererStage(Conformance):
     def assert_radiance(self, image: Radiance, expected_rgb: FloatArray) -> None:
         """Check that the spacecraft covers the whole image with the mean radiance ``expected_rgb``
         (3,)."""
-        assert (image.coverage > 0.999).all()
+        assert (image.coverage > 0.999).all(), (
+            "a wall that fills the image does not cover it: is it clipped, culled or seen "
+            "from another place?"
+        )
         mean = image.radiance_rgb.mean(axis=(0, 1))
-        np.testing.assert_allclose(mean, expected_rgb, rtol=self.radiance_tolerance)
+        np.testing.assert_allclose(
+            mean,
+            expected_rgb,
+            rtol=self.radiance_tolerance,
+            err_msg=(
+                "a surface that is lit evenly has another radiance than E ρ/π cos θ: is π "
+                "missing, a band exchanged, or a tone curve applied?"
+            ),
+        )
 
 
 def one_part(part: Part, *, material: Material, camera: Camera | None = None) -> Scene:

@@ -65,8 +65,24 @@ class WorldsConformance(RendererStage):
             after = stage.shot(_arm_frame((0.0, 0.0), attitudes()[0]))
         with self.opened(scene) as stage:
             fresh = stage.shot(_arm_frame((0.0, 0.0), attitudes()[0]))
-        np.testing.assert_allclose(after.coverage, fresh.coverage, atol=0.25)
-        np.testing.assert_allclose(after.radiance_rgb.sum(), fresh.radiance_rgb.sum(), rtol=0.02)
+        np.testing.assert_allclose(
+            after.coverage,
+            fresh.coverage,
+            atol=0.25,
+            err_msg=(
+                "coverage is not that of a new renderer after joints went back to zero: is a "
+                "link's transform kept or added?"
+            ),
+        )
+        np.testing.assert_allclose(
+            after.radiance_rgb.sum(),
+            fresh.radiance_rgb.sum(),
+            rtol=0.02,
+            err_msg=(
+                "radiance is not that of a new renderer after joints went back to zero: is a "
+                "shadow or a normal kept?"
+            ),
+        )
 
     def test_light_on_a_part_that_turns(self) -> None:
         """E ρ/π cos θ on a plate that a joint turns away from the Sun: its normals turn with it."""
@@ -212,8 +228,18 @@ class WorldsConformance(RendererStage):
         corners = camera.project(plate.vertices_body_m @ there.R_cam_from_body.T + there.t_body_cam_m)
         area, middle = polygon_area_and_centroid(corners)
         perimeter = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=-1).sum()
-        assert abs(image.coverage.sum() - area) < self.edge_tolerance_px * perimeter
-        np.testing.assert_allclose(centroid(image.coverage), middle, atol=self.edge_tolerance_px)
+        assert abs(image.coverage.sum() - area) < self.edge_tolerance_px * perimeter, (
+            "the plate covers another area: is the scene in single precision about a distant target?"
+        )
+        np.testing.assert_allclose(
+            centroid(image.coverage),
+            middle,
+            atol=self.edge_tolerance_px,
+            err_msg=(
+                "the plate is elsewhere than its projection: is the scene in single precision "
+                "about a distant target?"
+            ),
+        )
 
     def _assert_silhouette(
         self, image: Radiance, scene: Scene, state: CraftState, caster: RayCaster, which: str
@@ -274,5 +300,15 @@ def _assert_shadow(
     near = np.hypot(*(np.moveaxis(pixels(light), -1, 0) - middle[:, None, None])) < 9
     darkness: AnyArray = np.where(near, 1 - light / np.median(light), 0)
     assert darkness.sum() > 0.5 * area, "there is no shadow where it should be"
-    np.testing.assert_allclose(centroid(darkness), middle, atol=0.3)
-    np.testing.assert_allclose(darkness.sum(), area, rtol=0.1)
+    np.testing.assert_allclose(
+        centroid(darkness),
+        middle,
+        atol=0.3,
+        err_msg=(
+            "the shadow is not where it should be: is it that of where the part was built, "
+            "or of another body?"
+        ),
+    )
+    np.testing.assert_allclose(
+        darkness.sum(), area, rtol=0.1, err_msg="the shadow is not as large or as dark as it should be"
+    )

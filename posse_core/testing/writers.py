@@ -207,7 +207,7 @@ class WriterConformance(Conformance):
     @contextlib.contextmanager
     def _place(self, variant: str = "plain") -> Iterator[_Place]:
         """A copy of a dataset and an empty folder to write to, in an empty working directory."""
-        assert variant in VARIANTS
+        assert variant in VARIANTS, "there is no dataset of this name"
         before = Path.cwd()
         with tempfile.TemporaryDirectory(prefix="posse-writer-kit-") as root:
             place = _Place(Path(root).resolve())

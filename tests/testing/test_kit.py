@@ -1,12 +1,17 @@
-"""The kit catches what it is there for."""
+"""The kit of propagators catches what it is there for; no kit is silent or wordless."""
 
 from __future__ import annotations
 
+import ast
+import inspect
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from posse_core import testing
 from posse_core._interfaces.propagator import PropagationProblem, Propagator
 from posse_core._model.trajectory import Motion
 from posse_core._plugins.options import NoOptions
@@ -72,3 +77,23 @@ def test_leaving_a_test_out_fails() -> None:
     assert left_out(PropagatorConformance) == []
     with pytest.raises(AssertionError, match="test_one_frame, test_shapes_and_numbers"):
         Silent().test_no_test_is_left_out()
+
+
+def wordless(source: str) -> list[int]:
+    """Lines of the assertions that say nothing when they fail, NumPy's among them."""
+    lines = []
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Assert) and node.msg is None:
+            lines.append(node.lineno)
+        if isinstance(node, ast.Call) and re.match(r"np\.testing\.assert_", ast.unparse(node.func)):
+            named = {keyword.arg for keyword in node.keywords}
+            if len(node.args) < 3 and "err_msg" not in named:
+                lines.append(node.lineno)
+    return sorted(lines)
+
+
+def test_every_assertion_of_the_kit_says_what_is_wrong() -> None:
+    home = Path(inspect.getfile(testing)).parent
+    silent = {path.name: wordless(path.read_text("utf-8")) for path in home.glob("*.py")}
+    assert {name: lines for name, lines in silent.items() if lines} == {}
+    assert wordless("assert x\nassert x, 'y'\nnp.testing.assert_equal(1, 2)") == [1, 3]

@@ -12,11 +12,11 @@ from torch import nn
 from posse_core import Model, ModelCard
 from posse_core.testing import DetectorConformance
 from posse_detect_torch.checkpoint import write_model
+from posse_detect_torch.heatmap import HeatMaps
+from posse_detect_torch.heatmap_finder import HeatmapFinder
 from posse_detect_torch.nano_detector import NanoDetector
-from posse_detect_torch.options import NanoOptions, SdnOptions, SimccOptions
+from posse_detect_torch.options import HeatmapOptions, NanoOptions, SdnOptions
 from posse_detect_torch.sdn_detector import SdnDetector
-from posse_detect_torch.simcc import SimCC
-from posse_detect_torch.simcc_finder import SimccFinder
 
 CLASSES = ("brick", "plate")
 POINTS = {"brick": {"B1": [0.0, 0.0, 1.0]}, "plate": {"A1": [0.0, 0.0, 0.0], "A2": [1.0, 0.0, 0.0]}}
@@ -70,16 +70,16 @@ class TestSdn(DetectorConformance):
         return detector
 
 
-class TestSimcc(DetectorConformance):
+class TestHeatmap(DetectorConformance):
     capabilities = frozenset({"keypoints", "train", "onnx", "int8"})
 
     path: Path
 
     @staticmethod
     def untrained() -> tuple[nn.Module, ModelCard]:
-        return SimCC(3), card("simcc", "keypoints", SimccOptions(input_px=64))
+        return HeatMaps(3), card("heatmap", "keypoints", HeatmapOptions(input_px=64))
 
     def detector(self) -> Model[Any]:
-        detector = SimccFinder(SimccOptions())
+        detector = HeatmapFinder(HeatmapOptions())
         detector.load(self.path)
         return detector

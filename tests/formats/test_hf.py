@@ -21,6 +21,7 @@ from datasets import DatasetDict, load_dataset
 from huggingface_hub import DatasetCard
 from PIL import Image
 
+from posse_core import __version__
 from posse_core._cli.export import command
 from posse_core._dataset.dataset import Dataset
 from posse_core._errors import InputError
@@ -99,6 +100,18 @@ def test_the_card_says_what_it_is(folder: Path) -> None:
     assert card.data.size_categories == ["n<1K"]
     assert "keypoint-detection" in card.data.task_categories
     for text in ("brick", "plate", "B1, B2", "sha256sum -c"):
+        assert text in card.text
+
+
+def test_the_card_of_a_run_that_is_ending(tmp_path: Path) -> None:
+    """Writers among a scenario's run before the manifest is written; the scenario then has the seed."""
+    folder = cuboid.write_dataset(tmp_path / "d")
+    (folder / "manifest.json").unlink()
+    (folder / "scenario.yaml").write_text("seed: 71\nrenderer: {name: flat}\n")
+    HfWriter(HfOptions()).write(Dataset(folder), tmp_path)
+    card = DatasetCard.load(tmp_path / "hf" / "README.md")
+    assert card.data.license == "unknown"
+    for text in ("Seed: 71", "Renderer: flat", f"posse-core {__version__}"):
         assert text in card.text
 
 

@@ -21,8 +21,9 @@ from ._dataset.sensors import SensorInfo as SensorInfo
 from ._dataset.spacecraft import SpacecraftInfo as SpacecraftInfo
 from ._detection.card import ModelCard as ModelCard
 from ._detection.pose_detector import PoseDetector as PoseDetector
+from ._detection.shapes import Shapes as Shapes
+from ._detection.shapes import Sighting as Sighting
 from ._detection.square import Square as Square
-from ._detection.square import to_grey as to_grey
 from ._dynamics.plan import Burn as Burn
 from ._dynamics.start import Start as Start
 from ._dynamics.start import Target as Target
@@ -44,6 +45,7 @@ from ._formats.poses import camera_beside as camera_beside
 from ._formats.poses import read_poses as read_poses
 from ._frames import R_with_z as R_with_z
 from ._geometry.raycast import RayCaster as RayCaster
+from ._imaging.grey import to_grey as to_grey
 from ._interfaces.annotator import Annotator as Annotator
 from ._interfaces.attitude_law import AttitudeLaw as AttitudeLaw
 from ._interfaces.attitude_law import Surroundings as Surroundings

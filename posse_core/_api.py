@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.layout import SCENARIO
+from posse_core._detection.known import built_in_shapes, target_shapes
 from posse_core._detection.models import open_models
 from posse_core._detection.pnp import solve_pose
 from posse_core._detection.pose_detector import LEAST_SCORE, PoseDetector
@@ -23,9 +24,11 @@ from posse_core._plugins.loading import load_plugins
 from posse_core._plugins.options import nearest
 from posse_core._run.plan import make_plan
 from posse_core._run.run import run as make_dataset
+from posse_core._scenario.component import ComponentChoice
 from posse_core._scenario.load import load_scenario, scenario_members
 from posse_core._scenario.model import Scenario
 from posse_core._scenario.track import read_track_config
+from posse_core._simulator.scene import named_craft
 from posse_core._simulator.simulator import Simulator
 
 ScenarioSource = str | Path | Mapping[str, Any]
@@ -186,6 +189,8 @@ def detector(
     *,
     least_score: float = LEAST_SCORE,
     options: Mapping[str, Any] | None = None,
+    target: str | Path | None = None,
+    refine: str | Mapping[str, Any] | None = None,
 ) -> PoseDetector:
     """A detector of spacecraft and their poses, from model files or, without any, the shipped models.
 
@@ -196,13 +201,22 @@ def detector(
             is None too, else none, and there are no poses.
         least_score: detections below it are left out, 0 … 1.
         options: of the components that read the models, as in ``{"threads": 1}``.
+        target: the spacecraft whose mesh gives boxes and refined poses: a name, or the folder of its
+            package; None means those whose name is that of a class.
+        refine: name of the refiner of poses, such as ``render-compare``, or a mapping of ``name`` and
+            its options; None refines none.
 
     Raises:
         InputError: a file is missing or not such a model, or no installed plugin ships one.
     """
     registry = load_plugins().registry
-    models = open_models(_path(boxes), _path(keypoints), registry, options or {})
-    return PoseDetector(*models, least_score)
+    found, finder = open_models(_path(boxes), _path(keypoints), registry, options or {})
+    refiner = None if refine is None else ComponentChoice.model_validate(refine)
+    if target is None:
+        shapes = built_in_shapes(found.classes, registry, refiner)
+    else:
+        shapes = target_shapes(named_craft(str(target), registry), registry, refiner)
+    return PoseDetector(found, finder, least_score, shapes)
 
 
 def pose(

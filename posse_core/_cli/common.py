@@ -17,6 +17,7 @@ from posse_core._plugins.loading import load_plugins
 
 if TYPE_CHECKING:
     from posse_core._model.camera import Camera
+    from posse_core._scenario.component import ComponentChoice
     from posse_core._scenario.load import Member
     from posse_core._scenario.model import Scenario
 
@@ -57,6 +58,42 @@ def model_options(command: Callable[..., Any]) -> Callable[..., Any]:
         shell_complete=completing.model_keys,
         help="Set an option of the model, as in -o threads=1. May be repeated.",
     )(command)
+
+
+def refine_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """``--refine``, ``--refiner``, ``--refine-ms``: how a command refines poses."""
+    for option in (
+        click.option(
+            "--refine-ms",
+            type=click.FloatRange(min=0, min_open=True),
+            metavar="MS",
+            help="With --refine: take no longer than about so many milliseconds for a pose.",
+        ),
+        click.option(
+            "--refiner",
+            default="render-compare",
+            show_default=True,
+            shell_complete=completing.components("refiner"),
+            help="With --refine: the refiner to use.",
+        ),
+        click.option(
+            "--refine", is_flag=True, help="Refine the poses of spacecraft whose meshes are known."
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+def refiner_choice(*, refine: bool, refiner: str, refine_ms: float | None) -> ComponentChoice | None:
+    """The refiner that the options choose; None for none."""
+    from posse_core._scenario.component import ComponentChoice
+
+    if not refine:
+        if refine_ms is not None:
+            raise InputError("--refine-ms: nothing is refined; add --refine")
+        return None
+    options = {} if refine_ms is None else {"ms": refine_ms}
+    return ComponentChoice(name=refiner, options=options)
 
 
 def options_from(overrides: Sequence[str]) -> dict[str, Any]:

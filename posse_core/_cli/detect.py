@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from posse_core._cli import completing
-from posse_core._cli.common import echo_json, model_options, options_from
+from posse_core._cli.common import echo_json, model_options, options_from, refine_options, refiner_choice
 from posse_core._cli.progress import phase
 from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
@@ -19,9 +19,12 @@ from posse_core._plugins.options import nearest
 from posse_core._scenario.presets import PRESETS
 
 if TYPE_CHECKING:
+    from posse_core._arrays import AnyArray
     from posse_core._detection.pose_detector import PoseDetector
-    from posse_core._interfaces.detector import Detection
+    from posse_core._detection.shapes import Shapes, Sighting
     from posse_core._model.camera import Camera
+    from posse_core._plugins.registry import Registry
+    from posse_core._scenario.component import ComponentChoice
 
 _SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 
@@ -30,7 +33,11 @@ _SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 @click.argument("images", type=click.Path(path_type=Path), nargs=-1, required=True)
 @click.option("--model", type=click.Path(path_type=Path), help="Model that finds spacecraft.")
 @click.option("--keypoints", type=click.Path(path_type=Path), help="Model that finds keypoints.")
-@click.option("--target", help="Find only this spacecraft, by the name that the model gives it.")
+@click.option(
+    "--target",
+    shell_complete=completing.components("scene"),
+    help="Find only this spacecraft: the name that the model gives it, or the folder of its package.",
+)
 @click.option(
     "--camera",
     shell_complete=completing.words(dict.fromkeys(PRESETS, "a published camera")),
@@ -50,6 +57,7 @@ _SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
     help="Drop detections with a lower score.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
+@refine_options
 @model_options
 def command(
     images: tuple[Path, ...],
@@ -60,9 +68,15 @@ def command(
     out: Path | None,
     score: float,
     as_json: bool,
+    refine: bool,
+    refiner: str,
+    refine_ms: float | None,
     overrides: tuple[str, ...],
 ) -> None:
     """Find spacecraft in IMAGES: files, or folders of them.
+
+    With --camera, boxes are those of the meshes at the poses, where a spacecraft of the name is
+    installed or --target is its package, and the pose is plausible.
 
     Without --model and --keypoints, the shipped models of posse-detect-onnx are used.
     """
@@ -79,29 +93,59 @@ def command(
     files = _files(images)
     registry = load_plugins().registry
     given = options_from(overrides)
+    if refine and camera is None:
+        raise InputError("--refine: poses need the camera; name it by --camera")
+    intrinsics = None if camera is None else _camera(camera)
     with phase("opening the models"):
         boxes, finder = open_models(model, keypoints, registry, given)
-    detector = PoseDetector(boxes, finder, score)
+        shapes = None
+        if intrinsics is not None:
+            choice = refiner_choice(refine=refine, refiner=refiner, refine_ms=refine_ms)
+            target, shapes = _shapes(target, boxes.classes, registry, choice)
+    detector = PoseDetector(boxes, finder, score, shapes)
     if target is not None and target not in detector.classes:
         raise InputError(
             f"--target {target}: the model knows {', '.join(detector.classes)}; name another by --model"
         )
-    intrinsics = None if camera is None else _camera(camera)
     results = []
     with contextlib.nullcontext() if out is None else _made_folder(out, files) as folder:
         for path in files:
             image = read_image(path)
-            found = [d for d in detector.detect(image) if target in (None, d.label)]
-            rows = [_as_json(d, detector, intrinsics) for d in found]
+            seen = [s for s in _seen(detector, image, intrinsics) if target in (None, s.detection.label)]
+            rows = [_as_json(sighting, is_posed=camera is not None) for sighting in seen]
             results.append({"image": str(path), "detections": rows})
             if folder is not None:
-                drawn = draw(image, found, detector.classes)
+                drawn = draw(image, [sighting.detection for sighting in seen], detector.classes)
                 write_bytes(folder / f"{path.stem}.png", cv2.imencode(".png", drawn)[1].tobytes())
             if not as_json:
                 text = ", ".join(_as_text(row) for row in rows)
                 click.echo(f"{path}: {text or 'nothing'}")
+    detector.close()
     if as_json:
         echo_json(results)
+
+
+def _shapes(
+    target: str | None, classes: Sequence[str], registry: Registry, refiner: ComponentChoice | None
+) -> tuple[str | None, Shapes]:
+    """The class to find, None for all, and the spacecraft of which meshes are known."""
+    from posse_core._detection.known import built_in_shapes, target_shapes
+    from posse_core._simulator.scene import named_craft
+
+    if target is not None and Path(target).is_dir():
+        craft = named_craft(target, registry)
+        return craft.name, target_shapes(craft, registry, refiner)
+    wanted = classes if target is None else [name for name in classes if name == target]
+    return target, built_in_shapes(wanted, registry, refiner)
+
+
+def _seen(detector: PoseDetector, image: AnyArray, camera: Camera | None) -> Sequence[Sighting]:
+    """What is found in an image, with poses where the camera is known."""
+    from posse_core._detection.shapes import Sighting
+
+    if camera is None:
+        return [Sighting(detection, None) for detection in detector.detect(image)]
+    return detector.sightings(image, camera)
 
 
 def _camera(given: str) -> Camera:
@@ -148,7 +192,8 @@ def _files(images: Sequence[Path]) -> list[Path]:
     return files
 
 
-def _as_json(found: Detection, detector: PoseDetector, camera: Camera | None) -> dict[str, Any]:
+def _as_json(sighting: Sighting, *, is_posed: bool) -> dict[str, Any]:
+    found, pose, refinement = sighting.detection, sighting.pose, sighting.refinement
     row: dict[str, Any] = {
         "label": found.label,
         "score": round(float(found.score), 4),
@@ -158,12 +203,17 @@ def _as_json(found: Detection, detector: PoseDetector, camera: Camera | None) ->
         return row
     row["keypoints_px"] = [[round(float(v), 2) for v in point] for point in found.keypoints_px]
     row["keypoints_sigma_px"] = [round(float(v), 2) for v in found.keypoints_sigma_px]
-    if camera is not None:
-        pose = detector.pose_of(found, camera)
+    if is_posed:
         row["pose"] = pose and {
             "q_cam_from_body": pose.q_cam_from_body.tolist(),
             "t_body_cam_m": pose.t_body_cam_m.tolist(),
             "covariance": pose.covariance.tolist(),
+        }
+    if refinement is not None:
+        row["refinement"] = {
+            "is_better": refinement.is_better,
+            "agreement": round(refinement.agreement, 4),
+            "agreement_before": round(refinement.agreement_before, 4),
         }
     return row
 
@@ -173,4 +223,6 @@ def _as_text(row: dict[str, Any]) -> str:
     text = f"{row['label']} {row['score']:.2f} at {box}"
     if row.get("pose"):
         text += f", {math.hypot(*row['pose']['t_body_cam_m']):.2f} m away"
+    if "refinement" in row:
+        text += ", refined" if row["refinement"]["is_better"] else ", not refined"
     return text

@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING
 import click
 
 from posse_core._cli import completing
-from posse_core._cli.common import echo_json, echo_table, model_options, options_from
+from posse_core._cli.common import (
+    echo_json,
+    echo_table,
+    model_options,
+    options_from,
+    refine_options,
+    refiner_choice,
+)
 from posse_core._cli.progress import bar, phase
 from posse_core._dataset.layout import PARTS
 from posse_core._detection.glossary import METRICS
@@ -54,6 +61,7 @@ FORMATS = ("posse", "coco", "speed", "speed+", "shirt")
 )
 @click.option("--out", type=click.Path(path_type=Path), help="Write an HTML page with plots.")
 @click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
+@refine_options
 @model_options
 def command(
     dataset: Path,
@@ -64,10 +72,14 @@ def command(
     target: str,
     out: Path | None,
     as_json: bool,
+    refine: bool,
+    refiner: str,
+    refine_ms: float | None,
     overrides: tuple[str, ...],
 ) -> None:
     """Measure models on a part of DATASET: COCO's average precisions and the overlap of boxes, and with
-    --keypoints the errors of keypoints and poses.
+    --keypoints the errors of keypoints and poses. With --keypoints, boxes are those of the meshes at the
+    poses where these are plausible.
 
     DATASET is one of 'posse run', or COCO, or a folder or a file of labels of SPEED, SPEED+ or SHIRT.
 
@@ -75,6 +87,7 @@ def command(
     """
     from posse_core._detection.evaluate import evaluate, frames_of
     from posse_core._detection.groups import columns, groups
+    from posse_core._detection.known import dataset_shapes
     from posse_core._detection.models import open_models
     from posse_core._detection.page import make_page
     from posse_core._files.atomic import write_bytes
@@ -90,7 +103,13 @@ def command(
         _warn_of_training(source)
     with phase("opening the models"):
         detector, finder = open_models(model, keypoints, registry, given)
-    judged = evaluate(source, bar(indices, len(indices)), detector, finder)
+        choice = refiner_choice(refine=refine, refiner=refiner, refine_ms=refine_ms)
+        if choice is not None and finder is None:
+            raise InputError("--refine: poses need keypoints; name their model by --keypoints")
+        shapes = None if finder is None else dataset_shapes(source, registry, choice)
+    judged = evaluate(source, bar(indices, len(indices)), detector, finder, shapes)
+    if shapes is not None:
+        shapes.close()
     with phase("computing the metrics"):
         result = groups(source, judged)
     digest = source.sha256

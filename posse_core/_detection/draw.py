@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from posse_core._arrays import AnyArray
-from posse_core._detection.square import to_grey
+from posse_core._imaging.grey import to_grey
 from posse_core._interfaces.detector import Detection
 
 Colour = tuple[int, int, int]

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posse_core._arrays import AnyArray
+from posse_core._arrays import AnyArray, FloatArray
 from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.images import LabelledImages
 from posse_core._dataset.mesh import Mesh
 from posse_core._dataset.spacecraft import SpacecraftInfo
 from posse_core._detection.pnp import MIN_POINTS, solve_pose
+from posse_core._detection.pose_detector import LEAST_SCORE
+from posse_core._detection.shapes import Shapes, Sighting
 from posse_core._errors import InputError
 from posse_core._evaluation.metrics import TrueBox, box_iou, matches, seen_bodies, true_box
 from posse_core._evaluation.poses import add_m, adi_m, nees, pose_errors
@@ -50,7 +52,9 @@ class JudgedBody:
         overlap: IoU with the detection that it is judged by (:func:`matches`), 0 if there is none.
         is_posed: whether keypoints of its class were sought, from which a pose follows.
         pose: errors of that pose, if the detection is among the best of the image, as many as it shows
-            craft, and its keypoints gave a pose.
+            craft, and its keypoints gave a pose. They are those after refinement.
+        start: errors before refinement; None if nothing was to be refined.
+        is_refined: whether the refiner accepted its result.
     """
 
     labels: BodyLabels
@@ -58,6 +62,8 @@ class JudgedBody:
     overlap: float
     is_posed: bool
     pose: PoseErrors | None
+    start: PoseErrors | None = None
+    is_refined: bool = False
 
 
 @dataclass(frozen=True)
@@ -97,11 +103,13 @@ def evaluate(
     positions: Iterable[int],
     detector: Detector,
     finder: KeypointFinder | None = None,
+    shapes: Shapes | None = None,
 ) -> list[Judged]:
     """Compare what a detector finds in frames with their labels.
 
     Bodies beside the target count if the detector knows their class. With a keypoint finder, poses are
-    evaluated too.
+    evaluated too; with shapes, boxes are those of meshes at the poses, and poses may be refined, by the
+    labelled direction of the Sun.
 
     Raises:
         InputError: The labels lack what is measured, or a model does not know the class of a target.
@@ -122,28 +130,63 @@ def evaluate(
             if body.spacecraft in detector.classes
         }
         found = [d for d in detector.predict([image])[0] if d.label in dataset.classes]
-        bodies = _judged(dataset, seen, found, image, finder)
-        judged.append(Judged(labels, bodies, found))
+        sightings = [Sighting(detection, None) for detection in found]
+        if finder is not None and shapes is not None:
+            sun = sun_direction_cam(labels)
+            sightings = [
+                _sighted(shapes, finder, image, each, dataset.camera, sun) for each in sightings
+            ]
+        bodies = _judged(dataset, seen, sightings, image, finder)
+        judged.append(Judged(labels, bodies, [each.detection for each in sightings]))
     return judged
+
+
+def sun_direction_cam(labels: LabelLine) -> FloatArray | None:
+    """(3,) where the target's labels say that the Sun is, camera axes; None where they do not, or the
+    target is in the Earth's shadow."""
+    if not (labels.has("sun_direction_body") and labels.has("q_cam_from_body")):
+        return None
+    if labels.has("sun_fraction_target") and labels.sun_fraction_target == 0:
+        return None
+    R = matrix_from_quaternion(np.array(labels.q_cam_from_body))
+    return np.asarray(R @ np.array(labels.sun_direction_body))
+
+
+def _sighted(
+    shapes: Shapes,
+    finder: KeypointFinder,
+    image: AnyArray,
+    sighting: Sighting,
+    camera: Camera,
+    sun: FloatArray | None,
+) -> Sighting:
+    detection = sighting.detection
+    if detection.score < LEAST_SCORE or not _gives_poses(finder, detection.label):
+        return sighting
+    return shapes.seen(image, detection, _estimate(finder, image, detection, camera), camera, sun)
 
 
 def _judged(
     dataset: LabelledImages,
     seen: Mapping[str | None, BodyLabels],
-    found: Sequence[Detection],
+    sightings: Sequence[Sighting],
     image: AnyArray,
     finder: KeypointFinder | None,
 ) -> list[JudgedBody]:
-    truths = [true_box(body) for body in seen.values()]
+    truths, found = [true_box(body) for body in seen.values()], [each.detection for each in sightings]
     bodies = []
     for (name, body), truth, place in zip(seen.items(), truths, matches(truths, found), strict=True):
         overlap = 0.0 if place is None else float(box_iou(found[place].box_px, truth.box_px))
         posed = finder if finder is not None and _gives_poses(finder, truth.label) else None
-        pose = None
+        pose, start, is_refined = None, None, False
         if posed is not None and place is not None and place < len(seen):
-            estimate = _estimate(posed, image, found[place], dataset.camera)
+            sighting = sightings[place]
+            estimate = sighting.pose or _estimate(posed, image, found[place], dataset.camera)
             pose = None if estimate is None else _errors(dataset, name, body, estimate)
-        bodies.append(JudgedBody(body, truth, overlap, posed is not None, pose))
+            if sighting.refinement is not None and sighting.start is not None:
+                start = _errors(dataset, name, body, sighting.start)
+                is_refined = sighting.refinement.is_better
+        bodies.append(JudgedBody(body, truth, overlap, posed is not None, pose, start, is_refined))
     return bodies
 
 

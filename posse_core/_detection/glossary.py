@@ -29,6 +29,10 @@ METRICS: Final[Mapping[str, str]] = {
     " not count",
     "ADD median, d": "median ADD of the estimated poses, in diameters",
     "ADI median, d": "median ADI of the estimated poses, in diameters",
+    "e_t before": "e_t median of the poses before refinement",
+    "e_q before, deg": "e_q median of the poses before refinement",
+    "refined": "share of the poses whose refinement was accepted; the others stay as they were",
+    "worsened": "share of the accepted poses with a larger e_t or a larger e_q than before",
     "e_t median": "position error divided by the range, median of the estimated poses",
     "e_q median, deg": "attitude error to the nearest of the spacecraft's symmetries, median of the"
     " estimated poses",

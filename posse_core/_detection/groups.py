@@ -80,6 +80,7 @@ def _pose_metrics(shown: Sequence[JudgedBody]) -> dict[str, float]:
     e_t, e_q = np.array([(pose.e_t, pose.e_q_rad) for pose in found]).T
     return {
         **metrics,
+        **_refinement_metrics(shown),
         "ADD median, d": float(np.median([pose.add for pose in found])),
         "ADI median, d": float(np.median([pose.adi for pose in found])),
         "e_t median": float(np.median(e_t)),
@@ -89,6 +90,24 @@ def _pose_metrics(shown: Sequence[JudgedBody]) -> dict[str, float]:
         "SPEED 2019": speed_score(e_t, e_q, "2019"),
         "SPEED 2021": speed_score(e_t, e_q, "2021"),
         "SPEED 2023": speed_score(e_t, e_q, "2023"),
+    }
+
+
+def _refinement_metrics(shown: Sequence[JudgedBody]) -> dict[str, float]:
+    """What refinement changed, of the poses that were to be refined."""
+    pairs = [(body.start, body.pose, body.is_refined) for body in shown if body.start and body.pose]
+    if not pairs:
+        return {}
+    worse = [
+        after.e_t > before.e_t or after.e_q_rad > before.e_q_rad
+        for before, after, is_refined in pairs
+        if is_refined
+    ]
+    return {
+        "e_t before": float(np.median([before.e_t for before, _, _ in pairs])),
+        "e_q before, deg": float(np.rad2deg(np.median([before.e_q_rad for before, _, _ in pairs]))),
+        "refined": sum(is_refined for _, _, is_refined in pairs) / len(pairs),
+        **({"worsened": float(np.mean(worse))} if worse else {}),
     }
 
 

@@ -14,7 +14,6 @@ from posse_core._detection.draw import draw
 from posse_core._detection.evaluate import Judged, JudgedBody, PoseErrors
 from posse_core._detection.glossary import meanings
 from posse_core._detection.groups import Group, columns
-from posse_core._detection.square import to_grey
 from posse_core._evaluation.metrics import precision_by_recall
 from posse_core._evaluation.numbers import number
 from posse_core._evaluation.pages import (
@@ -28,6 +27,7 @@ from posse_core._evaluation.pages import (
     strip,
     table,
 )
+from posse_core._imaging.grey import to_grey
 
 _WORST = 12
 _THUMBNAIL_PX = 320

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from posse_core._arrays import AnyArray
+from posse_core._arrays import AnyArray, FloatArray
 from posse_core._detection.pnp import solve_pose
+from posse_core._detection.shapes import Shapes, Sighting
 from posse_core._errors import InputError
 from posse_core._interfaces.detector import Detection, Detector, KeypointFinder, PoseEstimate
 from posse_core._model.camera import Camera
@@ -25,12 +26,17 @@ class PoseDetector:
     """
 
     def __init__(
-        self, boxes: Detector, keypoints: KeypointFinder | None, least_score: float = LEAST_SCORE
+        self,
+        boxes: Detector,
+        keypoints: KeypointFinder | None,
+        least_score: float = LEAST_SCORE,
+        shapes: Shapes | None = None,
     ) -> None:
         self.classes: Sequence[str] = boxes.classes
         self._boxes = boxes
         self._keypoints = keypoints
         self._least_score = least_score
+        self._shapes = shapes
 
     def detect(self, image: AnyArray) -> Sequence[Detection]:
         """Return the spacecraft in an image, best first, with keypoints if there is a model for them.
@@ -41,14 +47,41 @@ class PoseDetector:
         found = [d for d in self._boxes.predict([image])[0] if d.score >= self._least_score]
         return found if self._keypoints is None else self._keypoints.find(image, found)
 
-    def pose(self, image: AnyArray, camera: Camera) -> PoseEstimate | None:
+    def sightings(
+        self, image: AnyArray, camera: Camera, sun_direction_cam: FloatArray | None = None
+    ) -> list[Sighting]:
+        """Return the spacecraft in an image with their poses, best first.
+
+        Where the mesh of a spacecraft is known, its pose is refined, if that was asked for, and the box
+        is that of the mesh at the pose.
+
+        Args:
+            image: (H, W) or (H, W, 3) red-green-blue, uint8 or uint16.
+            camera: the camera that took the image.
+            sun_direction_cam: (3,) unit vector from the spacecraft to the Sun, camera axes, by which
+                poses are refined; None where it is not known.
+
+        Raises:
+            InputError: There is no model for keypoints.
+        """
+        found = self.detect(image)
+        poses = [self.pose_of(detection, camera) for detection in found]
+        if self._shapes is None:
+            return [Sighting(*each, start=each[1]) for each in zip(found, poses, strict=True)]
+        return [
+            self._shapes.seen(image, detection, pose, camera, sun_direction_cam)
+            for detection, pose in zip(found, poses, strict=True)
+        ]
+
+    def pose(
+        self, image: AnyArray, camera: Camera, sun_direction_cam: FloatArray | None = None
+    ) -> PoseEstimate | None:
         """Return the pose of the spacecraft in an image.
 
         It is that of the best detection whose keypoints agree on a pose.
 
         Args:
-            image: (H, W) or (H, W, 3) red-green-blue, uint8 or uint16.
-            camera: the camera that took the image.
+            image, camera, sun_direction_cam: as of :meth:`sightings`.
 
         Returns:
             The pose, or None if no spacecraft is found or no pose fits its keypoints.
@@ -56,8 +89,13 @@ class PoseDetector:
         Raises:
             InputError: There is no model for keypoints.
         """
-        poses = (self.pose_of(detection, camera) for detection in self.detect(image))
-        return next((pose for pose in poses if pose is not None), None)
+        seen = self.sightings(image, camera, sun_direction_cam)
+        return next((each.pose for each in seen if each.pose is not None), None)
+
+    def close(self) -> None:
+        """Close what refines poses; it is opened again when it is needed."""
+        if self._shapes is not None:
+            self._shapes.close()
 
     def pose_of(self, detection: Detection, camera: Camera) -> PoseEstimate | None:
         """Return the pose of a detection, or None if fewer than four of its keypoints agree on one.

@@ -11,10 +11,9 @@ from posse_core._dataset.images import LabelledImages
 from posse_core._dataset.layout import SCENARIO
 from posse_core._errors import InputError
 from posse_core._formats.speed_images import SpeedImages, files_of
-from posse_core._model.spacecraft import Spacecraft
 from posse_core._plugins.loading import load_plugins
 from posse_core._scenario.camera import preset_camera
-from posse_core._scenario.component import create, target_named
+from posse_core._simulator.scene import named_craft
 
 ImageFormat = Literal["posse", "coco", "speed", "speed+", "shirt"]
 """How labelled images are laid out."""
@@ -53,7 +52,7 @@ def open_dataset(
         return Dataset(path)
     files_of(path)  # raises before the spacecraft is made
     camera = None if format is None else preset_camera(_CAMERA_OF[format])
-    return SpeedImages(path, _built(target), camera)
+    return SpeedImages(path, named_craft(target, load_plugins().registry), camera)
 
 
 def _kind_of(path: Path) -> ImageFormat:
@@ -69,10 +68,3 @@ def _kind_of(path: Path) -> ImageFormat:
     folder = path.absolute().parent
     is_sequence = (folder / f"{folder.name}.json").is_file() and not (path / SCENARIO).is_file()
     return "shirt" if is_sequence else "posse"
-
-
-def _built(target: str) -> Spacecraft:
-    """A spacecraft by its name, or from the folder of its package."""
-    registry = load_plugins().registry
-    spacecraft: Spacecraft = create(registry, "scene", target_named(target, registry)).build()
-    return spacecraft

@@ -18,12 +18,12 @@ from posse_core._detection.groups import Group, groups
 from posse_core._detection.models import open_models
 from posse_core._detection.page import make_page
 from posse_core._detection.pose_detector import LEAST_SCORE, PoseDetector
-from posse_core._detection.square import to_grey
 from posse_core._evaluation.pages import jpeg, page, paragraph, strip
 from posse_core._evaluation.poses import pose_errors
 from posse_core._files.atomic import write_bytes, write_json
 from posse_core._files.reading import FileRecord
 from posse_core._frames import matrix_from_quaternion
+from posse_core._imaging.grey import to_grey
 from posse_core._model.label_line import LabelLine
 from posse_core._recipe.data import Kitchen
 from posse_core._recipe.training import MODEL

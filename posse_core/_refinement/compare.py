@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import cv2
@@ -9,7 +10,7 @@ import numpy as np
 
 from posse_core._arrays import BoolArray, Float32Array
 from posse_core._refinement.crop import Crop, binned
-from posse_core._refinement.flow import by_pose, gradient
+from posse_core._refinement.flow import by_pose, gradient, normals
 from posse_core._refinement.light import Light
 from posse_core._refinement.placement import Placement
 from posse_core._refinement.studio import Drawn, Studio
@@ -21,6 +22,10 @@ _BESIDE_PX = 2
 """How far beside the spacecraft pixels are compared."""
 _NOISE = 4 / 255
 """Variations of what is drawn below this share of white say nothing."""
+_SHAPE_NOISE = 0.03
+"""The same for coverage and normals."""
+_COARSER = 4
+_BLURS_PX = (0.0, 0.35, 0.5, 0.7, 0.9, 1.2, 1.6)
 _KERNEL = np.ones((3, 3), np.uint8)
 
 
@@ -41,7 +46,15 @@ class Comparison:
     agreement: float
 
 
-class LitComparer:
+class Comparer(ABC):
+    """Compares a crop with what would be seen at poses near that of the crop."""
+
+    @abstractmethod
+    def compare(self, placement: Placement) -> Comparison:
+        """Draw the spacecraft and compare."""
+
+
+class LitComparer(Comparer):
     """Compares brightness, with light of a known direction."""
 
     def __init__(self, crop: Crop, studio: Studio, light: Light) -> None:
@@ -86,6 +99,52 @@ class LitComparer:
         return Comparison(explained.residual, jacobian, near, _correlation(seen, modelled, near))
 
 
+class ShapeComparer(Comparer):
+    """Compares outlines and creases, whatever light and materials are.
+
+    The image is explained by coverage and normals, so by any light that Lambert's law knows and any
+    colour that changes little within a window.
+    """
+
+    def __init__(self, crop: Crop, studio: Studio, blur_px: float) -> None:
+        self._crop, self._studio, self._blur_px = crop, studio, blur_px
+
+    def compare(self, placement: Placement) -> Comparison:
+        """Draw the spacecraft and compare."""
+        crop, finer = self._crop, self._crop.scale.finer
+        blur_px = self._blur_px * crop.scale.drawn
+        drawn = self._studio.shape(crop.scale.drawn, crop.drawn_box, placement)
+        facing = normals(drawn.depth_m, crop.camera, crop.drawn_box)
+        channels = [drawn.coverage, *(facing[..., k] * drawn.coverage for k in (0, 1))]
+        channels = [smooth(np.ascontiguousarray(channel), blur_px) for channel in channels]
+        near = _near(drawn, finer)
+        windows = Windows(near.astype(np.float32), _WINDOW_PX)
+        coarse = np.stack([binned(channel, finer) for channel in channels], axis=-1)
+        explained = windows.explained(crop.seen, coarse, _SHAPE_NOISE)
+        gains = explained.gains.repeat(finer, axis=0).repeat(finer, axis=1)
+        sides = [gradient(channel) for channel in channels]
+        slopes = tuple(
+            np.asarray(sum(gains[..., k] * side[axis] for k, side in enumerate(sides)), np.float32)
+            for axis in (0, 1)
+        )
+        jacobian = by_pose(
+            (slopes[0], slopes[1]),
+            drawn.depth_m,
+            3 + int(np.ceil(2 * blur_px)),
+            crop.camera,
+            crop.drawn_box,
+            placement.t_body_cam_m,
+        )
+        # A bright edge says no more than a faint one that stands out as much from its surroundings.
+        variance = windows.variance(crop.seen)
+        share = 1 / np.sqrt(variance + np.float32(_NOISE**2))
+        residual = explained.residual * share
+        left = float(np.sum(residual[near] ** 2))
+        whole = float(np.sum((variance * share**2)[near]))
+        agreement = np.sqrt(max(0.0, 1 - left / max(whole, 1e-9)))
+        return Comparison(residual, binned(jacobian, finer) * share[..., None], near, float(agreement))
+
+
 def with_background(drawn: Drawn, crop: Crop) -> Float32Array:
     """What is drawn, before what is seen beside the spacecraft, as smooth as it must be to reach behind
     it."""
@@ -94,14 +153,31 @@ def with_background(drawn: Drawn, crop: Crop) -> Float32Array:
     free = (covered < 1e-3).astype(np.float32)
     if not free.any():
         return drawn.bright
-    sigma_px = max(4.0, 0.12 * max(free.shape))
-    light = crop.linear * free
-    sums, weights = np.full_like(free, 1e-6 * light.sum() / free.sum()), np.full_like(free, 1e-6)
-    for each_px, share in ((sigma_px, 1.0), (4 * sigma_px, 1e-2)):
-        sums += np.float32(share) * smooth(light, each_px)
-        weights += np.float32(share) * smooth(free, each_px)
-    behind = cv2.resize(sums / weights, drawn.bright.shape[::-1])
+    # So wide a blur needs no fine pixels.
+    sums, weights = _reduced(crop.linear * free), _reduced(free)
+    near_px = max(1.0, 0.12 * max(sums.shape))
+    behind = np.full_like(sums, 1e-6 * sums.sum() / weights.sum())
+    share = np.full_like(sums, 1e-6)
+    for sigma_px, trust in ((near_px, 1.0), (4 * near_px, 1e-2)):
+        behind += np.float32(trust) * smooth(sums, sigma_px)
+        share += np.float32(trust) * smooth(weights, sigma_px)
+    behind = np.asarray(cv2.resize(behind / share, drawn.bright.shape[::-1]), np.float32)
     return np.asarray(drawn.bright + (1 - drawn.coverage) * behind, np.float32)
+
+
+def _reduced(image: Float32Array) -> Float32Array:
+    height, width = (max(4, side // _COARSER) for side in image.shape)
+    return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), np.float32)
+
+
+def sharpest(drawn: Drawn, crop: Crop) -> float:
+    """The blur, px of the image, with which what is drawn agrees best with the crop."""
+    scene, near = with_background(drawn, crop), _near(drawn, crop.scale.finer)
+    agreements = []
+    for blur_px in _BLURS_PX:
+        blurred = crop.coded(smooth(scene, blur_px * crop.scale.drawn))
+        agreements.append(_correlation(crop.seen, binned(blurred, crop.scale.finer), near))
+    return _BLURS_PX[int(np.argmax(agreements))]
 
 
 def _near(drawn: Drawn, finer: int) -> BoolArray:

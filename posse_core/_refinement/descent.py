@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from posse_core._arrays import Float32Array, FloatArray
-from posse_core._refinement.compare import Comparison, LitComparer
+from posse_core._refinement.compare import Comparer, Comparison
 from posse_core._refinement.placement import Placement
 
 _TUKEY = 4.0
@@ -32,7 +32,7 @@ class Found:
 
 
 def descended(
-    comparer: LitComparer,
+    comparer: Comparer,
     placement: Placement,
     radius_m: float,
     radius_px: float,

@@ -12,7 +12,7 @@ class RenderCompareOptions(Options):
     """Options of the refiner ``render-compare``."""
 
     renderer: ComponentChoice = Field(
-        ComponentChoice(name="raster", options={"shadow_map_px": 1024}),
+        ComponentChoice(name="raster", options={"shadow_map_px": 512}),
         description="renderer that draws what would be seen, with its options",
     )
     ms: float | None = Field(

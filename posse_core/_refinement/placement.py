@@ -29,3 +29,7 @@ class Placement(NamedTuple):
         camera axes."""
         R = matrix_from_rotation_vector(step[:3]) @ self.R_cam_from_body
         return Placement(R, self.t_body_cam_m + step[3:])
+
+    def turned(self, R_body: FloatArray) -> Placement:
+        """Turned first, about the body's origin, by (3, 3) in body axes."""
+        return Placement(self.R_cam_from_body @ R_body, self.t_body_cam_m)

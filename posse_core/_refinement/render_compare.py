@@ -3,53 +3,31 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from posse_core._arrays import AnyArray, Float32Array, FloatArray
-from posse_core._detection.square import to_grey
+from posse_core._arrays import AnyArray, FloatArray
 from posse_core._errors import ComponentError, InputError
+from posse_core._imaging.grey import to_grey
 from posse_core._interfaces.detector import PoseEstimate
 from posse_core._interfaces.refiner import Refinement, Refiner, RefinerSetting
-from posse_core._refinement.compare import LitComparer
-from posse_core._refinement.crop import Crop, Picture, scales
-from posse_core._refinement.descent import Found, covariance, descended
-from posse_core._refinement.light import Light, drawn_apart, fitted, together
+from posse_core._refinement.descent import covariance
 from posse_core._refinement.options import RenderCompareOptions
 from posse_core._refinement.placement import Placement
-from posse_core._refinement.studio import Drawn, Studio
-from posse_core._refinement.sunlight import brightest_direction
+from posse_core._refinement.search import Outcome, Search
+from posse_core._refinement.studio import Studio
 
-_STEPS = (4, 4, 4)
-"""The most steps at each scale, the coarsest first."""
-_ROUNDS = 3
-_COARSE_PX = (48.0, 96.0)
-_BLUR_PX = 0.7
-"""Blur of an image, until it is measured: that of POSSE's cameras by default."""
-_BLURS_PX = (0.0, 0.35, 0.5, 0.7, 0.9, 1.2, 1.6)
-_GAIN = 0.002
+_RISE = 0.002
 """By how much the agreement must rise."""
-
-
-@dataclass(frozen=True)
-class _Result:
-    """What came of one start.
-
-    Attributes:
-        found: the pose and the comparison at it.
-        before: agreement at the start, compared alike.
-        start: the start.
-    """
-
-    found: Found
-    before: float
-    start: PoseEstimate
-
-    @property
-    def agreement(self) -> float:
-        return self.found.comparison.agreement
+_LEAST_SHAPE = 0.55
+"""Least agreement of outlines and creases alone, and by how much it must rise."""
+_SHAPE_RISE = 0.02
+_LARGEST_TURN_RAD = np.radians(30)
+_LARGEST_SHARE = 0.3
+"""A pose found by outlines alone that is farther from its start is not accepted: the turn, and the share
+of the range."""
 
 
 class RenderCompare(Refiner[RenderCompareOptions]):
@@ -63,10 +41,7 @@ class RenderCompare(Refiner[RenderCompareOptions]):
     def open(self, setting: RefinerSetting) -> None:
         """Prepare; renderers are opened when they are first needed."""
         self.close()
-        craft = setting.spacecraft
         self._setting, self._studio = setting, Studio(setting, self.options.renderer)
-        self._vertices_m = np.concatenate([part.vertices_body_m for part in craft.parts])
-        self._radius_m = craft.radius_m
 
     def close(self) -> None:
         """Close the renderers."""
@@ -81,8 +56,9 @@ class RenderCompare(Refiner[RenderCompareOptions]):
         sun_direction_cam: FloatArray | None = None,
     ) -> Refinement:
         """Refine a pose; see :meth:`posse_core.Refiner.refine`."""
-        setting, _ = self._opened()
-        camera = setting.camera
+        if self._setting is None or self._studio is None:
+            raise ComponentError("render-compare: the refiner is not open")
+        camera = self._setting.camera
         if image.shape[:2] != (camera.height_px, camera.width_px):
             raise InputError(
                 f"refiner: the image has {image.shape[1]} × {image.shape[0]} pixels and the camera"
@@ -90,97 +66,55 @@ class RenderCompare(Refiner[RenderCompareOptions]):
             )
         if not starts:
             raise InputError("refiner: there is no start pose")
-        grey = to_grey(image)
         end_s = np.inf if self.options.ms is None else time.perf_counter() + self.options.ms / 1000
-
-        def has_time() -> bool:
-            return time.perf_counter() < end_s
-
-        best: _Result | None = None
-        for start in starts:
-            made = self._from(start, grey, sun_direction_cam, has_time)
-            if made is not None and (best is None or made.agreement > best.agreement):
-                best = made
-        if best is None:
-            return Refinement(starts[0], False, 0.0, 0.0)
-        is_better = (
-            best.agreement >= self.options.least_agreement and best.agreement > best.before + _GAIN
+        search = Search(
+            self._setting,
+            self._studio,
+            to_grey(image),
+            sun_direction_cam,
+            float(self.options.size_px),
+            lambda: time.perf_counter() < end_s,
         )
-        pose = best.start
+        firsts = [Placement.of(start) for start in starts]
+        lit = search.lit(firsts, self.options.least_agreement)
+        if lit is not None and lit.agreement >= self.options.least_agreement:
+            return self._made(lit, starts, is_better=lit.agreement > lit.before + _RISE)
+        shape = search.shape(firsts[0])
+        if shape is None:
+            outcome = lit
+        elif lit is None or _is_plausible(shape, firsts[0]):
+            again = search.lit([shape.found.placement], self.options.least_agreement)
+            if again is not None and again.agreement >= self.options.least_agreement:
+                before = lit.before if lit is not None else 0.0
+                outcome = replace(again, start=0, before=before)
+                return self._made(outcome, starts, is_better=again.agreement > before + _RISE)
+            return self._made(shape, starts, is_better=_is_plausible(shape, firsts[0]))
+        else:
+            outcome = lit
+        if outcome is None:
+            return Refinement(starts[0], False, 0.0, 0.0)
+        return self._made(outcome, starts, is_better=False)
+
+    def _made(self, outcome: Outcome, starts: Sequence[PoseEstimate], *, is_better: bool) -> Refinement:
+        assert self._setting is not None
+        pose = starts[outcome.start]
         if is_better:
-            R, t = best.found.placement
-            C = covariance(best.found.comparison, best.found.placement, self._radius_m)
+            R, t = outcome.found.placement
+            C = covariance(
+                outcome.found.comparison, outcome.found.placement, self._setting.spacecraft.radius_m
+            )
             pose = replace(pose, R_cam_from_body=R, t_body_cam_m=t, covariance=C)
-        return Refinement(pose, is_better, best.agreement, best.before)
-
-    def _opened(self) -> tuple[RefinerSetting, Studio]:
-        if self._setting is None or self._studio is None:
-            raise ComponentError("render-compare: the refiner is not open")
-        return self._setting, self._studio
-
-    def _from(
-        self,
-        start: PoseEstimate,
-        grey: Float32Array,
-        sun_direction_cam: FloatArray | None,
-        has_time: Callable[[], bool],
-    ) -> _Result | None:
-        setting, studio = self._opened()
-        first = Placement.of(start)
-        pictures = [Picture(grey, setting.camera, is_linear=is_linear) for is_linear in (False, True)]
-        extent_px = pictures[0].extent_px(first, self._vertices_m)
-        steps = scales(extent_px, (*_COARSE_PX, float(self.options.size_px)))
-        crops = [picture.crop(first, self._vertices_m, steps[0]) for picture in pictures]
-        if crops[0] is None or crops[1] is None:
-            return None
-        sun = sun_direction_cam
-        if sun is None:
-            sun = brightest_direction(crops[0], studio, first, _BLUR_PX)
-        shown = drawn_apart(crops[0], studio, first, sun)
-        agreements = []
-        for crop in crops:
-            assert crop is not None
-            light = fitted(crop, shown, sun, _BLUR_PX)
-            drawn = together(shown, light.lights)
-            agreements.append(LitComparer(crop, studio, light).agreement(drawn))
-        picture = pictures[int(np.argmax(agreements))]
-        found: Found | None = None
-        blur_px = _BLUR_PX
-        here = first
-        for scale, count in zip(steps, _STEPS, strict=False):
-            crop = picture.crop(here, self._vertices_m, scale)
-            if crop is None:
-                return None
-            if found is not None and sun_direction_cam is None:
-                sun = brightest_direction(crop, studio, here, _BLUR_PX, sun)
-            for _ in range(_ROUNDS):
-                shown = drawn_apart(crop, studio, here, sun)
-                light = fitted(crop, shown, sun, blur_px)
-                if found is not None:
-                    blur_px = _sharpest(crop, studio, light, together(shown, light.lights))
-                    light = replace(light, blur_px=blur_px)
-                comparer = LitComparer(crop, studio, light)
-                found = descended(
-                    comparer, here, self._radius_m, self._radius_px(here, crop), count, has_time
-                )
-                moved, here = here is not found.placement, found.placement
-                if not moved:
-                    break
-            if not has_time():
-                break
-        assert found is not None
-        return _Result(found, comparer.compare(first).agreement, start)
-
-    def _radius_px(self, placement: Placement, crop: Crop) -> float:
-        """The spacecraft's radius in pixels of a crop."""
-        fx_px = crop.camera.fx_px / crop.scale.finer
-        return fx_px * self._radius_m / max(float(placement.t_body_cam_m[2]), 1e-3)
+        return Refinement(pose, is_better, outcome.agreement, outcome.before)
 
 
-def _sharpest(crop: Crop, studio: Studio, light: Light, drawn: Drawn) -> float:
-    """The blur, px, with which what is drawn agrees best with the crop."""
-    agreements = [
-        LitComparer(crop, studio, replace(light, blur_px=blur_px)).agreement(drawn)
-        for blur_px in _BLURS_PX
-    ]
-    return _BLURS_PX[int(np.argmax(agreements))]
+def _is_plausible(shape: Outcome, first: Placement) -> bool:
+    """Whether a pose that was found by outlines alone may be better than the start."""
+    R, t = shape.found.placement
+    turn_rad = np.arccos(np.clip((np.trace(R.T @ first.R_cam_from_body) - 1) / 2, -1, 1))
+    share = np.linalg.norm(t - first.t_body_cam_m) / np.linalg.norm(first.t_body_cam_m)
+    return bool(
+        shape.agreement >= _LEAST_SHAPE
+        and shape.agreement > shape.before + _SHAPE_RISE
+        and turn_rad < _LARGEST_TURN_RAD
+        and share < _LARGEST_SHARE
+    )

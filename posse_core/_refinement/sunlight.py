@@ -12,10 +12,10 @@ from posse_core._refinement.light import fitted, together
 from posse_core._refinement.placement import Placement
 from posse_core._refinement.studio import Lights, Studio
 
-_DIRECTIONS = 24
+_DIRECTIONS = 16
 _FARTHEST_BEHIND = 0.6
 """Cosine of the smallest angle between the optical axis and the light behind the spacecraft."""
-_RINGS_RAD = (0.3, 0.15)
+_RINGS_RAD = (0.35, 0.15)
 _RING = 6
 """Directions in a ring about the best one, and the radii of the rings."""
 

@@ -42,6 +42,11 @@ class Windows:
         """The weighted mean in each window."""
         return np.asarray(smooth(self._weight * image, self._sigma_px) / self._sum, np.float32)
 
+    def variance(self, image: Float32Array) -> Float32Array:
+        """The variance in each window."""
+        mean = self.mean(image)
+        return np.asarray(np.maximum(self.mean(image * image) - mean * mean, 0), np.float32)
+
     def left_of(self, image: Float32Array, channel: Float32Array, noise: float) -> Float32Array:
         """What one channel (h, w) leaves of an image (h, w)."""
         return self.explained(image, channel[..., None], noise).residual

@@ -6,7 +6,7 @@ from posse_core._errors import InputError
 from posse_core._model.scene import Body, Scene
 from posse_core._model.spacecraft import Spacecraft
 from posse_core._plugins.registry import Registry
-from posse_core._scenario.component import TargetChoice, create
+from posse_core._scenario.component import TargetChoice, create, target_named
 from posse_core._scenario.model import Scenario
 from posse_core._simulator.returned import built
 from posse_core._spacecraft.damage import damaged
@@ -56,3 +56,14 @@ def scene_of(scenario: Scenario, registry: Registry) -> Scene:
         for member, choice in config.members(name)
     )
     return Scene(with_laws(target, scenario.joints), scenario.camera.camera(), others)
+
+
+def named_craft(name: str, registry: Registry) -> Spacecraft:
+    """A spacecraft by its name as 'posse plugins' lists it, or from the folder of its package.
+
+    Raises:
+        InputError: it is neither.
+        ComponentError: what a scene source built is not a spacecraft.
+    """
+    choice = target_named(name, registry)
+    return built(create(registry, "scene", choice), choice.name)

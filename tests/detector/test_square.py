@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posse_core._detection.square import Square, to_grey
+from posse_core._detection.square import Square
 from posse_core._errors import InputError
+from posse_core._imaging.grey import to_grey
 
 squares = st.builds(
     Square, st.integers(-50, 50), st.integers(-50, 50), st.integers(10, 300), st.integers(8, 400)

@@ -1,0 +1,120 @@
+"""What spacecraft look like that a detector finds: boxes of their meshes, and refined poses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from posse_core._annotators.exact import visible_box
+from posse_core._arrays import AnyArray, FloatArray
+from posse_core._evaluation.metrics import box_iou
+from posse_core._geometry.raycast import RayCaster
+from posse_core._interfaces.detector import Detection, PoseEstimate
+from posse_core._interfaces.refiner import Refinement, Refiner
+from posse_core._model.camera import Camera
+from posse_core._model.craft_state import CraftState
+from posse_core._model.scene import Scene
+from posse_core._model.spacecraft import Spacecraft
+
+LEAST_OVERLAP = 0.6
+"""The mesh's box takes the place of the net's if they overlap by more: intersection over union."""
+
+RefinerOf = Callable[[Spacecraft, Camera], Refiner]
+"""Opens a refiner of a spacecraft in the images of a camera."""
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """A spacecraft as it was found in an image.
+
+    Attributes:
+        detection: with the box of the mesh at the pose, where the pose is trusted, else the net's.
+        pose: refined if that succeeded; None if no pose fits the keypoints.
+        refinement: what the refiner made of the pose; None without a refiner.
+        start: the pose from the keypoints.
+    """
+
+    detection: Detection
+    pose: PoseEstimate | None
+    refinement: Refinement | None = None
+    start: PoseEstimate | None = None
+
+
+class Shapes:
+    """The spacecraft of a detector's classes.
+
+    Joints stay where they are at zero.
+    """
+
+    def __init__(self, crafts: Mapping[str, Spacecraft], refiner: RefinerOf | None = None) -> None:
+        self._crafts = {name: craft.welded(()) for name, craft in crafts.items()}
+        self._refiner = refiner
+        self._casters: dict[str, RayCaster] = {}
+        self._refiners: dict[str, tuple[Camera, Refiner]] = {}
+
+    def seen(
+        self,
+        image: AnyArray,
+        detection: Detection,
+        pose: PoseEstimate | None,
+        camera: Camera,
+        sun_direction_cam: FloatArray | None = None,
+    ) -> Sighting:
+        """Refine the pose of a detection, if there is a refiner, and take the mesh's box.
+
+        The box is taken where it overlaps the net's by more than :data:`LEAST_OVERLAP`, or at all where
+        the refinement was accepted.
+
+        Args:
+            pose: from the detection's keypoints.
+            sun_direction_cam: as of :meth:`posse_core.Refiner.refine`.
+        """
+        if pose is None or detection.label not in self._crafts:
+            return Sighting(detection, pose, start=pose)
+        refinement, start = None, pose
+        if self._refiner is not None:
+            refiner = self._opened(self._refiner, detection.label, camera)
+            refinement = refiner.refine(image, [pose], sun_direction_cam)
+            pose = refinement.pose
+        box_px = self.box_px(detection.label, pose, camera)
+        least = 0.0 if refinement is not None and refinement.is_better else LEAST_OVERLAP
+        if box_px is not None and float(box_iou(box_px, detection.box_px)) > least:
+            detection = replace(detection, box_px=box_px)
+        return Sighting(detection, replace(pose, detection=detection), refinement, start)
+
+    def box_px(self, label: str, pose: PoseEstimate, camera: Camera) -> FloatArray | None:
+        """The box (4,) x, y, width, height of the pixels that the mesh covers at a pose, as the label
+        ``box_visible_px``; None where there is none."""
+        craft = self._crafts[label]
+        if label not in self._casters:
+            self._casters[label] = RayCaster(Scene(craft, camera))
+        if pose.t_body_cam_m[2] <= 0:
+            return None
+        state = CraftState(
+            R_cam_from_body=pose.R_cam_from_body,
+            t_body_cam_m=pose.t_body_cam_m,
+            sun_direction_cam=np.array([0.0, 0.0, -1.0]),
+            sun_irradiance_rgb_w_m2=np.zeros(3),
+            sun_angular_radius_rad=0.0,
+        )
+        box = visible_box(self._casters[label].through(camera).view(state))
+        return None if box is None else np.array(box, np.float64)
+
+    def close(self) -> None:
+        """Close the refiners."""
+        for _, refiner in self._refiners.values():
+            refiner.close()
+        self._refiners.clear()
+
+    def _opened(self, opener: RefinerOf, label: str, camera: Camera) -> Refiner:
+        """The refiner of a class, which is kept open while the camera is the same."""
+        known = self._refiners.get(label)
+        if known is not None and known[0] == camera:
+            return known[1]
+        if known is not None:
+            known[1].close()
+        refiner = opener(self._crafts[label], camera)
+        self._refiners[label] = camera, refiner
+        return refiner

@@ -79,7 +79,8 @@ class RenderCompare(Refiner[RenderCompareOptions]):
         lit = search.lit(firsts, self.options.least_agreement)
         if lit is not None and lit.agreement >= self.options.least_agreement:
             return self._made(lit, starts, is_better=lit.agreement > lit.before + _RISE)
-        shape = search.shape(firsts[0])
+        # Where the Sun is known, a right pose agrees in brightness.
+        shape = search.shape(firsts[0]) if sun_direction_cam is None else None
         if shape is None:
             outcome = lit
         elif lit is None or _is_plausible(shape, firsts[0]):

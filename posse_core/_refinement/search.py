@@ -30,6 +30,8 @@ _SURE = 0.93
 """With this agreement at the coarsest scale nothing else is tried."""
 _HOPE = 0.15
 """How far the agreement may rise at finer scales."""
+_MARGIN = 0.04
+"""By how much the agreement of a pose turned by half a turn must be greater."""
 _JITTER_RAD = np.radians(8)
 _KEPT = 3
 """How many of the other poses are followed."""
@@ -168,21 +170,23 @@ class Search:
 
     def _resembling(self, best: _Trail, first: Placement) -> _Trail:
         """The best of a trail and of those from poses that look alike or are not far."""
-        turns = [R_about(axis, np.pi) for axis in np.eye(3)]
-        turns += [R_about(axis, angle) for axis in np.eye(3) for angle in (-_JITTER_RAD, _JITTER_RAD)]
+        turns = [(_MARGIN, R_about(axis, np.pi)) for axis in np.eye(3)]
+        turns += [(0.0, R_about(axis, sign * _JITTER_RAD)) for axis in np.eye(3) for sign in (-1, 1)]
         sun = best.sun_direction_cam
-        tried: list[tuple[float, Crop, Placement]] = []
-        for turn in turns:
+        tried: list[tuple[float, float, Crop, Placement]] = []
+        for margin, turn in turns:
             placement = first.turned(turn)
             crop = self._picture.crop(placement, self._vertices_m, self._scales(placement)[0])
             if crop is None or not self._has_time():
                 continue
             shown = drawn_apart(crop, self._studio, placement, sun)
-            tried.append((self._agreement(crop, shown, sun), crop, placement))
-        for _, crop, placement in sorted(tried, key=lambda each: -each[0])[:_KEPT]:
+            tried.append((self._agreement(crop, shown, sun) - margin, margin, crop, placement))
+        most = best.agreement
+        for _, margin, crop, placement in sorted(tried, key=lambda each: -each[0])[:_KEPT]:
             if self._has_time():
                 trail = self._lit_at(crop, placement, sun, _BLUR_PX, best.start, is_first=True)
-                best = max(best, trail, key=lambda each: each.agreement)
+                if trail.agreement - margin > most:
+                    best, most = trail, trail.agreement - margin
         return best
 
     def _followed(self, trail: _Trail, scale: Scale) -> _Trail | None:

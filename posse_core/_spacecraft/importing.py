@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -197,10 +198,16 @@ def _description(record: Mapping[str, Any]) -> str:
     for key, value in record.items():
         if isinstance(value, dict) and value:
             lines.append(f"{key}:")
-            lines.extend(f"  {name}: {json.dumps(point)}" for name, point in value.items())
+            lines.extend(f"  {_key(name)}: {json.dumps(point)}" for name, point in value.items())
         else:
             lines.append(f"{key}: {json.dumps(value, ensure_ascii=False)}")
     return "\n".join(lines) + "\n"
+
+
+def _key(name: str) -> str:
+    """A name as a key of YAML, which takes words such as ``no`` for something else."""
+    is_plain = re.fullmatch(r"[^\W\d][\w.-]*", name) is not None and yaml.safe_load(name) == name
+    return name if is_plain else json.dumps(name, ensure_ascii=False)
 
 
 def _scenario(craft: Spacecraft) -> str:

@@ -187,6 +187,22 @@ def test_keypoints_can_be_given_as_corners_of_parts(imported, tmp_path):
     assert craft.skeleton == (("T1", "B1"),)
 
 
+def test_names_that_yaml_would_take_for_something_else_are_kept(imported, tmp_path):
+    trimesh.creation.box((2.0, 4.0, 6.0)).export(tmp_path / "a.stl")
+    points = {
+        "no": [1.0, 2.0, 3.0],
+        "a: b": [-1.0, 2.0, 3.0],
+        "1e5": [1.0, -2.0, 3.0],
+        "T1": [1.0, 2.0, -3.0],
+    }
+    (tmp_path / "k.json").write_text(json.dumps({"keypoints": points}))
+    given = ("--out", tmp_path / "p", "--scale", 1, "--keypoints", tmp_path / "k.json")
+    code, _, err = imported(tmp_path / "a.stl", *given)
+    assert code == 0, err
+    craft = build("package", package=str(tmp_path / "p"))
+    assert {name: point.tolist() for name, point in craft.keypoints_body_m.items()} == points
+
+
 def test_files_that_the_mesh_refers_to_are_copied(imported, tmp_path):
     (tmp_path / "a.mtl").write_text("newmtl foil\nKd 0.8 0.6 0.2\n")
     (tmp_path / "a.obj").write_text("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl foil\nf 1 2 3\n")

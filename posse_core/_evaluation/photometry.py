@@ -117,9 +117,10 @@ def brightness_faults(
     rule = sensor.auto_exposure
     if rule is None or labels.mask_area_px < LEAST_METERED_PX or labels.sun_fraction_target < 0.5:
         return
-    if rule.shortest_s < labels.exposure_s < rule.longest_s:
+    least, greatest = (2.0**stops for stops in sensor.exposure_stops)
+    # Only then is it certain that the metered exposure was between its limits.
+    if rule.shortest_s * greatest < labels.exposure_s < rule.longest_s * least:
         metered = float(np.percentile(light.max(axis=1), rule.percentile))
-        least, greatest = (2.0**stops for stops in sensor.exposure_stops)
         low, high = (1 - METERED_ERROR) * least, (1 + METERED_ERROR) * greatest
         if not min(low * rule.level, SATURATED) <= metered <= high * rule.level:
             yield (

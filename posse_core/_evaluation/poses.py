@@ -118,7 +118,9 @@ def adi_m(
 ) -> float:
     """As :func:`add_m`, from each point to the nearest found point, whichever that is: for craft that
     look alike from several sides (eq. 4 there; ADD-S; ``adi`` of the BOP toolkit)."""
-    there = points_body_m @ R_cam_from_body.T
-    found = points_body_m @ R_found.T + (t_found_m - t_body_cam_m)
-    distance, _ = cKDTree(found).query(there)
-    return float(np.mean(distance))
+    # Vertices that coincide, several at each corner of an STL file, would make the tree 40 times slower.
+    points_m, counts = np.unique(points_body_m, axis=0, return_counts=True)
+    there = points_m @ R_cam_from_body.T
+    found = points_m @ R_found.T + (t_found_m - t_body_cam_m)
+    distance, _ = cKDTree(found, leafsize=32, balanced_tree=False).query(there)
+    return float(np.average(distance, weights=counts))

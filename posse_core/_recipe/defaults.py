@@ -52,8 +52,10 @@ _SPACE: Final[Mapping[str, Any]] = {
     "sensor.response": "linear",
     "sensor.psf.sigma_px": 1.4,
     "sensor.noise.read_e": 80.0,
+    "sensor.exposure_stops": [-0.5, 1.5],
 }
-"""Without the Earth's light, through a softer lens, with a noisy sensor, as linear values."""
+"""Without the Earth's light, through a softer lens, with a noisy sensor, as linear values, which show
+less in the dark."""
 
 
 def default_recipe(craft: Mapping[str, Any], hours: float, workers: int, registry: Registry) -> Recipe:

@@ -150,6 +150,8 @@ def test_real_nets_learn_from_real_frames(posse_in, tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     card = ModelCard.read(tmp_path / "keypoints" / "model.safetensors")
     assert card.dataset_sha256 == Dataset(tmp_path / "data").sha256
+    proven = posse_in(tmp_path, "validate", "data")
+    assert proven.returncode == 0, proven.stdout
     found = posse_in(
         tmp_path, "detect", "data/images", "--model", "boxes.onnx", "--keypoints", "keypoints.onnx",
         "--camera", "data/camera.json", "--json",

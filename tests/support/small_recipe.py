@@ -31,6 +31,7 @@ KEYS: dict[str, Any] = {
             },
             "attitude": {"target": "random"},
             "camera": {"width_px": 64, "height_px": 48, "hfov_deg": 40},
+            "sensor": {"auto_exposure": {"longest_s": 0.05}, "exposure_stops": [-1, 1]},
             "sky": {"earth": False, "stars": None},
             "annotators": ["box", "mask", "keypoints", "pose"],
             "writers": [],

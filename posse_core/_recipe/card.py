@@ -16,7 +16,7 @@ from posse_core._files.atomic import sha256, write_bytes
 from posse_core._recipe.budget import Decision
 from posse_core._recipe.judging import PAGE, PICTURES, Evaluation
 from posse_core._recipe.model import Recipe
-from posse_core._recipe.scenarios import Scenarios
+from posse_core._recipe.scenarios import CRAFT, Scenarios
 from posse_core._recipe.steps import Note
 
 CARD: Final = "card.md"
@@ -27,6 +27,9 @@ _COLUMNS: Final = {
     "poses estimated": "poses estimated",
     "e_t median": "e_t, median",
     "e_q median, deg": "e_q, median, deg",
+    "e_t before": "e_t before refinement",
+    "e_q before, deg": "e_q before, deg",
+    "refined": "refined",
     "SPEED 2019": "SPEED",
 }
 
@@ -77,7 +80,11 @@ def _head(recipe: Recipe, dataset: Dataset) -> Iterator[str]:
     )
     yield ""
     yield "```sh"
-    yield "posse detect IMAGES --model boxes.onnx --keypoints keypoints.onnx --camera CAMERA"
+    target = CRAFT if recipe.craft.name == "mesh" else craft.name
+    yield (
+        "posse detect IMAGES --model boxes.onnx --keypoints keypoints.onnx --camera CAMERA"
+        f" --target {target}{'' if recipe.refiner is None else ' --refine'}"
+    )
     yield "```"
     yield ""
 

@@ -93,6 +93,7 @@ def default_recipe(craft: Mapping[str, Any], hours: float, workers: int, registr
         "workers": workers,
         "data": {"scenario": {**_SCENARIO, "renderer": fast}, "sources": sources},
         **_DETECTORS,
+        "refiner": {"name": "render-compare"} if "raster" in registry.names("renderer") else None,
     }
     return recipe_of(keys, "recipe")
 

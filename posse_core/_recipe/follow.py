@@ -50,6 +50,8 @@ def follow(recipe: Recipe, folder: Path, plugins: Plugins, show: Show) -> Group:
     steps = Steps(folder, show)
     keys = recipe.model_dump(mode="json")
     check_nets(recipe, registry)
+    if recipe.refiner is not None:
+        registry.options("refiner", recipe.refiner.name, recipe.refiner.options, where="refiner")
     if recipe.craft.name == "mesh":
         made = f"{CRAFT}/{DESCRIPTION}"
         steps.do(
@@ -64,7 +66,7 @@ def follow(recipe: Recipe, folder: Path, plugins: Plugins, show: Show) -> Group:
     epochs, models = _models(kitchen, decision, dataset, steps)
     steps.do(
         "evaluation",
-        {"dataset": dataset.sha256, **_digests(folder, recipe)},
+        {"dataset": dataset.sha256, "refiner": keys["refiner"], **_digests(folder, recipe)},
         EVALUATION,
         EVALUATION,
         partial(judge, kitchen, dataset, folder),
@@ -101,7 +103,8 @@ def _decided(kitchen: Kitchen, keys: Mapping[str, Any], steps: Steps) -> Decisio
         speeds = measure(kitchen, steps.folder) if kitchen.recipe.is_timed else None
         write_json(path, decide(kitchen.recipe, speeds).model_dump(mode="json"))
 
-    steps.do("decision", keys, DECISION, DECISION, make)
+    of = {key: value for key, value in keys.items() if key != "refiner"}
+    steps.do("decision", of, DECISION, DECISION, make)
     return read_record(path, Decision, "a decision of 'posse recipe'")
 
 

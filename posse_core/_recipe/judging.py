@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -13,8 +14,9 @@ from pydantic import JsonValue
 from posse_core._arrays import AnyArray, evenly_spread
 from posse_core._dataset.dataset import Dataset
 from posse_core._detection.draw import draw
-from posse_core._detection.evaluate import evaluate, frames_of
+from posse_core._detection.evaluate import evaluate, frames_of, sun_direction_cam
 from posse_core._detection.groups import Group, groups
+from posse_core._detection.known import target_shapes
 from posse_core._detection.models import open_models
 from posse_core._detection.page import make_page
 from posse_core._detection.pose_detector import LEAST_SCORE, PoseDetector
@@ -62,9 +64,15 @@ def judge(kitchen: Kitchen, dataset: Dataset, folder: Path) -> None:
     models = [folder / task / MODEL for task in kitchen.recipe.nets]
     detector, finder = open_models(models[0], models[1], kitchen.plugins.registry, {})
     positions = frames_of(dataset, PART)
-    judged = evaluate(
-        dataset, kitchen.show.bar(positions, len(positions), "evaluating"), detector, finder
-    )
+    title = f"The pose of {dataset.spacecraft.name}, part {PART}"
+    registry, recipe = kitchen.plugins.registry, kitchen.recipe
+    shapes = target_shapes(kitchen.scenarios.spacecraft, registry, recipe.refiner)
+    with contextlib.closing(shapes):
+        shown = kitchen.show.bar(positions, len(positions), "evaluating")
+        judged = evaluate(dataset, shown, detector, finder, shapes)
+        spread = [positions[k] for k in evenly_spread(len(positions), _PICTURES)]
+        whole = PoseDetector(detector, finder, shapes=shapes)
+        pictures = _pictures(dataset, spread, whole, title)
     found = groups(dataset, judged)
     for name, source in kitchen.recipe.data.sources.items():
         mine = [j for j in judged if j.bodies and j.labels.origin[0] == name]
@@ -72,13 +80,9 @@ def judge(kitchen: Kitchen, dataset: Dataset, folder: Path) -> None:
             found.append(replace(groups(dataset, mine)[0], name=f"{_SOURCE}{name}"))
     empty = [j for j in judged if not j.bodies]
     wrong = sum(any(d.score >= LEAST_SCORE for d in j.detections) for j in empty)
-    title = f"The pose of {dataset.spacecraft.name}, part {PART}"
     summary = f"Dataset's SHA-256: {dataset.sha256}"
     write_bytes(folder / PAGE, make_page(title, summary, dataset, judged, found).encode())
-    shown = [positions[k] for k in evenly_spread(len(positions), _PICTURES)]
-    write_bytes(
-        folder / PICTURES, _pictures(dataset, shown, PoseDetector(detector, finder), title).encode()
-    )
+    write_bytes(folder / PICTURES, pictures.encode())
     record: dict[str, JsonValue] = Evaluation(
         dataset_sha256=dataset.sha256,
         groups=found,
@@ -93,8 +97,10 @@ def _pictures(dataset: Dataset, positions: list[int], detector: PoseDetector, ti
     captions, pictures = [], []
     for position in positions:
         image, labels = dataset.image(position), dataset[position]
-        found = list(detector.detect(image))[:1]
-        pose = detector.pose_of(found[0], dataset.camera) if found else None
+        sun = sun_direction_cam(labels) if labels.box_visible_px is not None else None
+        sightings = detector.sightings(image, dataset.camera, sun)[:1]
+        found = [each.detection for each in sightings]
+        pose = sightings[0].pose if sightings else None
         words = f"frame {labels.index}, {labels.origin[0]}"
         if labels.box_visible_px is None:
             words += ": no spacecraft"

@@ -149,6 +149,11 @@ class Recipe(Options):
         description="detector that finds keypoints, and its options, likewise"
     )
 
+    refiner: ComponentChoice | None = Field(
+        None,
+        description="refiner of the poses in the evaluation, and its options; null for none",
+    )
+
     @model_validator(mode="after")
     def _enough_is_given(self) -> Recipe:
         if self.hours is None:

@@ -14,6 +14,7 @@ from posse_core._arrays import FloatArray
 from posse_core._dataset.remarks import ECLIPSE_DISC_SHARE
 from posse_core._errors import InputError
 from posse_core._model.camera import Camera
+from posse_core._model.spacecraft import Spacecraft
 from posse_core._plugins.registry import Registry
 from posse_core._randomness import derived_seed, random_generator
 from posse_core._recipe.model import Recipe, SourceConfig
@@ -45,14 +46,14 @@ class Scenarios:
         recipe: whose they are.
         folder: of the recipe, which its paths are relative to.
         registry: the installed components.
-        radius_m: of the sphere around the spacecraft.
+        spacecraft: that the recipe is for.
         camera: of all sources.
     """
 
     recipe: Recipe
     folder: Path
     registry: Registry
-    radius_m: float
+    spacecraft: Spacecraft
     camera: Camera
 
     @classmethod
@@ -70,7 +71,7 @@ class Scenarios:
                 f"craft: {spacecraft.name} has {len(spacecraft.keypoints_body_m)} keypoints, and a pose"
                 f" needs {LEAST_KEYPOINTS}; 'posse import MODEL' proposes some"
             )
-        found = cls(recipe, folder, registry, spacecraft.radius_m, first.camera.camera())
+        found = cls(recipe, folder, registry, spacecraft, first.camera.camera())
         for name in recipe.data.sources:
             camera = found._scenario(name, np.zeros(1)).camera.camera()
             if camera != found.camera:
@@ -97,6 +98,11 @@ class Scenarios:
                     "data.scenario.orbit: is hardly ever in the Sun's light; choose another orbit"
                 )
         return self._scenario(name, np.concatenate(kept)[:frames])
+
+    @property
+    def radius_m(self) -> float:
+        """Of the sphere around the spacecraft."""
+        return self.spacecraft.radius_m
 
     @property
     def ranges_m(self) -> tuple[float, float]:

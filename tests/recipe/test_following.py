@@ -145,6 +145,7 @@ def test_real_nets_learn_from_real_frames(posse_in, tmp_path: Path) -> None:
         data={**KEYS["data"], "scenario": scenario},
         boxes={"name": "nano", "input_px": 64, "batch": 4, "epochs": 1},
         keypoints={"name": "heatmap", "input_px": 64, "batch": 4, "epochs": 1},
+        refiner={"name": "render-compare", "size_px": 64},
     )
     done = posse_in(tmp_path, "recipe", recipe)
     assert done.returncode == 0, done.stderr
@@ -154,7 +155,7 @@ def test_real_nets_learn_from_real_frames(posse_in, tmp_path: Path) -> None:
     assert proven.returncode == 0, proven.stdout
     found = posse_in(
         tmp_path, "detect", "data/images", "--model", "boxes.onnx", "--keypoints", "keypoints.onnx",
-        "--camera", "data/camera.json", "--json",
+        "--camera", "data/camera.json", "--target", "craft", "--refine", "--json",
     )  # fmt: skip
     assert found.returncode == 0, found.stderr
 

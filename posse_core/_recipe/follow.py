@@ -61,6 +61,12 @@ def follow(recipe: Recipe, folder: Path, plugins: Plugins, show: Show) -> Group:
     kitchen = Kitchen(recipe, scenarios, plugins, show)
     decision = _decided(kitchen, keys, steps)
     show.expect(decision.expected_s)
+    least_h = sum(decision.expected_s.values()) / 3600
+    if recipe.hours is not None and least_h > recipe.hours:
+        show.say(
+            f"decision: even {sum(decision.frames.values())} frames take about {least_h:.2g} h, longer"
+            f" than {recipe.hours:g} h; such nets will hardly have learned anything"
+        )
     dataset = _data(kitchen, keys, decision, steps)
     show.say(f"{DATA}: {len(dataset)} frames, {len(dataset.part('test'))} for the test")
     epochs, models = _models(kitchen, decision, dataset, steps)

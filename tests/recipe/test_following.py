@@ -119,9 +119,10 @@ def test_what_was_decided_by_the_time_is_kept(posse_in, guess_path, tmp_path: Pa
     env = {"PYTHONPATH": guess_path}
     data = {**KEYS["data"], "frames": None}
     nets = {task: {"name": f"guess-{task}"} for task in ("boxes", "keypoints")}
-    recipe = write_recipe(tmp_path, hours=0.005, data=data, **nets)
+    recipe = write_recipe(tmp_path, hours=0.0001, data=data, **nets)
     done = posse_in(tmp_path, "recipe", recipe, env=env)
     assert done.returncode == 0, done.stderr
+    assert "longer than 0.0001 h" in done.stdout
     decided = json.loads((tmp_path / "decision.json").read_text())
     assert set(decided["expected_s"]) == {"frames", "boxes", "keypoints", "evaluation"}
     assert not (tmp_path / ".probe").exists()

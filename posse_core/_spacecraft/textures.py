@@ -122,15 +122,22 @@ def film(
     rng = random_generator(seed, -1, f"film {name}")
     waves = gaussian_filter(rng.standard_normal((size, size, 2)), (24.0, 24.0, 0), mode="wrap")
     slope = 0.012 * waves / waves.std()
-    x, y = np.meshgrid(np.arange(size) + 0.5, np.arange(size) + 0.5)
     for _ in range(creases):
         at, angle = rng.uniform(0.0, size, 2), rng.uniform(0.0, np.pi)
         length, width = rng.uniform(0.05, 0.18) * size, rng.uniform(1.2, 3.0)
-        dx, dy = (np.mod(d + size / 2, size) - size / 2 for d in (x - at[0], y - at[1]))  # periodic
-        along, across = dx * np.cos(angle) + dy * np.sin(angle), dy * np.cos(angle) - dx * np.sin(angle)
+        steepness = rng.uniform(0.2, 0.6)
+        direction = np.array([np.cos(angle), np.sin(angle)])
+        # Only the texels near the crease, which may reach over the border of the tile.
+        reach = 1.7 * length * np.abs(direction) + 4.0 * width
+        columns, rows = (
+            np.arange(int(low), int(high) + 1) for low, high in zip(at - reach, at + reach, strict=True)
+        )
+        dx, dy = np.meshgrid(columns + 0.5 - at[0], rows + 0.5 - at[1])
+        along, across = dx * direction[0] + dy * direction[1], dy * direction[0] - dx * direction[1]
         ridge = np.exp(-0.5 * (across / width) ** 2 - (along / length) ** 4)
-        steep = rng.uniform(0.2, 0.6) * ridge * across / width
-        slope += steep[..., None] * np.array([-np.sin(angle), np.cos(angle)])
+        steep = steepness * ridge * across / width
+        near = np.ix_(rows % size, columns % size)
+        slope[near] += steep[..., None] * np.array([-direction[1], direction[0]])
     return Material(
         name,
         base_color=color,

@@ -20,7 +20,9 @@ _SMALLEST = 0.02
 _TRIES = 3
 _LEAST_DISTANCE = 0.3
 """Poses nearer than this share of the spacecraft's radius are not tried."""
-_BLOCK_PX = 8
+_EXCESS, _LARGEST_EXCESS = 400.0, 9.0
+_BLOCK_PX, _BLOCKS = 8, 8
+"""Residuals are correlated within blocks: their least side, and how many stand side by side."""
 
 
 @dataclass(frozen=True)
@@ -87,21 +89,25 @@ def covariance(comparison: Comparison, placement: Placement, radius_m: float) ->
     """(6, 6) covariance of the pose, of a small rotation (rad) and of the position (m), camera axes.
 
     The inverse of the Hessian, with the residuals as they are: they are correlated within blocks, which
-    count as independent of each other (the sandwich of Huber 1967, by clusters).
+    count as independent of each other (the sandwich of Huber 1967, by clusters). Where more than noise
+    is left, the drawing itself is wrong, which pulls all blocks alike; so the covariance grows with what
+    is left, up to ninefold, as errors were measured to do (docs/refining.md).
     """
     unit = units(placement, radius_m, max(radius_m, 1e-6) / placement.t_body_cam_m[2] * 1e3)
     spread = _spread(comparison)
     weight = _weight(comparison, spread)
     H, _ = _normal_equations(comparison, spread, unit)
     rows, columns = comparison.residual.shape
-    block = (np.arange(rows)[:, None] // _BLOCK_PX) * (columns // _BLOCK_PX + 1)
-    block = (block + np.arange(columns) // _BLOCK_PX)[comparison.compared]
+    side = max(_BLOCK_PX, max(rows, columns) // _BLOCKS)
+    block = (np.arange(rows)[:, None] // side) * (columns // side + 1)
+    block = (block + np.arange(columns) // side)[comparison.compared]
     pulls = comparison.by_pose[comparison.compared].astype(np.float64) * unit
     pulls *= (weight * comparison.residual[comparison.compared])[:, None]
     sums = np.stack([np.bincount(block, pulls[:, k]) for k in range(6)], axis=1)
     sums = sums[sums.any(axis=1)]
     correction = len(sums) / max(len(sums) - 6, 1)
     inverse = np.linalg.pinv(H, hermitian=True)
+    correction *= min(_LARGEST_EXCESS, 1 + _EXCESS * (1 - comparison.agreement))
     return np.asarray(correction * (inverse @ (sums.T @ sums) @ inverse) * np.outer(unit, unit))
 
 

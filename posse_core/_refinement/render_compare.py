@@ -19,8 +19,8 @@ from posse_core._refinement.placement import Placement
 from posse_core._refinement.search import Outcome, Search
 from posse_core._refinement.studio import Studio
 
-_RISE = 0.002
-"""By how much the agreement must rise."""
+_LEFT = 0.9
+"""What is left of the disagreement must be less than this share of it."""
 _LEAST_SHAPE = 0.55
 """Least agreement of outlines and creases alone, and by how much it must rise."""
 _SHAPE_RISE = 0.02
@@ -78,7 +78,7 @@ class RenderCompare(Refiner[RenderCompareOptions]):
         firsts = [Placement.of(start) for start in starts]
         lit = search.lit(firsts, self.options.least_agreement)
         if lit is not None and lit.agreement >= self.options.least_agreement:
-            return self._made(lit, starts, is_better=lit.agreement > lit.before + _RISE)
+            return self._made(lit, starts, is_better=_has_fallen(lit.before, lit.agreement))
         # Where the Sun is known, a right pose agrees in brightness.
         shape = search.shape(firsts[0]) if sun_direction_cam is None else None
         if shape is None:
@@ -88,7 +88,7 @@ class RenderCompare(Refiner[RenderCompareOptions]):
             if again is not None and again.agreement >= self.options.least_agreement:
                 before = lit.before if lit is not None else 0.0
                 outcome = replace(again, start=0, before=before)
-                return self._made(outcome, starts, is_better=again.agreement > before + _RISE)
+                return self._made(outcome, starts, is_better=_has_fallen(before, again.agreement))
             return self._made(shape, starts, is_better=_is_plausible(shape, firsts[0]))
         else:
             outcome = lit
@@ -105,7 +105,12 @@ class RenderCompare(Refiner[RenderCompareOptions]):
                 outcome.found.comparison, outcome.found.placement, self._setting.spacecraft.radius_m
             )
             pose = replace(pose, R_cam_from_body=R, t_body_cam_m=t, covariance=C)
-        return Refinement(pose, is_better, outcome.agreement, outcome.before)
+        return Refinement(pose, is_better, float(outcome.agreement), float(outcome.before))
+
+
+def _has_fallen(before: float, after: float) -> bool:
+    """Whether an image disagrees clearly less than before."""
+    return bool(1 - after < _LEFT * (1 - before))
 
 
 def _is_plausible(shape: Outcome, first: Placement) -> bool:

@@ -1,7 +1,8 @@
 """Measures what refinement makes of poses: from the shipped nets, and from starts that are off.
 
     posse run posse-aqua-earth --renderer mitsuba --out d --frames 30 -o camera.width_px=512 \\
-      -o camera.height_px=384 -o 'annotators=[box,mask,keypoints,pose]' -o writers=[] -o 'propagator={name: roe}' \\
+      -o camera.height_px=384 -o 'annotators=[box,mask,keypoints,pose]' -o writers=[] \\
+      -o 'propagator={name: roe}' \\
       -o 'relative={design: {name: algorithm-3-1-repaired, relative_orbits: 25, size_m: 12}}'
     python benchmarks/refine.py d                       # from the shipped nets
     python benchmarks/refine.py d --degrees 5 --share 0.02     # from the truth, so far off

@@ -17,6 +17,8 @@ from posse_core._scenario.sensor import SensorConfig
 
 LEAST_PX = 100
 """Least pixels of a mask whose brightness is compared."""
+LEAST_LIT_PX, LEAST_GLIMMER = 30, 0.002
+"""Of so many pixels that the Sun lights, one is at least so bright, over a white plate that faces it."""
 LEAST_LIT, LEAST_SUNLIGHT = 0.3, 0.9
 """Least share of the mask's pixels that the Sun lights, and of its disc that does."""
 MOST_PHASE_RAD = np.radians(100)
@@ -94,12 +96,18 @@ def brightness_faults(
     if not case.has("mask_rle", "fraction_lit", "phase_angle_rad", "exposure_s"):
         return
     mask, fraction_lit = case.target.mask, labels.fraction_lit or 0.0
-    light = linear(image, sensor)[mask]
+    white = white_share_s(sensor, case.camera, labels.solar_flux_w_m2) * labels.exposure_s
+    step = (1.0 / 12.92 if sensor.response == "srgb" else 1.0) / (2**sensor.bit_depth - 1)
+    whole = linear(image, sensor)
+    lit_px = round(fraction_lit * labels.mask_area_px)
+    glimmer = LEAST_GLIMMER * white * labels.sun_fraction_target
+    if by_sun and lit_px >= LEAST_LIT_PX and glimmer > LEAST_CODES * step >= float(whole.max()):
+        yield f"the picture is black, and the Sun lights {lit_px} pixels of the target"
+        return
+    light = whole[mask]
     if by_sun and _is_lit(case):
-        white = white_share_s(sensor, case.camera, labels.solar_flux_w_m2) * labels.exposure_s
         scale = white * fraction_lit * labels.sun_fraction_target
         reflectance = float(light.mean()) / scale
-        step = (1.0 / 12.92 if sensor.response == "srgb" else 1.0) / (2**sensor.bit_depth - 1)
         least, most = REFLECTANCE
         if reflectance < least and least * scale > LEAST_CODES * step:
             yield (

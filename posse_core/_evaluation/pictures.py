@@ -27,6 +27,7 @@ from posse_core._evaluation.photometry import (
     brightness_faults,
     colour_fault,
     format_faults,
+    white_share_s,
 )
 from posse_core._evaluation.result import Fault, Result
 from posse_core._evaluation.scenarios import Scenarios
@@ -40,12 +41,14 @@ LEAST_SUNLIGHT = 0.3
 GRAZING = 0.1
 """Cosine of the angle between normal and Sun below which a surface is not taken as lit."""
 BRIGHT = 0.02
-"""Light, as a share of white, before which a dark spacecraft has an edge."""
-LEAST_POWER = 7.0
-"""Least :attr:`Fit.power` of a body that proves anything."""
+"""Light, as a share of white, before which a dark spacecraft has an edge; of a shorter exposure than one
+that shows a white plate in sunlight as white, as much less."""
+LEAST_POWER, SURE_POWER = 4.5, 7.0
+"""Least :attr:`Fit.power` of a body that proves anything, and least one that tells a shift or a rival,
+and lets scatter play no part."""
 OTHER_SHARE, OTHER_SHARE_BEFORE_LIGHT = 0.3, 0.1
 """A picture whose edges fit the outline by less than this share shows something else; clouds behind the
-whole of it leave less of a fit."""
+whole of it leave less of a fit, and so does scatter where there is little power."""
 SHIFT_PX, SHIFT_GAIN, SHIFT_SHARE = 2, 1.2, 0.5
 """Least shift of a picture that is a fault; and how much better, and how well, it must fit with it."""
 RIVAL_SHARE, RIVAL_LEAD = 0.5, 0.2
@@ -209,17 +212,18 @@ class PictureChecks:
             self._outlines.faults.append(Fault(labels.index, text))
             return
         kept = _Kept(labels.index, light, views, {})
+        least_bright = BRIGHT * _exposure_share(case, sensor)
         faults, proven = [], False
         for view in views:
             edges = Edges(light, view.outline, noise)
-            bright = edges.beside > BRIGHT
+            bright = edges.beside > least_bright
             chosen = view.lit | bright
             fit = edges.fit(chosen)
             if fit is None or fit.power < LEAST_POWER:
                 continue
             proven = True
             kept.shares[view.name] = fit.share
-            fault = self._fault(view, fit, bright, light, noise)
+            fault = self._fault(view, fit, bright, light, noise, least_bright)
             if fault is not None:
                 faults.append(f"{fault} (outline of {view.name})")
         self._last = kept
@@ -241,7 +245,13 @@ class PictureChecks:
                     yield fault
 
     def _fault(
-        self, view: View, fit: Fit, bright: BoolArray, light: Float32Array, noise: float
+        self,
+        view: View,
+        fit: Fit,
+        bright: BoolArray,
+        light: Float32Array,
+        noise: float,
+        least_bright: float,
     ) -> str | None:
         """What is wrong with a picture that an outline fits so; bright: (N,) points before light."""
         chosen = view.lit | bright
@@ -249,27 +259,35 @@ class PictureChecks:
         for x, y in product((False, True), repeat=2):
             if x or y:
                 rival = Edges(light, view.outline.mirrored(light.shape, x, y), noise).fit(chosen)
-                if rival is not None and rival.power >= LEAST_POWER and rival.share > best_rival:
+                if rival is not None and rival.power >= SURE_POWER and rival.share > best_rival:
                     best_rival = rival.share
                     what = f"is mirrored in {' and '.join('xy'[i] for i, on in enumerate((x, y)) if on)}"
         if self._last is not None:
             other = next((each for each in self._last.views if each.name == view.name), None)
             if other is not None:
                 edges = Edges(light, other.outline, noise)
-                rival = edges.fit(other.lit | (edges.beside > BRIGHT))
-                if rival is not None and rival.power >= LEAST_POWER and rival.share > best_rival:
+                rival = edges.fit(other.lit | (edges.beside > least_bright))
+                if rival is not None and rival.power >= SURE_POWER and rival.share > best_rival:
                     best_rival, what = rival.share, f"shows frame {self._last.index}"
         if best_rival > RIVAL_SHARE and best_rival - fit.share > RIVAL_LEAD:
             return f"the picture {what}: its edges fit that better"
         moved_px = max(abs(shift) for shift in fit.shift_px)
-        if moved_px >= SHIFT_PX and fit.gain > SHIFT_GAIN and fit.best > SHIFT_SHARE:
+        is_sure = fit.power >= SURE_POWER
+        if is_sure and moved_px >= SHIFT_PX and fit.gain > SHIFT_GAIN and fit.best > SHIFT_SHARE:
             return f"the picture is shifted by {fit.shift_px} px"
         before_light = float((bright & chosen).sum() / chosen.sum())
-        if view.is_target and fit.share < OTHER_SHARE + before_light * (
-            OTHER_SHARE_BEFORE_LIGHT - OTHER_SHARE
-        ):
+        least = OTHER_SHARE + before_light * (OTHER_SHARE_BEFORE_LIGHT - OTHER_SHARE)
+        if view.is_target and fit.share < least * min(1.0, fit.power / SURE_POWER):
             return f"the picture shows something else: its edges fit by {max(fit.share, 0):.0%}"
         return None
+
+
+def _exposure_share(case: Case, sensor: SensorConfig | None) -> float:
+    """How bright the exposure shows a white plate in sunlight, at most 1."""
+    if sensor is None or not case.has("exposure_s", "solar_flux_w_m2"):
+        return 1.0
+    white_s = white_share_s(sensor, case.camera, case.labels.solar_flux_w_m2)
+    return min(1.0, white_s * case.labels.exposure_s)
 
 
 def _why_not(case: Case) -> str | None:

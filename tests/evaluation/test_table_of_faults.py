@@ -142,7 +142,7 @@ OF_THE_ISSUE = {
     "picture turned by 180°": (p.picture(FRAME, lambda x: x[::-1, ::-1]), "is mirrored in x and y"),
     "picture shifted by 2 px": (p.picture(FRAME, shifted(2, 0)), "shifted by (2, 0) px"),
     "picture shifted by 10 px": (p.picture(FRAME, shifted(10, 0)), "the picture"),
-    "picture black": (p.picture(FRAME, np.zeros_like), "the target is too dark"),
+    "picture black": (p.picture(FRAME, np.zeros_like), "the picture is black"),
     "picture of another frame": (p.other_picture(FRAME, 3), "the picture"),
     "channels swapped": (p.picture(FRAME, lambda x: x[..., ::-1]), "colour channels are in the order"),
     "16 bits where 8 are said": (p.picture(FRAME, lambda x: x.astype(np.uint16) * 257), "16 bits"),

@@ -51,6 +51,14 @@ def crafts(ctx: click.Context, parameter: click.Parameter, incomplete: str) -> l
     return [*_starting(incomplete, built_in), _files(incomplete)]
 
 
+def cameras(ctx: click.Context, parameter: click.Parameter, incomplete: str) -> list[Item]:
+    """Names of published cameras, and files."""
+    from posse_core._scenario.presets import PRESETS
+
+    known = {name: preset.source for name, preset in PRESETS.items()}
+    return [*_starting(incomplete, known), _files(incomplete)]
+
+
 def crosscheck_cases(ctx: click.Context, parameter: click.Parameter, incomplete: str) -> list[Item]:
     """Closed forms, names of built-in scenarios, and files."""
     forms = _starting(incomplete, dict.fromkeys(_table().closed_forms, "a closed form"))

@@ -35,12 +35,12 @@ _SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 @click.option("--keypoints", type=click.Path(path_type=Path), help="Model that finds keypoints.")
 @click.option(
     "--target",
-    shell_complete=completing.components("scene"),
+    shell_complete=completing.crafts,
     help="Find only this spacecraft: the name that the model gives it, or the folder of its package.",
 )
 @click.option(
     "--camera",
-    shell_complete=completing.words(dict.fromkeys(PRESETS, "a published camera")),
+    shell_complete=completing.cameras,
     help="A camera.json, or the name of a published camera such as speed-plus, with which poses are"
     " computed from keypoints.",
 )
@@ -211,7 +211,7 @@ def _as_json(sighting: Sighting, *, is_posed: bool) -> dict[str, Any]:
         }
     if refinement is not None:
         row["refinement"] = {
-            "is_better": refinement.is_better,
+            "is_better": bool(refinement.is_better),
             "agreement": round(refinement.agreement, 4),
             "agreement_before": round(refinement.agreement_before, 4),
         }

@@ -55,7 +55,7 @@ FORMATS = ("posse", "coco", "speed", "speed+", "shirt")
 @click.option(
     "--target",
     default="tango",
-    shell_complete=completing.components("scene"),
+    shell_complete=completing.crafts,
     show_default=True,
     help="Spacecraft of images of SPEED, SPEED+ or SHIRT: its name, or the folder of its package.",
 )

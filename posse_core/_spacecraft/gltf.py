@@ -40,6 +40,9 @@ from posse_core._spacecraft.raw import (
     untextured,
 )
 
+PLAIN = "plain"
+"""Name of the material of a primitive without one."""
+
 
 @np.errstate(all="ignore")  # what overflows is refused where the results are checked
 def read_gltf(path: Path) -> RawMesh:
@@ -171,9 +174,11 @@ def _transformed(uv: AnyArray, transform: _Transform) -> AnyArray:
 
 def _material(file: GltfFile, index: int | None) -> tuple[Material, _Transform | None]:
     if index is None:
-        return Material("plain", metallic=0.0, roughness=0.8, base_color=(0.7, 0.7, 0.7)), None
+        return Material(PLAIN, metallic=0.0, roughness=0.8, base_color=(0.7, 0.7, 0.7)), None
     record = file.header["materials"][index]
-    name = f"{index}_{record.get('name', 'material')}"
+    # in glTF, several materials may have one name, or none
+    _, *names = unique_names([PLAIN, *(m.get("name") or "material" for m in file.header["materials"])])
+    name = names[index]
     transforms: list[_Transform | None] = []
 
     def picture(texture: dict[str, Any] | None) -> AnyArray | None:

@@ -216,6 +216,7 @@ def _scenario(craft: Spacecraft) -> str:
     Where its file has animations, they are played once.
     """
     reach = float(f"{3.0 * craft.radius_m:.2g}")
+    across = float(f"{0.75 * reach:.3g}")
     scenario: dict[str, Any] = {
         "target": {"package": "."},
         "orbit": {
@@ -229,7 +230,7 @@ def _scenario(craft: Spacecraft) -> str:
                 "mean_anomaly_deg": 318.1,
             }
         },
-        "relative": {"roe_m": [0, 0, -reach, -0.75 * reach, -reach, -0.75 * reach]},
+        "relative": {"roe_m": [0, 0, -reach, -across, -reach, -across]},
         "times": {"duration_orbits": 1, "count": 24},
     }
     animated = [joint for joint in craft.joints if joint.animations]

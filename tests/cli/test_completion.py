@@ -59,7 +59,7 @@ def offered(*words: str) -> list[str]:
         (("export", "d", "--format", "coco", "-o", ""), []),
         (("export", "d", "-o", "hf.l"), ["hf.licence="]),
         (("train", "d", "--detector", ""), ["heatmap", "nano", "sdn"]),
-        (("import-poses", "x.json", "--target", "a"), ["aqua", "arm"]),
+        (("import-poses", "x.json", "--target", "a"), ["aqua", "arm", "a"]),  # the last: any file
         (("track", "d", "--navigator", "u"), ["ukf"]),
         (("describe", "rend"), ["renderer"]),
         (("describe", "renderer", "ra"), ["raster"]),

@@ -241,6 +241,29 @@ def test_vertex_colours_become_a_palette(tmp_path):
         np.testing.assert_array_equal(seen, colors[::3])
 
 
+@given(names=st.lists(st.sampled_from(["", "gold foil", "plain", "paint"]), min_size=1, max_size=4))
+def test_materials_of_gltf_have_their_own_names(tmp_path_factory, names):
+    """Those that share a name, have none, or are called like the material of parts without one, too."""
+    header = json.loads(triangle_glb()[20 : 20 + struct.unpack("<I", triangle_glb()[12:16])[0]])
+    primitives = [{**header["meshes"][0]["primitives"][0], "material": k} for k in range(len(names))]
+    bare = {"attributes": {"POSITION": 0}}
+    finishes = [
+        {"name": name, "pbrMetallicRoughness": {"roughnessFactor": (k + 1) / 8}}
+        for k, name in enumerate(names)
+    ]
+    path = tmp_path_factory.mktemp("named") / "a.glb"
+    path.write_bytes(
+        triangle_glb(materials=finishes, meshes=[{"name": "plate", "primitives": [*primitives, bare]}])
+    )
+    raw = read_mesh(path)
+    assert len(raw.parts) == len(names) + 1
+    for k, (name, part) in enumerate(zip(names, raw.parts, strict=False)):
+        assert part.material.startswith((name or "material").replace(" ", "_"))
+        assert raw.materials[part.material].roughness == (k + 1) / 8
+        if names.count(name) == 1 and name not in ("", "plain"):
+            assert part.material == name.replace(" ", "_")
+
+
 def test_obj_materials_and_groups(tmp_path):
     cv2.imwrite(str(tmp_path / "cells.png"), np.full((4, 4, 3), (10, 20, 30), np.uint8))
     (tmp_path / "a.mtl").write_text(

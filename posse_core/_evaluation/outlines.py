@@ -52,23 +52,25 @@ class Outline:
     Attributes:
         uv_px: (N, 2) positions, on the border between inside and outside.
         outward: (N, 2) unit normals.
+        deep: (N,) whether the mask is thicker behind the point than an edge is looked for.
     """
 
     uv_px: FloatArray
     outward: FloatArray
+    deep: BoolArray
 
     def __len__(self) -> int:
         return len(self.uv_px)
 
     def of(self, chosen: BoolArray) -> Outline:
         """Some of the points."""
-        return Outline(self.uv_px[chosen], self.outward[chosen])
+        return Outline(self.uv_px[chosen], self.outward[chosen], self.deep[chosen])
 
     def mirrored(self, shape: tuple[int, int], x: bool, y: bool) -> Outline:
         """The outline in a picture (H, W) that is mirrored."""
         sign = np.array([-1.0 if x else 1.0, -1.0 if y else 1.0])
         size = np.array([shape[1] - 1.0 if x else 0.0, shape[0] - 1.0 if y else 0.0])
-        return Outline(size + sign * self.uv_px, sign * self.outward)
+        return Outline(size + sign * self.uv_px, sign * self.outward, self.deep)
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,7 @@ def outline_of(mask: BoolArray) -> Outline:
     """The outline of a mask (H, W), without the image's border and where it is thin."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if not len(rows):
-        return Outline(np.empty((0, 2)), np.empty((0, 2)))
+        return Outline(np.empty((0, 2)), np.empty((0, 2)), np.empty(0, dtype=bool))
     margin = 8
     top, left = max(rows[0] - margin, 0), max(columns[0] - margin, 0)
     crop = mask[top : rows[-1] + margin + 1, left : columns[-1] + margin + 1]
@@ -129,7 +131,8 @@ def outline_of(mask: BoolArray) -> Outline:
     thick = within(-_SIDE_PX) & within(-_THICKNESS_PX) & ~within(_SIDE_PX) & ~within(_THICKNESS_PX)
     chosen = np.flatnonzero(thick)
     chosen = chosen[:: max(1, -(-len(chosen) // _MOST_POINTS))]
-    return Outline(uv[chosen] + [left, top], outward[chosen])
+    deep = within(-REACH_PX / 2) & within(-REACH_PX)
+    return Outline(uv[chosen] + [left, top], outward[chosen], deep[chosen])
 
 
 class Edges:

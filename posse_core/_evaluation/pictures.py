@@ -16,7 +16,7 @@ from itertools import product
 
 import numpy as np
 
-from posse_core._arrays import AnyArray, BoolArray, Float32Array, FloatArray
+from posse_core._arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from posse_core._dataset.files import read_image
 from posse_core._dataset.layout import inside
 from posse_core._errors import InputError
@@ -24,6 +24,7 @@ from posse_core._evaluation.case import Case
 from posse_core._evaluation.outlines import Edges, Fit, Outline, outline_of
 from posse_core._evaluation.photometry import (
     MOST_NOISE,
+    SATURATED,
     brightness_faults,
     colour_fault,
     format_faults,
@@ -31,6 +32,7 @@ from posse_core._evaluation.photometry import (
 )
 from posse_core._evaluation.result import Fault, Result
 from posse_core._evaluation.scenarios import Scenarios
+from posse_core._evaluation.sunlight import sunlit
 from posse_core._model.srgb import linear_from_srgb
 from posse_core._scenario.sensor import SensorConfig
 
@@ -43,14 +45,14 @@ GRAZING = 0.1
 BRIGHT = 0.02
 """Light, as a share of white, before which a dark spacecraft has an edge; of a shorter exposure than one
 that shows a white plate in sunlight as white, as much less."""
-LEAST_POWER, SURE_POWER = 4.5, 7.0
-"""Least :attr:`Fit.power` of a body that proves anything, and least one that tells a shift or a rival,
-and lets scatter play no part."""
+LEAST_POWER = 7.0
+"""Least :attr:`Fit.power` of a body that proves anything."""
 OTHER_SHARE, OTHER_SHARE_BEFORE_LIGHT = 0.3, 0.1
 """A picture whose edges fit the outline by less than this share shows something else; clouds behind the
-whole of it leave less of a fit, and so does scatter where there is little power."""
-SHIFT_PX, SHIFT_GAIN, SHIFT_SHARE = 2, 1.2, 0.5
-"""Least shift of a picture that is a fault; and how much better, and how well, it must fit with it."""
+whole of it leave less of a fit."""
+SHIFT_PX, SHIFT_GAIN, SHIFT_SHARE, SHIFT_POWER = 2, 1.2, 0.5, 6.0
+"""Least shift of a picture that is a fault; how much better, and how well, it must fit with it; and the
+least :attr:`Fit.power` of the points that tell it."""
 RIVAL_SHARE, RIVAL_LEAD = 0.5, 0.2
 """How well a mirrored picture or another frame's outline must fit, and by how much better."""
 MOST_SMEAR_PX = 3.0
@@ -67,7 +69,8 @@ class View:
             mirror before dark panels, so that its edges prove a picture wrong only where they fit
             better elsewhere.
         outline: of its mask.
-        lit: (N,) whether the Sun lights the surface at each of its points.
+        lit: (N,) whether the Sun lights the surface at each of its points, as far as the target's own
+            shadow is known.
     """
 
     name: str
@@ -106,8 +109,10 @@ def views_of(case: Case) -> Iterator[View]:
         if _longest_px(mask) < LEAST_MASK_PX:
             continue
         outline = outline_of(mask)
-        cosine = _cosine_to_sun(case, mask, depth_m, outline, sun_cam)
-        yield View(name or labels.spacecraft, name is None, outline, cosine > GRAZING)
+        lit = _cosine_to_sun(case, mask, depth_m, outline, sun_cam) > GRAZING
+        if name is None and case.camera.line_time_s == 0:
+            lit &= _out_of_shadow(case, outline)
+        yield View(name or labels.spacecraft, name is None, outline, lit)
 
 
 def _longest_px(mask: BoolArray) -> int:
@@ -115,12 +120,27 @@ def _longest_px(mask: BoolArray) -> int:
     return max(int(np.ptp(side)) + 1 if len(side) else 0 for side in sides)
 
 
+def _out_of_shadow(case: Case, outline: Outline) -> BoolArray:
+    """(N,) whether no part may be between the Sun and what is just inside each point."""
+    column, row = _just_inside(outline, case.target.mask.shape).T
+    seen = np.flatnonzero(case.hits.face[row, column] >= 0)
+    free = np.zeros(len(outline), dtype=bool)
+    if len(seen):
+        free[seen] = sunlit(case, row[seen], column[seen])[1]
+    return free
+
+
+def _just_inside(outline: Outline, shape: tuple[int, ...]) -> IntArray:
+    """(N, 2) column and row of a pixel within the mask (H, W), not at the image's border."""
+    at = np.round(outline.uv_px - 2 * outline.outward).astype(np.int64)
+    return np.asarray(np.clip(at, 1, np.array(shape[::-1]) - 2))
+
+
 def _cosine_to_sun(
     case: Case, mask: BoolArray, depth_m: FloatArray, outline: Outline, sun_cam: FloatArray
 ) -> FloatArray:
     """(N,) cosine of the Sun's angle to the surface just inside each point, by depths of neighbours."""
-    limit = np.array(mask.shape[::-1]) - 2
-    at = np.clip(np.round(outline.uv_px - 2 * outline.outward).astype(np.int64), 1, limit)
+    at = _just_inside(outline, mask.shape)
 
     def points_m(du: int, dv: int) -> FloatArray:
         u, v = at[:, 0] + du, at[:, 1] + dv
@@ -216,14 +236,14 @@ class PictureChecks:
         faults, proven = [], False
         for view in views:
             edges = Edges(light, view.outline, noise)
-            bright = edges.beside > least_bright
+            bright = (edges.beside > least_bright) & (edges.beside < SATURATED)
             chosen = view.lit | bright
             fit = edges.fit(chosen)
             if fit is None or fit.power < LEAST_POWER:
                 continue
             proven = True
             kept.shares[view.name] = fit.share
-            fault = self._fault(view, fit, bright, light, noise, least_bright)
+            fault = self._fault(view, edges, fit, bright, light, noise, least_bright)
             if fault is not None:
                 faults.append(f"{fault} (outline of {view.name})")
         self._last = kept
@@ -247,6 +267,7 @@ class PictureChecks:
     def _fault(
         self,
         view: View,
+        edges: Edges,
         fit: Fit,
         bright: BoolArray,
         light: Float32Array,
@@ -259,25 +280,32 @@ class PictureChecks:
         for x, y in product((False, True), repeat=2):
             if x or y:
                 rival = Edges(light, view.outline.mirrored(light.shape, x, y), noise).fit(chosen)
-                if rival is not None and rival.power >= SURE_POWER and rival.share > best_rival:
+                if rival is not None and rival.power >= LEAST_POWER and rival.share > best_rival:
                     best_rival = rival.share
                     what = f"is mirrored in {' and '.join('xy'[i] for i, on in enumerate((x, y)) if on)}"
         if self._last is not None:
             other = next((each for each in self._last.views if each.name == view.name), None)
             if other is not None:
-                edges = Edges(light, other.outline, noise)
-                rival = edges.fit(other.lit | (edges.beside > least_bright))
-                if rival is not None and rival.power >= SURE_POWER and rival.share > best_rival:
+                others = Edges(light, other.outline, noise)
+                beside = (others.beside > least_bright) & (others.beside < SATURATED)
+                rival = others.fit(other.lit | beside)
+                if rival is not None and rival.power >= LEAST_POWER and rival.share > best_rival:
                     best_rival, what = rival.share, f"shows frame {self._last.index}"
         if best_rival > RIVAL_SHARE and best_rival - fit.share > RIVAL_LEAD:
             return f"the picture {what}: its edges fit that better"
-        moved_px = max(abs(shift) for shift in fit.shift_px)
-        is_sure = fit.power >= SURE_POWER
-        if is_sure and moved_px >= SHIFT_PX and fit.gain > SHIFT_GAIN and fit.best > SHIFT_SHARE:
-            return f"the picture is shifted by {fit.shift_px} px"
+        # Before clouds, and where the spacecraft is thin, another edge may be the stronger one.
+        moved = edges.fit(view.lit & view.outline.deep)
+        if (
+            moved is not None
+            and moved.power >= SHIFT_POWER
+            and max(abs(shift) for shift in moved.shift_px) >= SHIFT_PX
+            and moved.gain > SHIFT_GAIN
+            and moved.best > SHIFT_SHARE
+        ):
+            return f"the picture is shifted by {moved.shift_px} px"
         before_light = float((bright & chosen).sum() / chosen.sum())
         least = OTHER_SHARE + before_light * (OTHER_SHARE_BEFORE_LIGHT - OTHER_SHARE)
-        if view.is_target and fit.share < least * min(1.0, fit.power / SURE_POWER):
+        if view.is_target and fit.share < least:
             return f"the picture shows something else: its edges fit by {max(fit.share, 0):.0%}"
         return None
 

@@ -32,14 +32,19 @@ def _sunlight(case: Case) -> Iterator[str]:
         return
     chosen = slice(None, None, max(1, -(-len(row) // _MOST_PIXELS)))
     row, column = row[chosen], column[chosen]
-    least, most = (float(lit.mean()) for lit in _lit(case, row, column))
+    least, most = (float(lit.mean()) for lit in sunlit(case, row, column))
     said = case.labels.fraction_lit
     if said is None or not least - LIT_ERROR <= said <= most + LIT_ERROR:
         yield f"fraction_lit is {said}, and the Sun lights {least:.2f} to {most:.2f} of it"
 
 
-def _lit(case: Case, row: IntArray, column: IntArray) -> tuple[BoolArray, BoolArray]:
-    """(N,) whether the Sun surely lights what pixels show, and (N,) whether it may."""
+def sunlit(case: Case, row: IntArray, column: IntArray) -> tuple[BoolArray, BoolArray]:
+    """(N,) whether the Sun surely lights what pixels show, and (N,) whether it may.
+
+    Args:
+        case: a frame whose camera exposes all rows at the same time.
+        row, column: (N,) pixels in which the mesh is seen.
+    """
     sun = case.target.R_cam_from_body @ np.array(case.labels.sun_direction_body)
     rays = case.camera.rays(np.stack([column, row], axis=-1))
     points_m = rays * case.hits.depth_m[row, column, None]

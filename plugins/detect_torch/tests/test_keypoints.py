@@ -91,8 +91,8 @@ def test_a_net_begins_with_what_another_knows(tmp_path):
     write_model(tmp_path / "known.safetensors", known.state_dict(), card)
     own = new.maps.weight.clone()
     read_like(tmp_path / "known.safetensors", new)
-    for name, value in known.stages.state_dict().items():
-        torch.testing.assert_close(new.stages.state_dict()[name], value)
+    for name, value in known.features.state_dict().items():
+        torch.testing.assert_close(new.features.state_dict()[name], value)
     torch.testing.assert_close(new.maps.weight, own)
     write_model(tmp_path / "strange.safetensors", {"weight": torch.zeros(3)}, card)
     with pytest.raises(InputError, match="none of its tensors"):

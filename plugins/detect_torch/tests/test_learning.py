@@ -16,9 +16,11 @@ import torch
 
 from posse_core import Dataset, ModelCard
 from posse_detect_torch.checkpoint import write_model
+from posse_detect_torch.heatmap_finder import HeatmapLesson
 from posse_detect_torch.learn import CURVES, LAST, MODEL, learn
 from posse_detect_torch.nano_detector import NanoLesson
-from posse_detect_torch.options import NanoOptions
+from posse_detect_torch.options import HeatmapOptions, NanoOptions, SdnOptions, TrainOptions
+from posse_detect_torch.sdn_detector import SdnLesson
 
 SETTINGS = ("-o", "input_px=64", "-o", "batch=8", "-o", "learning_rate=0.003", "-o", "augment=false")
 
@@ -111,6 +113,36 @@ def test_a_training_cut_short_ends_as_if_it_had_not_been(make_dataset, tmp_path)
             assert not (folder / MODEL).exists()
         weights.append(learn(*a_lesson(small, folder, options), folder).read_bytes())
     assert weights[0] == weights[1]
+
+
+@pytest.mark.parametrize(
+    ("kind", "its_options"),
+    [(NanoLesson, NanoOptions), (HeatmapLesson, HeatmapOptions), (SdnLesson, SdnOptions)],
+)
+def test_bfloat16_changes_losses_by_its_rounding_alone(kind, its_options, dataset, tmp_path):
+    """Its significands have 8 bits: each number is wrong by 0.4 % at most."""
+    options: TrainOptions = its_options(input_px=64, batch=4, augment=False)
+    card = ModelCard.of_dataset(dataset, net="", task="", input_px=64, version="0")
+    given = card if kind is HeatmapLesson else card.classes
+    lesson = kind(dataset, tmp_path, given, options)
+    lesson.net.train()
+    samples = [lesson.sample(i, np.random.default_rng(i)) for i in range(4)]
+    batch = {key: torch.from_numpy(np.stack([s[key] for s in samples])) for key in samples[0]}
+    told = []
+    for enabled in (False, True):
+        with torch.autocast("cpu", torch.bfloat16, enabled=enabled):
+            losses = lesson.losses(batch)
+        assert all(loss.dtype == torch.float32 for loss in losses.values())
+        # those of SDN's regions are of others, as soon as two proposals change their order
+        stable = torch.stack([loss for name, loss in losses.items() if name not in ("class", "box")])
+        lesson.net.zero_grad()
+        stable.sum().backward()
+        gradient = torch.cat([p.grad.flatten() for p in lesson.net.parameters() if p.grad is not None])
+        told.append((stable.detach(), gradient))
+    (exact, slope), (rounded, rounded_slope) = told
+    assert not torch.equal(exact, rounded)
+    torch.testing.assert_close(rounded, exact, rtol=0.05, atol=0.01)
+    assert torch.cosine_similarity(slope, rounded_slope, dim=0) > 0.9  # of weights before any training
 
 
 @pytest.mark.parametrize("detector", ["nano", "heatmap", "sdn"])

@@ -1,60 +1,30 @@
 """The keypoint network ``heatmap``: for each keypoint, a map of how likely it is at each place.
 
-The network's input is a square around a box. A residual network with a feature pyramid computes, for
-each keypoint, a map of stride 4 whose softmax is the distribution of its place. The coordinate is the
-mean of the distribution around its highest cell, so that a second place where the keypoint may be does
-not draw it away; what that second place takes from the first makes the point less certain. The network
-predicts the keypoints of all classes; those of the box's class are used.
-
-Dense convolutions are used in place of depthwise ones, since on a CPU they train three times as many
-weights in the same time.
+The network's input is a square around a box. A residual network with a feature pyramid
+(:mod:`posse_detect_torch.features`) computes, for each keypoint, a map of stride 4 whose softmax is the
+distribution of its place. The coordinate is the mean of the distribution around its highest cell, so
+that a second place where the keypoint may be does not draw it away; what that second place takes from
+the first makes the point less certain. The network predicts the keypoints of all classes; those of the
+box's class are used.
 """
 
 from __future__ import annotations
-
-from typing import Literal
 
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from posse_detect_torch.features import Features, exact
+from posse_detect_torch.options import Size
+
 STRIDE = 4
 """Pixels of the input for each cell of a map."""
 SPREAD_PX = float(STRIDE)
 """Standard deviation of the target distributions, in pixels."""
-Size = Literal["nano", "small", "base"]
-_WIDTHS: dict[Size, tuple[int, int, int, int]] = {
-    "nano": (24, 48, 96, 160),
-    "small": (32, 64, 128, 192),
-    "base": (48, 96, 192, 256),
-}
-_DEPTHS = (1, 2, 2, 2)
-_FEATURES: dict[Size, int] = {"nano": 64, "small": 96, "base": 128}
 _WINDOW = 4
 """The coordinate is read from the highest cell and as many on each side of it: four standard deviations
 of the targets."""
 _LEAST_VARIANCE_PX2 = 0.01
-
-
-def _conv(inward: int, outward: int, kernel: int, stride: int = 1) -> nn.Sequential:
-    """Return a convolution followed by a batch norm."""
-    return nn.Sequential(
-        nn.Conv2d(inward, outward, kernel, stride, kernel // 2, bias=False), nn.BatchNorm2d(outward)
-    )
-
-
-class _Residual(nn.Module):
-    """Two 3 × 3 convolutions beside a shortcut (He et al. 2016)."""
-
-    def __init__(self, inward: int, outward: int, stride: int) -> None:
-        super().__init__()
-        self.first = _conv(inward, outward, 3, stride)
-        self.second = _conv(outward, outward, 3)
-        same = inward == outward and stride == 1
-        self.shortcut = nn.Identity() if same else _conv(inward, outward, 1, stride)
-
-    def forward(self, x: Tensor) -> Tensor:
-        return F.relu(self.second(F.relu(self.first(x))) + self.shortcut(x))
 
 
 class HeatMaps(nn.Module):
@@ -76,32 +46,12 @@ class HeatMaps(nn.Module):
 
     def __init__(self, points: int, size: Size = "small") -> None:
         super().__init__()
-        widths, features = _WIDTHS[size], _FEATURES[size]
-        self.stem = _conv(1, widths[0], 7, STRIDE)
-        stages, before = [], widths[0]
-        for number, (width, depth) in enumerate(zip(widths, _DEPTHS, strict=True)):
-            blocks = [_Residual(before, width, 1 if number == 0 else 2)]
-            blocks += [_Residual(width, width, 1) for _ in range(depth - 1)]
-            stages.append(nn.Sequential(*blocks))
-            before = width
-        self.stages = nn.ModuleList(stages)
-        self.lateral = nn.ModuleList(nn.Conv2d(width, features, 1) for width in widths[1:])
-        self.merge = nn.ModuleList(_conv(features, features, 3) for _ in widths[2:])
-        self.last = _conv(features, features, 3)
-        self.maps = nn.Conv2d(features, 4 * points, 1)  # four cells of stride 4 in each of stride 8
+        self.features = Features(size)
+        self.maps = nn.Conv2d(self.features.width, 4 * points, 1)  # four cells of stride 4 in each of 8
         self.register_buffer("calibration", torch.tensor([0.0, 1.0, -0.5]))
 
     def forward(self, picture: Tensor) -> Tensor:
-        x = F.relu(self.stem(2 * torch.sqrt(picture) - 0.5))
-        levels = []
-        for stage in self.stages:
-            x = stage(x)
-            levels.append(x)
-        pyramid = [lateral(level) for lateral, level in zip(self.lateral, levels[1:], strict=True)]
-        y = pyramid[-1]
-        for merge, level in zip(self.merge, reversed(pyramid[:-1]), strict=True):
-            y = F.relu(merge(level + F.interpolate(y, scale_factor=2.0, mode="nearest")))
-        return F.pixel_shuffle(self.maps(F.relu(self.last(y))), 2)
+        return F.pixel_shuffle(exact(self.maps, self.features(picture)), 2)
 
 
 def cell_centres(count: int, device: torch.device) -> Tensor:

@@ -97,6 +97,19 @@ def device_of(options: TrainOptions) -> torch.device:
     return torch.device(options.device)
 
 
+def computes_in_bfloat16(options: TrainOptions) -> bool:
+    """Whether convolutions and matrix products are computed in bfloat16 while training.
+
+    By default they are where the processor multiplies such matrices by instructions of its own, which is
+    two to four times as fast; weights and last layers have 32 bits all the same.
+    """
+    if options.precision == "auto":
+        if options.device == "cuda":
+            return bool(torch.cuda.is_bf16_supported(including_emulation=False))
+        return bool(torch.cpu._is_amx_tile_supported())  # torch has no public way to ask
+    return options.precision == "bfloat16"
+
+
 def learn(make_lesson: Callable[[], Lesson], card: ModelCard, folder: Path) -> Path:
     """Train up to the last epoch, resuming from the checkpoint in ``folder`` if there is one.
 
@@ -141,7 +154,8 @@ def learn(make_lesson: Callable[[], Lesson], card: ModelCard, folder: Path) -> P
                 step = epoch * steps + number
                 for group in optimizer.param_groups:
                     group["lr"] = options.learning_rate * lesson.rate(step, steps * options.epochs)
-                losses = lesson.losses({k: v.to(device) for k, v in batch.items()})
+                with torch.autocast(device.type, torch.bfloat16, enabled=computes_in_bfloat16(options)):
+                    losses = lesson.losses({k: v.to(device) for k, v in batch.items()})
                 total = torch.stack(list(losses.values())).sum()
                 optimizer.zero_grad()
                 total.backward()  # type: ignore[no-untyped-call]

@@ -1,4 +1,4 @@
-"""The network of the light detector ``nano``: depthwise convolutions, one map of stride 8, no anchors.
+"""The network of the light detector ``nano``: one map of stride 8, no anchors.
 
 The network computes a map for each class whose maxima are the centres of the spacecraft (Zhou, Wang and
 Krähenbühl 2019). Each cell of the map also predicts its distances to the four sides of the box, which
@@ -14,76 +14,13 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-STRIDE = 8
-_WIDTHS = (48, 96, 192, 320)
-_DEPTHS = (2, 3, 3)
-WIDTH = 112
-"""Channels of the features."""
+from posse_detect_torch.features import STRIDE, Features, exact
+from posse_detect_torch.options import Size
+
 _PRIOR = 0.01  # value of the class maps before training
 _SPREAD = (
     0.54 / 6
 )  # standard deviation of the target around a centre, as a share of the box's side (TTFNet)
-
-
-def conv(inward: int, outward: int, kernel: int, stride: int = 1, groups: int = 1) -> nn.Sequential:
-    """Return a convolution followed by a batch norm."""
-    return nn.Sequential(
-        nn.Conv2d(inward, outward, kernel, stride, kernel // 2, groups=groups, bias=False),
-        nn.BatchNorm2d(outward),
-    )
-
-
-class Separable(nn.Module):
-    """A depthwise 5 × 5 and a 1 × 1 convolution, with a shortcut where the shapes agree."""
-
-    def __init__(self, inward: int, outward: int, stride: int = 1) -> None:
-        super().__init__()
-        self.depthwise = conv(inward, inward, 5, stride, groups=inward)
-        self.pointwise = conv(inward, outward, 1)
-        self.shortcut = inward == outward and stride == 1
-
-    def forward(self, x: Tensor) -> Tensor:
-        y = F.relu(self.pointwise(F.relu(self.depthwise(x))))
-        return x + y if self.shortcut else y
-
-
-class Stem(nn.Sequential):
-    """Takes grey pictures (B, 1, S, S) to features (B, C, S/4, S/4) in one step.
-
-    Larger maps in between would take more time than the rest of the network.
-    """
-
-    def __init__(self, width: int) -> None:
-        super().__init__(conv(1, width, 7, stride=4), nn.ReLU(), Separable(width, width))
-
-
-class Pyramid(nn.Module):
-    """Takes grey pictures (B, 1, S, S), 0 … 1, linear in radiance, to features (B, WIDTH, S/8, S/8)."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.stem = Stem(_WIDTHS[0])
-        stages = []
-        for depth, inward, outward in zip(_DEPTHS, _WIDTHS[:-1], _WIDTHS[1:], strict=True):
-            blocks = [Separable(inward, outward, 2)]
-            blocks += [Separable(outward, outward) for _ in range(depth)]
-            stages.append(nn.Sequential(*blocks))
-        self.stages = nn.ModuleList(stages)
-        self.lateral = nn.ModuleList(conv(width, WIDTH, 1) for width in _WIDTHS[1:])
-        self.merge = nn.ModuleList(Separable(WIDTH, WIDTH) for _ in _WIDTHS[2:])
-        self.head = nn.Sequential(Separable(WIDTH, WIDTH), Separable(WIDTH, WIDTH))
-
-    def forward(self, picture: Tensor) -> Tensor:
-        x = self.stem(torch.sqrt(picture))
-        levels = []
-        for stage in self.stages:
-            x = stage(x)
-            levels.append(x)
-        pyramid = [lateral(level) for lateral, level in zip(self.lateral, levels, strict=True)]
-        y = pyramid[-1]
-        for merge, level in zip(self.merge, reversed(pyramid[:-1]), strict=True):
-            y = merge(level + F.interpolate(y, scale_factor=2.0, mode="nearest"))
-        return self.head(y)  # type: ignore[no-any-return]
 
 
 class Nano(nn.Module):
@@ -94,17 +31,17 @@ class Nano(nn.Module):
     strides.
     """
 
-    def __init__(self, classes: int) -> None:
+    def __init__(self, classes: int, size: Size = "nano") -> None:
         super().__init__()
-        self.pyramid = Pyramid()
-        self.classify = nn.Conv2d(WIDTH, classes, 1)
-        self.measure = nn.Conv2d(WIDTH, 4, 1)
+        self.features = Features(size)
+        self.classify = nn.Conv2d(self.features.width, classes, 1)
+        self.measure = nn.Conv2d(self.features.width, 4, 1)
         nn.init.constant_(self.classify.bias, -math.log(1 / _PRIOR - 1))  # type: ignore[arg-type]
         nn.init.constant_(self.measure.bias, 1.0)  # type: ignore[arg-type]
 
     def forward(self, picture: Tensor) -> tuple[Tensor, Tensor]:
-        y = self.pyramid(picture)
-        return self.classify(y), self.measure(y)
+        y = self.features(picture)
+        return exact(self.classify, y), exact(self.measure, y)
 
 
 def centres(size: int, device: torch.device) -> Tensor:

@@ -14,7 +14,7 @@ from posse_detect_torch.box_detector import BoxDetector, BoxLesson
 from posse_detect_torch.export import Outputs, compare_detections
 from posse_detect_torch.learn import Batch
 from posse_detect_torch.nano import Decoded, Nano, losses
-from posse_detect_torch.options import NanoOptions
+from posse_detect_torch.options import NanoOptions, trained_with
 
 
 class NanoLesson(BoxLesson):
@@ -24,7 +24,7 @@ class NanoLesson(BoxLesson):
     options: NanoOptions
 
     def untrained(self) -> Nano:
-        return Nano(len(self.classes))
+        return Nano(len(self.classes), self.options.size)
 
     def losses(self, batch: Batch) -> dict[str, Tensor]:
         logits, distances = self.net(batch["picture"])
@@ -44,7 +44,7 @@ class NanoDetector(BoxDetector[NanoOptions]):
         return NanoLesson(dataset, folder, card.classes, self.options)
 
     def net(self, card: ModelCard) -> Nano:
-        return Nano(len(card.classes))
+        return Nano(len(card.classes), trained_with(card, NanoOptions).size)
 
     def decoded(self, net: nn.Module) -> nn.Module:
         assert isinstance(net, Nano)

@@ -10,6 +10,8 @@ from pydantic import Field, FilePath, ValidationError, field_serializer
 
 from posse_core import InputError, ModelCard, Options
 
+Size = Literal["nano", "small", "base"]
+
 
 class TrainOptions(Options):
     """Options of training and running a network."""
@@ -34,6 +36,11 @@ class TrainOptions(Options):
         1, ge=1, description="CPU threads; training is reproducible for the same number of threads"
     )
     device: Literal["cpu", "cuda"] = Field("cpu", description="device that the network runs on")
+    precision: Literal["auto", "float32", "bfloat16"] = Field(
+        "auto",
+        description="numbers that training multiplies; auto takes bfloat16 where the processor has units"
+        " for matrices of them",
+    )
 
     @field_serializer("start", "backbone_weights", check_fields=False)
     def _name_and_digest(self, path: Path | None) -> str | None:
@@ -55,6 +62,7 @@ class BoxOptions(TrainOptions):
 class NanoOptions(BoxOptions):
     """Options of the light detector."""
 
+    size: Size = Field("nano", description="number of channels: 1.4, 2.2 or 4.3 million weights")
     detections: int = Field(16, ge=1, le=100, description="largest number of detections in an image")
 
 
@@ -94,9 +102,7 @@ class HeatmapOptions(TrainOptions):
     input_px: int = Field(
         256, ge=64, le=512, multiple_of=32, description="side of the network's square input, px"
     )
-    size: Literal["nano", "small", "base"] = Field(
-        "small", description="number of channels: 1.3, 2.3 or 4.5 million weights"
-    )
+    size: Size = Field("small", description="number of channels: 1.4, 2.2 or 4.3 million weights")
 
 
 OptionsT = TypeVar("OptionsT", bound=TrainOptions)

@@ -14,6 +14,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from posse_detect_torch.features import exact
 from posse_detect_torch.regions import BINS, nms_padded, pyramid_roi_align, roi_align
 
 STRIDES = (4, 8, 16, 32, 64)
@@ -126,9 +127,14 @@ class ProposalHead(nn.Module):
 
     def forward(self, pyramid: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
         shared = [F.relu(self.shared(level)) for level in pyramid]
-        logits = [self.classify(x).permute(0, 2, 3, 1).flatten(1).unflatten(1, (-1, 2)) for x in shared]
-        deltas = [self.move(x).permute(0, 2, 3, 1).flatten(1).unflatten(1, (-1, 4)) for x in shared]
+        logits = [_by_anchor(exact(self.classify, x), 2) for x in shared]
+        deltas = [_by_anchor(exact(self.move, x), 4) for x in shared]
         return torch.cat(logits, dim=1), torch.cat(deltas, dim=1)
+
+
+def _by_anchor(maps: Tensor, numbers: int) -> Tensor:
+    """Return what the maps (B, K n, h, w) of K anchors say of each: (B, h w K, n)."""
+    return maps.permute(0, 2, 3, 1).reshape(maps.shape[0], -1, numbers)
 
 
 class RegionHead(nn.Module):
@@ -153,7 +159,7 @@ class RegionHead(nn.Module):
 
     def forward(self, regions: Tensor) -> tuple[Tensor, Tensor]:
         x = self.dense(regions)
-        return self.classify(x), self.move(x).unflatten(1, (-1, 4))
+        return exact(self.classify, x), exact(self.move, x).reshape(x.shape[0], -1, 4)
 
 
 class Sdn(nn.Module):
@@ -180,7 +186,8 @@ class Sdn(nn.Module):
 
         The backbone's input is the picture minus the mean, scaled to 0 … 255.
         """
-        pyramid = self.backbone(255 * (picture - self.mean_pixel))
+        levels = self.backbone(255 * (picture - self.mean_pixel))
+        pyramid = [level.float() for level in levels]  # regions are cut from it in full precision
         return pyramid, *self.propose(pyramid)
 
     def classify_regions(self, pyramid: Sequence[Tensor], rois: Tensor) -> tuple[Tensor, Tensor]:

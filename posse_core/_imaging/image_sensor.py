@@ -117,8 +117,8 @@ class ImageSensor:
             if not np.all((light >= 0) & np.isfinite(light)):
                 raise ComponentError("the renderer's radiance is negative or not finite in some pixels")
             inside = electrons[craft.box.slices]
-            inside *= 1 - craft.coverage[..., None]
-            inside += light @ to_e
+            inside *= np.repeat(1 - craft.coverage[..., None], inside.shape[2], axis=2)
+            inside += cv2.transform(light, to_e.T).reshape(inside.shape)
         if not lit.is_empty:
             # Around the light there must be room for its spots, within which the image is not mirrored.
             around = lit.grown(2 * self._psf.radius_px, self._camera).slices

@@ -9,6 +9,10 @@ from posse_core._arrays import Float32Array, IntArray
 POISSON_BELOW_E = 64.0
 """Above this mean, Poisson noise is drawn as a Gaussian of the same mean and variance, which is 20 times
 faster."""
+GAUSSIAN_READ_E = 4.0
+"""From this read noise r, the sum of it and of any Poisson noise of mean m is drawn as a Gaussian: its
+skewness m / (m + r²)^1.5 and its excess kurtosis m / (m + r²)² are at most those of a Poisson variable
+of mean POISSON_BELOW_E."""
 _MOST = 0.9
 """Of a block whose pixels are mostly dark, the few bright ones are drawn as Poisson variables, too."""
 _CLEAR_SIGMA = 10.0
@@ -76,16 +80,23 @@ def shot(mean_e: Float32Array, random: np.random.Generator) -> Float32Array:
 def detected(
     mean_e: Float32Array, full_well_e: float, read_e: float, random: np.random.Generator
 ) -> Float32Array:
-    """Electrons with photon noise, limited by the full well, and then with read noise: (n,) → (n,)."""
-    clear_e = full_well_e - _CLEAR_SIGMA * np.sqrt(full_well_e)
-    if mean_e.min() >= POISSON_BELOW_E and mean_e.max() <= clear_e:
-        # Both noises are Gaussian and nothing comes between them, so one draw has both variances.
-        drawn = mean_e + np.float32(read_e**2)
-        np.sqrt(drawn, out=drawn)
-        drawn *= normal(random, len(mean_e))
-        drawn += mean_e
-        return drawn
-    return read(shot(mean_e, random), full_well_e, read_e, random)
+    """Electrons with photon noise, limited by the full well, and then with read noise: (n,) → (n,).
+
+    Where both noises are Gaussian and no limit comes between them, one draw has both variances.
+    """
+    apart = mean_e > full_well_e - _CLEAR_SIGMA * np.sqrt(full_well_e)
+    if read_e < GAUSSIAN_READ_E:
+        apart |= mean_e < POISSON_BELOW_E
+    share = np.count_nonzero(apart) / len(mean_e)
+    if share > _MOST:
+        return read(shot(mean_e, random), full_well_e, read_e, random)
+    drawn = mean_e + np.float32(read_e**2)
+    np.sqrt(drawn, out=drawn)
+    drawn *= normal(random, len(mean_e))
+    drawn += mean_e
+    if share > 0:
+        drawn[apart] = read(shot(mean_e[apart], random), full_well_e, read_e, random)
+    return drawn
 
 
 def read(

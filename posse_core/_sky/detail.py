@@ -17,6 +17,9 @@ TILE_PX = 1024
 TILE_M = 512e3
 """Side of the tile, which repeats. Its noise has wavelengths of 64 km and less."""
 TEXEL_M = TILE_M / TILE_PX
+_SHARPNESS = 32
+"""Power of an axis' share in the vertical, by which projections are blended: within 2° of where two
+of them are as close to the vertical."""
 _LEAST_WEIGHT = np.float32(0.1)
 """Projections of the tile that would have less weight are left out."""
 _TINY = np.float32(1e-30)
@@ -66,12 +69,14 @@ def _projections(normal: Float32Array) -> Iterator[tuple[int, Float32Array | Non
     everywhere, as in most parts of an image.
     """
     reach = np.abs(normal).reshape(3, -1)
-    least, most = (x.astype(np.float64) ** 8 for x in (reach.min(axis=1), reach.max(axis=1)))
+    least, most = (x.astype(np.float64) ** _SHARPNESS for x in (reach.min(axis=1), reach.max(axis=1)))
     main = int(least.argmax())
     if most.sum() - most[main] <= _LEAST_WEIGHT * least[main]:
         yield main, None
         return
-    weights = np.square(np.square(np.square(normal)))
+    weights = np.square(normal)
+    for _ in range(int(np.log2(_SHARPNESS)) - 1):
+        np.square(weights, out=weights)
     weights -= _LEAST_WEIGHT * weights.sum(axis=0)
     np.maximum(weights, 0, out=weights)
     weights /= np.maximum(weights.sum(axis=0), _TINY)

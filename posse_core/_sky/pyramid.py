@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import cv2
 import numpy as np
@@ -80,6 +79,7 @@ class Pyramid:
         # By axis and level.
         self._origin = np.array(corners, dtype=np.float32).T.copy() + np.float32(0.5)
         self._size = np.array([level.shape[1::-1] for level in levels], dtype=np.float32).T.copy()
+        self._origin_step, self._size_step = np.diff(self._origin), np.diff(self._size)
 
     @property
     def width_px(self) -> int:
@@ -88,14 +88,17 @@ class Pyramid:
 
     def at(self, x: Float32Array, y: Float32Array, level: Float32Array) -> Float32Array:
         """Bilinear samples at the nearest level: (...) positions and levels → ([c,] ...), float32."""
-        nearest = np.clip(np.rint([level.min(), level.max()]), 0, self._size.shape[1] - 1).astype(
-            np.intp
+        first, last = np.clip(np.rint([level.min(), level.max()]), 0, self._size.shape[1] - 1).astype(
+            int
         )
-        which: Any = nearest[0]  # one level for all, as in most parts of an image
-        if nearest[0] < nearest[1]:
-            which = np.clip(np.rint(level), *nearest).astype(np.intp)
-        column = self._origin[0][which] + x * self._size[0][which]
-        row = self._origin[1][which] + y * self._size[1][which]
+        origin, size = list(self._origin[:, first]), list(self._size[:, first])
+        for finer in range(first, last):  # none, in most parts of an image
+            coarser = level > np.float32(finer + 0.5)
+            for axis in (0, 1):
+                origin[axis] = origin[axis] + coarser * self._origin_step[axis, finer]
+                size[axis] = size[axis] + coarser * self._size_step[axis, finer]
+        column = origin[0] + x * size[0]
+        row = origin[1] + y * size[1]
         found = lookup(self._sheet, column, row)
         if self._channels:
             found = np.moveaxis(found, -1, 0)[: self._channels]

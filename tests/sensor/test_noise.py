@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from posse_core._imaging.noise import detected, normal, poisson, shot
+from posse_core._imaging.noise import GAUSSIAN_READ_E, detected, normal, poisson, shot
 
 
 def _random(seed: int) -> np.random.Generator:
@@ -80,3 +80,36 @@ def test_bright_and_dark_pixels_of_one_block() -> None:
     means = np.array([0.3, 10.0, 63.0, 65.0, 400.0])
     np.testing.assert_allclose(drawn.mean(axis=0), means, atol=5 * np.sqrt(means.max() / 100_000))
     np.testing.assert_allclose(drawn.var(axis=0), means, rtol=0.04)
+
+
+@pytest.mark.parametrize("mean_e", [0.0, 0.3, 5.0, 16.0, 32.0, 63.0])
+@pytest.mark.parametrize("read_e", [0.999 * GAUSSIAN_READ_E, GAUSSIAN_READ_E, 25.0])
+def test_photon_and_read_noise_of_dark_pixels_together(mean_e: float, read_e: float) -> None:
+    """Their sum's distribution function is Σ P(k) Φ((x − k) / r), P being Poisson's. Edgeworth's first
+    term limits how far a Gaussian is from one of the skewness 1/8 of a Poisson variable of mean 64."""
+    count = 200_000
+    block = np.full(count, mean_e, np.float32)
+    drawn = detected(block, 1e6, read_e, _random(11)).astype(float)
+    k = np.arange(stats.poisson.isf(1e-9, mean_e) + 2)
+    x = np.linspace(
+        mean_e - 5 * np.sqrt(mean_e + read_e**2), mean_e + 5 * np.sqrt(mean_e + read_e**2), 301
+    )
+    expected = stats.norm.cdf((x[:, None] - k) / read_e) @ stats.poisson.pmf(k, mean_e)
+    found = np.searchsorted(np.sort(drawn), x) / count
+    assert np.abs(found - expected).max() < 1 / 8 / (6 * np.sqrt(2 * np.pi)) + 1.9 / np.sqrt(count)
+    variance = mean_e + read_e**2
+    assert drawn.mean() == pytest.approx(mean_e, abs=5 * np.sqrt(variance / count))
+    assert drawn.var() == pytest.approx(variance, rel=5 * np.sqrt(2.1 / count))
+
+
+def test_saturated_and_dark_pixels_among_others() -> None:
+    """Each pixel's noise is its own, whatever is beside it in the block."""
+    means = np.float32([0.5, 40.0, 500.0, 5000.0])
+    for read_e in (2.0, 12.0):
+        drawn = (
+            detected(np.tile(means, 100_000), 1000.0, read_e, _random(13)).reshape(-1, 4).astype(float)
+        )
+        expected = np.array([0.5, 40.0, 500.0, 1000.0])
+        variance = np.array([0.5, 40.0, 500.0, 0.0]) + read_e**2
+        assert np.all(np.abs(drawn.mean(axis=0) - expected) < 5 * np.sqrt(variance / 100_000))
+        np.testing.assert_allclose(drawn.var(axis=0), variance, rtol=5 * np.sqrt(3 / 100_000))

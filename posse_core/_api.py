@@ -196,13 +196,13 @@ def detector(
 
     Args:
         boxes: file of the model that finds spacecraft, ``.safetensors`` or ``.onnx``; None is the
-            shipped one.
+            shipped one of the target, or else of Aqua and Cluster.
         keypoints: file of the model that finds their keypoints; None is the shipped one where ``boxes``
             is None too, else none, and there are no poses.
         least_score: detections below it are left out, 0 … 1.
         options: of the components that read the models, as in ``{"threads": 1}``.
-        target: the spacecraft whose mesh gives boxes and refined poses: a name, or the folder of its
-            package; None means those whose name is that of a class.
+        target: the spacecraft that a shipped model is to know, and whose mesh gives boxes and refined
+            poses: a name, or the folder of its package; None means those whose name is that of a class.
         refine: name of the refiner of poses, such as ``render-compare``, or a mapping of ``name`` and
             its options; None refines none.
 
@@ -210,12 +210,14 @@ def detector(
         InputError: a file is missing or not such a model, or no installed plugin ships one.
     """
     registry = load_plugins().registry
-    found, finder = open_models(_path(boxes), _path(keypoints), registry, options or {})
+    craft = None if target is None else named_craft(str(target), registry)
+    wanted = () if craft is None else (craft.name,)
+    found, finder = open_models(_path(boxes), _path(keypoints), registry, options or {}, wanted)
     refiner = None if refine is None else ComponentChoice.model_validate(refine)
-    if target is None:
+    if craft is None:
         shapes = built_in_shapes(found.classes, registry, refiner)
     else:
-        shapes = target_shapes(named_craft(str(target), registry), registry, refiner)
+        shapes = target_shapes(craft, registry, refiner)
     return PoseDetector(found, finder, least_score, shapes)
 
 

@@ -78,15 +78,18 @@ def command(
     With --camera, boxes are those of the meshes at the poses, where a spacecraft of the name is
     installed or --target is its package, and the pose is plausible.
 
-    Without --model and --keypoints, the shipped models of posse-detect-onnx are used.
+    Without --model and --keypoints, the models that posse-detect-onnx ships for --target are used,
+    by default those of Aqua and Cluster.
     """
     import cv2
 
     from posse_core._dataset.files import read_image
     from posse_core._detection.draw import draw
+    from posse_core._detection.known import built_in_shapes, target_shapes
     from posse_core._detection.models import open_models
     from posse_core._detection.pose_detector import PoseDetector
     from posse_core._files.atomic import write_bytes
+    from posse_core._simulator.scene import named_craft
 
     if camera is not None and model is not None and keypoints is None:
         raise InputError("--camera: a pose needs keypoints; name their model by --keypoints")
@@ -96,17 +99,25 @@ def command(
     if refine and camera is None:
         raise InputError("--refine: poses need the camera; name it by --camera")
     intrinsics = None if camera is None else _camera(camera)
+    craft = None
+    if target is not None and Path(target).is_dir():
+        craft = named_craft(target, registry)
+        target = craft.name
+    wanted = () if target is None else (target,)
     with phase("opening the models"):
-        boxes, finder = open_models(model, keypoints, registry, given)
+        boxes, finder = open_models(model, keypoints, registry, given, wanted)
+        if target is not None and target not in boxes.classes:
+            raise InputError(
+                f"--target {target}: the model knows {', '.join(boxes.classes)}; name another by --model"
+            )
         shapes = None
         if intrinsics is not None:
             choice = refiner_choice(refine=refine, refiner=refiner, refine_ms=refine_ms)
-            target, shapes = _shapes(target, boxes.classes, registry, choice)
+            if craft is not None:
+                shapes = target_shapes(craft, registry, choice)
+            else:
+                shapes = built_in_shapes(wanted or boxes.classes, registry, choice)
     detector = PoseDetector(boxes, finder, score, shapes)
-    if target is not None and target not in detector.classes:
-        raise InputError(
-            f"--target {target}: the model knows {', '.join(detector.classes)}; name another by --model"
-        )
     results = []
     with contextlib.nullcontext() if out is None else _made_folder(out, files) as folder:
         for path in files:
@@ -123,20 +134,6 @@ def command(
     detector.close()
     if as_json:
         echo_json(results)
-
-
-def _shapes(
-    target: str | None, classes: Sequence[str], registry: Registry, refiner: ComponentChoice | None
-) -> tuple[str | None, Shapes]:
-    """The class to find, None for all, and the spacecraft of which meshes are known."""
-    from posse_core._detection.known import built_in_shapes, target_shapes
-    from posse_core._simulator.scene import named_craft
-
-    if target is not None and Path(target).is_dir():
-        craft = named_craft(target, registry)
-        return craft.name, target_shapes(craft, registry, refiner)
-    wanted = classes if target is None else [name for name in classes if name == target]
-    return target, built_in_shapes(wanted, registry, refiner)
 
 
 def _seen(detector: PoseDetector, image: AnyArray, camera: Camera | None) -> Sequence[Sighting]:

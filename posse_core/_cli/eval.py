@@ -102,7 +102,7 @@ def command(
     if part == "all":
         _warn_of_training(source)
     with phase("opening the models"):
-        detector, finder = open_models(model, keypoints, registry, given)
+        detector, finder = open_models(model, keypoints, registry, given, source.classes)
         choice = refiner_choice(refine=refine, refiner=refiner, refine_ms=refine_ms)
         if choice is not None and finder is None:
             raise InputError("--refine: poses need keypoints; name their model by --keypoints")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,11 @@ _TASK_OF = {"boxes": "finds boxes", "keypoints": "finds keypoints"}
 
 
 def open_models(
-    boxes: Path | None, keypoints: Path | None, registry: Registry, options: Mapping[str, Any]
+    boxes: Path | None,
+    keypoints: Path | None,
+    registry: Registry,
+    options: Mapping[str, Any],
+    wanted: Collection[str] = (),
 ) -> tuple[Detector, KeypointFinder | None]:
     """Open a detector, and a finder of keypoints in its boxes.
 
@@ -28,13 +32,15 @@ def open_models(
         keypoints: model file; None means no keypoints, or the shipped model if ``boxes`` is None too.
         registry: the installed components.
         options: see :func:`open_detector`.
+        wanted: names of the spacecraft that a shipped model should know.
 
     Raises:
-        InputError: See :func:`open_detector`; or no installed plugin ships a model.
+        InputError: See :func:`open_detector`; or no installed plugin ships a model, or none that knows
+            all that is wanted.
     """
     if boxes is None and keypoints is None:
-        keypoints = _shipped("keypoints", registry)
-    detector = open_detector(boxes or _shipped("boxes", registry), registry, options)
+        keypoints = _shipped("keypoints", wanted, registry)
+    detector = open_detector(boxes or _shipped("boxes", wanted, registry), registry, options)
     if keypoints is None:
         return detector, None
     return detector, open_keypoint_finder(keypoints, registry, options)
@@ -100,20 +106,31 @@ def _opened(path: Path, task: str, registry: Registry, options: Mapping[str, Any
     return name, model
 
 
-def _shipped(task: str, registry: Registry) -> Path:
+def _shipped(task: str, wanted: Collection[str], registry: Registry) -> Path:
+    """The shipped model that knows all spacecraft that are wanted; the first where none is."""
+    known: dict[str, Path] = {}
     for spec in registry.specs("detector"):
         if {"shipped", task} <= spec.capabilities:
             model: Model = registry.create(
                 "detector", spec.name, registry.options("detector", spec.name, {})
             )
-            if model.shipped is None:
+            if not model.shipped:
                 raise ComponentError(
                     f"detector {spec.name!r} has the capability 'shipped', but names no shipped model"
                 )
-            return model.shipped
-    raise InputError(
-        "no trained model is installed; give one with --model, or pip install posse-detect-onnx"
-    )
+            known = {**model.shipped, **known}
+    if not known:
+        raise InputError(
+            "no trained model is installed; give one with --model, or pip install posse-detect-onnx"
+        )
+    files = {known.get(name) for name in wanted} or {next(iter(known.values()))}
+    file = files.pop()
+    if file is None or files:
+        raise InputError(
+            f"no shipped model finds {' and '.join(sorted(wanted))}; there are models of"
+            f" {', '.join(known)}; name a model of your own"
+        )
+    return file
 
 
 def _onnx_reader(path: Path, task: str, registry: Registry) -> str:

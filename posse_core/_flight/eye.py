@@ -219,7 +219,10 @@ def open_eye(
     """
     if config.source == "truth":
         return TrueEye(config, craft, camera, seed)
-    detector, finder = open_models(config.boxes, config.keypoints, registry, {})
+    try:
+        detector, finder = open_models(config.boxes, config.keypoints, registry, {}, [craft.name])
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
     if craft.name not in detector.classes:
         raise InputError(
             f"{where}: the model finds {', '.join(detector.classes)}, not {craft.name!r};"

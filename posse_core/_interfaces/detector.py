@@ -77,8 +77,9 @@ class PoseEstimate:
 class Model(Component[OptionsT]):
     """A network that is trained, or read from a file. Its capabilities say what it can do."""
 
-    shipped: Path | None = None
-    """Model file of the trained network that the plugin ships, or None."""
+    shipped: Mapping[str, Path] = {}
+    """The trained networks that the plugin ships: name of a spacecraft → the model file that knows it.
+    Where no spacecraft is asked for, the first is taken."""
 
     classes: Sequence[str] = ()
     """The classes that it can find, available after :meth:`load`."""

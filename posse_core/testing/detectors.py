@@ -52,8 +52,9 @@ class DetectorConformance(Conformance):
                     f"it claims {word!r} and has no method {name} of its own"
                 )
         if "shipped" in self.capabilities:
-            assert kind.shipped is not None, "it claims 'shipped' and names no model file in `shipped`"
-            assert kind.shipped.is_file(), f"{kind.shipped} is not there; is it left out of the wheel?"
+            assert kind.shipped, "it claims 'shipped' and names no model file in `shipped`"
+            for name, path in kind.shipped.items():
+                assert path.is_file(), f"{path} for {name} is not there; is it left out of the wheel?"
 
     def test_it_knows_its_classes(self) -> None:
         """After a model was loaded."""

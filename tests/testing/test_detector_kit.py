@@ -193,7 +193,7 @@ def check(make: Callable[[], Model], claims: set[str], caught: dict[str, str]) -
 @pytest.mark.parametrize("wrong", BOXES)
 def test_a_wrong_detector_fails_for_its_own_reason(wrong: str, monkeypatch: pytest.MonkeyPatch) -> None:
     if wrong == "ships a model that is not there":
-        monkeypatch.setattr(Bright, "shipped", Path("/nowhere/boxes.onnx"))
+        monkeypatch.setattr(Bright, "shipped", {"aqua": Path("/nowhere/boxes.onnx")})
     check(lambda: Bright(wrong), CLAIMS.get(wrong, {"boxes"}), BOXES[wrong])
 
 

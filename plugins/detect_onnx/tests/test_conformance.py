@@ -12,7 +12,7 @@ class TestBoxes(DetectorConformance):
 
     def detector(self) -> OnnxDetector:
         detector = OnnxDetector(OnnxOptions())
-        detector.load(OnnxDetector.shipped)
+        detector.load(OnnxDetector.shipped["aqua"])
         return detector
 
 
@@ -21,5 +21,5 @@ class TestKeypoints(DetectorConformance):
 
     def detector(self) -> OnnxKeypoints:
         finder = OnnxKeypoints(OnnxOptions())
-        finder.load(OnnxKeypoints.shipped)
+        finder.load(OnnxKeypoints.shipped["aqua"])
         return finder

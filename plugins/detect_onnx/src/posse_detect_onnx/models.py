@@ -26,9 +26,16 @@ from posse_detect_onnx.options import OnnxOptions
 
 _BOXES, _KEYPOINTS = ["boxes", "scores", "labels"], ["points", "sigma"]
 """Names of the outputs of the two tasks' graphs."""
-_SHIPPED_MODELS = Path(__file__).parent / "nets"
+_NETS = {"aqua": "aqua-cluster", "cluster": "aqua-cluster"}
+"""Name of a spacecraft → folder of the networks that know it."""
 _BEFORE_REASON = re.compile(r"^.*? failed:(/\S+:\d+ .*?\) (?=[A-Z]))?")
 """What onnxruntime writes before the reason: its code, the file, and the line of its own source."""
+
+
+def _shipped(task: str) -> Mapping[str, Path]:
+    """The shipped models of a task by the spacecraft that they know."""
+    nets = Path(__file__).parent / "nets"
+    return {craft: nets / folder / f"{task}.onnx" for craft, folder in _NETS.items()}
 
 
 def _open(
@@ -69,7 +76,7 @@ def _open(
 class OnnxDetector(Detector[OnnxOptions]):
     """Finds the boxes of spacecraft with an ONNX model."""
 
-    shipped = _SHIPPED_MODELS / "boxes.onnx"
+    shipped = _shipped("boxes")
 
     def load(self, path: Path) -> None:
         self._session, self._card = _open(path, "boxes", _BOXES, self.options.threads)
@@ -88,7 +95,7 @@ class OnnxDetector(Detector[OnnxOptions]):
 class OnnxKeypoints(KeypointFinder[OnnxOptions]):
     """Finds keypoints in boxes with an ONNX model."""
 
-    shipped = _SHIPPED_MODELS / "keypoints.onnx"
+    shipped = _shipped("keypoints")
 
     def load(self, path: Path) -> None:
         self._session, self._card = _open(path, "keypoints", _KEYPOINTS, self.options.threads)

@@ -119,7 +119,7 @@ def _off(R: np.ndarray, t: np.ndarray, line: LabelLine, angle_rad: float, share:
 def _summary(rows: list[Row]) -> str:
     before, after = np.array([r.before for r in rows]), np.array([r.after for r in rows])
     accepted = np.array([r.is_better for r in rows])
-    worse = (after > before).any(axis=1)[accepted].mean() if accepted.any() else np.nan
+    worse = (after.sum(axis=1) > before.sum(axis=1))[accepted].mean() if accepted.any() else np.nan
     (e_t, e_q), (t90, q90) = np.median(after, axis=0), np.quantile(after, 0.9, axis=0)
     t0, q0 = np.median(before, axis=0)
     nees = np.median([r.nees for r in rows if r.is_better]) / 6 if accepted.any() else np.nan

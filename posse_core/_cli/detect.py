@@ -21,10 +21,8 @@ from posse_core._scenario.presets import PRESETS
 if TYPE_CHECKING:
     from posse_core._arrays import AnyArray
     from posse_core._detection.pose_detector import PoseDetector
-    from posse_core._detection.shapes import Shapes, Sighting
+    from posse_core._detection.shapes import Sighting
     from posse_core._model.camera import Camera
-    from posse_core._plugins.registry import Registry
-    from posse_core._scenario.component import ComponentChoice
 
 _SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 
@@ -205,6 +203,7 @@ def _as_json(sighting: Sighting, *, is_posed: bool) -> dict[str, Any]:
             "q_cam_from_body": pose.q_cam_from_body.tolist(),
             "t_body_cam_m": pose.t_body_cam_m.tolist(),
             "covariance": pose.covariance.tolist(),
+            "trust": round(pose.trust, 4),
         }
     if refinement is not None:
         row["refinement"] = {
@@ -219,7 +218,9 @@ def _as_text(row: dict[str, Any]) -> str:
     box = " ".join(f"{v:.0f}" for v in row["box_px"])
     text = f"{row['label']} {row['score']:.2f} at {box}"
     if row.get("pose"):
-        text += f", {math.hypot(*row['pose']['t_body_cam_m']):.2f} m away"
+        text += (
+            f", {math.hypot(*row['pose']['t_body_cam_m']):.2f} m away, trust {row['pose']['trust']:.2f}"
+        )
     if "refinement" in row:
         text += ", refined" if row["refinement"]["is_better"] else ", not refined"
     return text

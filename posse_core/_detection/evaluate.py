@@ -20,6 +20,7 @@ from posse_core._evaluation.metrics import TrueBox, box_iou, matches, seen_bodie
 from posse_core._evaluation.poses import add_m, adi_m, nees, pose_errors
 from posse_core._frames import matrix_from_quaternion
 from posse_core._interfaces.detector import Detection, Detector, KeypointFinder, PoseEstimate
+from posse_core._interfaces.trust import ANGLE_RAD, RANGE_SHARE
 from posse_core._model.camera import Camera
 from posse_core._model.label_line import BodyLabels, LabelLine
 
@@ -33,6 +34,7 @@ class PoseErrors:
         e_q_rad: attitude error, the smallest over the spacecraft's symmetries.
         add, adi: mean distance of the mesh's vertices (ADD and ADI), divided by its diameter.
         nees: normalised estimation error squared, by the pose's covariance.
+        trust: probability of being right that the pose's covariance gives.
     """
 
     e_t: float
@@ -40,6 +42,12 @@ class PoseErrors:
     add: float
     adi: float
     nees: float
+    trust: float
+
+    @property
+    def is_right(self) -> bool:
+        """Whether the pose is what its trust is the probability of."""
+        return self.e_t < RANGE_SHARE and self.e_q_rad < ANGLE_RAD
 
 
 @dataclass(frozen=True)
@@ -67,6 +75,19 @@ class JudgedBody:
 
 
 @dataclass(frozen=True)
+class FalsePose:
+    """A pose of what is no spacecraft.
+
+    Attributes:
+        label: the class that was found.
+        trust: probability of being right that the pose's covariance gives.
+    """
+
+    label: str
+    trust: float
+
+
+@dataclass(frozen=True)
 class Judged:
     """The detections in one frame and their errors.
 
@@ -74,11 +95,13 @@ class Judged:
         labels: the frame's label line.
         bodies: the craft that it shows, of classes that the detector knows.
         detections: what was found, best first.
+        false_poses: those of detections that are more than the craft it shows.
     """
 
     labels: LabelLine
     bodies: Sequence[JudgedBody]
     detections: Sequence[Detection]
+    false_poses: Sequence[FalsePose] = ()
 
     @property
     def truths(self) -> list[TrueBox]:
@@ -131,13 +154,16 @@ def evaluate(
         }
         found = [d for d in detector.predict([image])[0] if d.label in dataset.classes]
         sightings = [Sighting(detection, None) for detection in found]
-        if finder is not None and shapes is not None:
+        if finder is not None:
             sun = sun_direction_cam(labels)
             sightings = [
-                _sighted(shapes, finder, image, each, dataset.camera, sun) for each in sightings
+                _sighted(finder, shapes, image, each, dataset.camera, sun, judged=place < len(seen))
+                for place, each in enumerate(found)
             ]
-        bodies = _judged(dataset, seen, sightings, image, finder)
-        judged.append(Judged(labels, bodies, [each.detection for each in sightings]))
+        bodies = _judged(dataset, seen, sightings, finder)
+        others = ((each.detection.label, each.pose) for each in sightings[len(seen) :])
+        false = [FalsePose(label, pose.trust) for label, pose in others if pose is not None]
+        judged.append(Judged(labels, bodies, [each.detection for each in sightings], false))
     return judged
 
 
@@ -153,40 +179,44 @@ def sun_direction_cam(labels: LabelLine) -> FloatArray | None:
 
 
 def _sighted(
-    shapes: Shapes,
     finder: KeypointFinder,
+    shapes: Shapes | None,
     image: AnyArray,
-    sighting: Sighting,
+    detection: Detection,
     camera: Camera,
     sun: FloatArray | None,
+    *,
+    judged: bool,
 ) -> Sighting:
-    detection = sighting.detection
-    if detection.score < LEAST_SCORE or not _gives_poses(finder, detection.label):
-        return sighting
-    return shapes.seen(image, detection, _estimate(finder, image, detection, camera), camera, sun)
+    """Find the pose of a detection that is judged or is good enough for users to see."""
+    is_seen = detection.score >= LEAST_SCORE
+    if not ((is_seen or judged) and _gives_poses(finder, detection.label)):
+        return Sighting(detection, None)
+    pose = _estimate(finder, image, detection, camera)
+    if not is_seen or shapes is None:
+        return Sighting(detection, pose, start=pose)
+    return shapes.seen(image, detection, pose, camera, sun)
 
 
 def _judged(
     dataset: LabelledImages,
     seen: Mapping[str | None, BodyLabels],
     sightings: Sequence[Sighting],
-    image: AnyArray,
     finder: KeypointFinder | None,
 ) -> list[JudgedBody]:
     truths, found = [true_box(body) for body in seen.values()], [each.detection for each in sightings]
     bodies = []
     for (name, body), truth, place in zip(seen.items(), truths, matches(truths, found), strict=True):
         overlap = 0.0 if place is None else float(box_iou(found[place].box_px, truth.box_px))
-        posed = finder if finder is not None and _gives_poses(finder, truth.label) else None
+        is_posed = finder is not None and _gives_poses(finder, truth.label)
         pose, start, is_refined = None, None, False
-        if posed is not None and place is not None and place < len(seen):
+        if is_posed and place is not None and place < len(seen):
             sighting = sightings[place]
-            estimate = sighting.pose or _estimate(posed, image, found[place], dataset.camera)
-            pose = None if estimate is None else _errors(dataset, name, body, estimate)
+            pose = None if sighting.pose is None else _errors(dataset, name, body, sighting.pose)
             if sighting.refinement is not None and sighting.start is not None:
                 start = _errors(dataset, name, body, sighting.start)
                 is_refined = sighting.refinement.is_better
-        bodies.append(JudgedBody(body, truth, overlap, posed is not None, pose, start, is_refined))
+        bodies.append(JudgedBody(body, truth, overlap, is_posed, pose, start, is_refined))
     return bodies
 
 
@@ -221,7 +251,7 @@ def _errors(
     points, diameter_m = mesh.vertices_body_m, mesh.diameter_m
     add, adi = (measure(points, R, t, *estimated) / diameter_m for measure in (add_m, adi_m))
     within = nees(R, t, *estimated, pose.covariance, info.symmetries)
-    return PoseErrors(e_t, e_q_rad, add, adi, within)
+    return PoseErrors(e_t, e_q_rad, add, adi, within, pose.trust)
 
 
 def _shape(dataset: LabelledImages, name: str | None, spacecraft: str) -> tuple[SpacecraftInfo, Mesh]:

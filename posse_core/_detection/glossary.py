@@ -32,7 +32,7 @@ METRICS: Final[Mapping[str, str]] = {
     "e_t before": "e_t median of the poses before refinement",
     "e_q before, deg": "e_q median of the poses before refinement",
     "refined": "share of the poses whose refinement was accepted; the others stay as they were",
-    "worsened": "share of the accepted poses with a larger e_t or a larger e_q than before",
+    "worsened": "share of the accepted poses with a larger e_t + e_q (radians) than before",
     "e_t median": "position error divided by the range, median of the estimated poses",
     "e_q median, deg": "attitude error to the nearest of the spacecraft's symmetries, median of the"
     " estimated poses",
@@ -40,6 +40,14 @@ METRICS: Final[Mapping[str, str]] = {
     " (six degrees of freedom): the median, 5.35 if the covariances are right, more if too small",
     "in 95 % region": "share of the estimated poses whose error is inside the ellipsoid that their"
     " covariance says holds 95 %",
+    "right": "share of the estimated poses that are right: the position within 5 % of the range and the"
+    " attitude within 5°; a pose of what is no spacecraft is wrong",
+    "trust mean": "mean of the trusts of the estimated poses, the probabilities of being right that"
+    " their covariances give; equal to the share that is right if those are honest",
+    "trust AUC": "share of the pairs of a right and a wrong pose in which the right one has more trust"
+    " (area under the receiver operating characteristic); 0.5 is chance and 1 best",
+    "trusted": "share of the estimated poses whose trust is at least 0.5",
+    "right if trusted": "share of these that are right",
     "SPEED 2019": "mean of e_t + e_q (radians) of the estimated poses; 0 is best",
     "SPEED 2021": "the same, 0 where both errors are below the floors of SPEED+ (0.002173 and 0.169°)",
     "SPEED 2023": "the same, each error 0 where it is below its floor",

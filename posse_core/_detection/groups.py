@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.stats import chi2, mannwhitneyu
 
 from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.images import LabelledImages
@@ -20,6 +20,8 @@ from posse_core._model.label_line import LabelLine
 
 _PHASES_DEG = (0, 30, 60, 90, 120, 180)
 _CHI_SQUARED_95 = float(chi2.ppf(0.95, 6))
+TRUSTED = 0.5
+"""A pose is trusted if it is more likely right than wrong."""
 _CORRECT_ADD_DIAMETERS = 0.1
 """A pose is correct if its ADD is below this share of the diameter (Hinterstoisser et al. 2012)."""
 
@@ -56,7 +58,7 @@ def groups(dataset: LabelledImages, judged: Sequence[Judged]) -> list[Group]:
             metrics["box IoU median"] = float(np.median([body.overlap for body in bodies]))
         posed = [body for body in bodies if body.is_posed]
         if posed:
-            metrics |= _pose_metrics(posed)
+            metrics |= _pose_metrics(posed) | _trust_metrics(mine)
         result.append(Group(name, len(mine), metrics))
     return result
 
@@ -93,13 +95,37 @@ def _pose_metrics(shown: Sequence[JudgedBody]) -> dict[str, float]:
     }
 
 
+def _trust_metrics(judged: Sequence[Judged]) -> dict[str, float]:
+    """How well the trust tells poses that are right from those that are wrong."""
+    told = trusts(judged)
+    if not told:
+        return {}
+    trust, right = (np.array(column) for column in zip(*told, strict=True))
+    metrics = {"right": float(np.mean(right)), "trust mean": float(np.mean(trust))}
+    if 0 < right.sum() < len(right):
+        # The area under the curve is that of Mann and Whitney's statistic.
+        pairs = right.sum() * (len(right) - right.sum())
+        metrics["trust AUC"] = float(mannwhitneyu(trust[right], trust[~right]).statistic / pairs)
+    metrics["trusted"] = float(np.mean(trust >= TRUSTED))
+    if metrics["trusted"]:
+        metrics["right if trusted"] = float(np.mean(right[trust >= TRUSTED]))
+    return metrics
+
+
+def trusts(judged: Sequence[Judged]) -> list[tuple[float, bool]]:
+    """Return the trust of each estimated pose, and whether the pose is right; one of a detection that
+    is no spacecraft is not."""
+    of_bodies = [(body.pose.trust, body.pose.is_right) for j in judged for body in j.bodies if body.pose]
+    return of_bodies + [(false.trust, False) for j in judged for false in j.false_poses]
+
+
 def _refinement_metrics(shown: Sequence[JudgedBody]) -> dict[str, float]:
     """What refinement changed, of the poses that were to be refined."""
     pairs = [(body.start, body.pose, body.is_refined) for body in shown if body.start and body.pose]
     if not pairs:
         return {}
     worse = [
-        after.e_t > before.e_t or after.e_q_rad > before.e_q_rad
+        after.e_t + after.e_q_rad > before.e_t + before.e_q_rad
         for before, after, is_refined in pairs
         if is_refined
     ]
@@ -152,4 +178,5 @@ def _of_class(judged: Judged, name: str) -> Judged:
         judged,
         bodies=[body for body in judged.bodies if body.truth.label == name],
         detections=[found for found in judged.detections if found.label == name],
+        false_poses=[false for false in judged.false_poses if false.label == name],
     )

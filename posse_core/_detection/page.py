@@ -13,7 +13,7 @@ from posse_core._dataset.images import LabelledImages
 from posse_core._detection.draw import draw
 from posse_core._detection.evaluate import Judged, JudgedBody, PoseErrors
 from posse_core._detection.glossary import meanings
-from posse_core._detection.groups import Group, columns
+from posse_core._detection.groups import Group, columns, trusts
 from posse_core._evaluation.metrics import precision_by_recall
 from posse_core._evaluation.numbers import number
 from posse_core._evaluation.pages import (
@@ -30,6 +30,7 @@ from posse_core._evaluation.pages import (
 from posse_core._imaging.grey import to_grey
 
 _WORST = 12
+_TRUST_BINS = 10
 _THUMBNAIL_PX = 320
 _WHITE = (255, 255, 255)
 
@@ -51,6 +52,9 @@ def make_page(
         body += [heading("Poses"), _table(groups, of_poses)]
     body += [heading("What the columns mean"), table(("", ""), meanings([*of_boxes, *of_poses]))]
     body += [heading("Precision by recall"), *_precision(dataset, judged)]
+    told = trusts(judged)
+    if told:
+        body += [heading("Trust"), *_trust(told)]
     if judged[0].labels.has("range_m"):
         body += [heading("By range"), *_by_range(judged)]
     body += [heading("Worst frames"), *_worst(dataset, judged)]
@@ -75,6 +79,23 @@ def _precision(dataset: LabelledImages, judged: Sequence[Judged]) -> Iterator[Ma
             for iou, precision in by_overlap.items()
         ]
         yield plot(f"precision of {name}, by IoU", Axis("recall", 0, 1), Axis("", 0, 1), series)
+
+
+def _trust(told: Sequence[tuple[float, bool]]) -> Iterator[Markup]:
+    trust, right = (np.array(column) for column in zip(*told, strict=True))
+    lows = np.arange(_TRUST_BINS) / _TRUST_BINS
+    members = [(trust >= low) & ((trust < low + 1 / _TRUST_BINS) | (low == lows[-1])) for low in lows]
+    bins = [(float(trust[m].mean()), float(right[m].mean())) for m in members if m.any()]
+    ideal = Series("honest", [(0.0, 0.0), (1.0, 1.0)], line=True)
+    axis = Axis("trust, mean of each tenth", 0, 1)
+    yield plot("share of right poses", axis, Axis("", 0, 1), [ideal, Series("measured", bins)])
+    if right.all() or not right.any():
+        return
+    order = np.argsort(-trust, kind="stable")
+    kept = [np.append(0, np.cumsum(each[order]) / each.sum()) for each in (~right, right)]
+    curve = Series("by trust", list(zip(*(k.tolist() for k in kept), strict=True)), line=True)
+    axis = Axis("share of wrong poses that are kept", 0, 1)
+    yield plot("share of right poses that are kept", axis, Axis("", 0, 1), [curve])
 
 
 def _by_range(judged: Sequence[Judged]) -> Iterator[Markup]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from posse_core._arrays import AnyArray, BoolArray, FloatArray
 from posse_core._frames import quaternion_from_matrix
+from posse_core._interfaces.trust import trust
 from posse_core._plugins.component import Component, OptionsT
 
 if TYPE_CHECKING:  # at run time this import would slow down every command that loads plugins
@@ -67,6 +68,12 @@ class PoseEstimate:
     def range_m(self) -> float:
         """Distance between the camera and the body's origin."""
         return float(np.linalg.norm(self.t_body_cam_m))
+
+    @property
+    def trust(self) -> float:
+        """Probability, by the covariance, that the position is wrong by less than 5 % of the range, and
+        the attitude by less than 5°: 0 … 1. An image without a spacecraft gives poses near 0."""
+        return trust(self.t_body_cam_m, self.covariance)
 
     def __repr__(self) -> str:
         of = "" if self.detection is None else f" of {self.detection.label}"

@@ -18,9 +18,10 @@ from posse_core._dataset.dataset import Dataset
 from posse_core._detection.card import KEY, ModelCard
 from posse_core._detection.evaluate import evaluate, frames_of
 from posse_core._detection.glossary import METRICS
-from posse_core._detection.groups import columns, groups
+from posse_core._detection.groups import columns, groups, trusts
 from posse_core._detection.page import make_page
 from posse_core._errors import InputError
+from posse_core._interfaces.detector import Detection
 
 pytest.importorskip("faster_coco_eval")
 PLATE = np.array([1.4, 1.4, 0.1])
@@ -101,7 +102,8 @@ def test_every_column_is_explained_in_help_page_and_documentation(dataset):
     of_boxes, of_poses = columns(found)
     shown = [re.sub(r"^AP\..*", "AP.NAME", name) for name in (*of_boxes, *of_poses)]
     refinement = {"e_t before", "e_q before, deg", "refined", "worsened"}  # with --refine alone
-    assert set(shown) | refinement == set(METRICS)
+    mixed = {"trust AUC"}  # where there are right and wrong poses
+    assert set(shown) | refinement | mixed == set(METRICS)
     code, said, _ = run_posse("eval", "--help")
     assert code == 0
     text = " ".join(said.split())
@@ -159,9 +161,11 @@ def test_the_page_shows_what_was_measured(dataset):
         assert f'<td class="number">{found[0].metrics[name]:.4g}</td>' in text
     assert "<td>mAP of the spacecraft brick</td>" in text
     plots = [ElementTree.fromstring(svg) for svg in re.findall(r"<svg.*?</svg>", text, re.S)]
-    assert len(plots) == 2 + 4  # a curve for each class; overlap, place, attitude, ADD by range
-    assert [len(plot.findall("polyline")) for plot in plots] == [10, 10, 0, 0, 0, 0]
-    assert [len(plot.findall(".//circle")) for plot in plots] == [0, 0, 10, 10, 10, 10]
+    # a curve for each class; trust and its curve; overlap, place, attitude, ADD by range
+    assert [len(plot.findall("polyline")) for plot in plots] == [10, 10, 1, 1, 0, 0, 0, 0]
+    told = [min(int(10 * trust), 9) for trust, _ in trusts(judged)]
+    circles = [len(plot.findall(".//circle")) for plot in plots]
+    assert circles == [0, 0, len(set(told)), 0, 10, 10, 10, 10]
     worst = re.findall(r"frame (\d+), IoU ([\d.]+)</figcaption>", text)
     assert [float(iou) for _, iou in worst] == sorted(float(iou) for _, iou in worst)
     overlaps = {str(j.labels.index): j.bodies[0].overlap for j in judged if j.bodies}
@@ -169,6 +173,39 @@ def test_the_page_shows_what_was_measured(dataset):
     for data in re.findall(r'src="data:image/jpeg;base64,([^"]+)"', text):
         picture = cv2.imdecode(np.frombuffer(base64.b64decode(data), np.uint8), cv2.IMREAD_COLOR)
         assert picture.shape == (240, 320, 3)
+
+
+def test_trust_is_judged_by_right_and_wrong_poses(dataset):
+    """Keypoints are off by as much as they say, a little or a lot, and every image has a false box."""
+
+    class Twice(Labels):
+        def predict(self, images):
+            (told,) = super().predict(images)
+            return [[*told, Detection("brick", 0.5, np.array([1.0, 1.0, 40.0, 40.0]))]]
+
+    class Off(Points):
+        def find(self, image, detections):
+            line = self.labels.line(image)
+            if detections[0].score == 0.5:
+                random = np.random.default_rng(line.index)
+                anywhere, wide = random.uniform(0, 40, (8, 2)), np.full(8, 30.0)
+                return [replace(d, keypoints_px=anywhere, keypoints_sigma_px=wide) for d in detections]
+            (told,) = super().find(image, detections)
+            random, sigma = np.random.default_rng(line.index), [0.5, 8.0][line.index % 2]
+            off = told.keypoints_px + random.normal(0, sigma, (8, 2))
+            return [replace(told, keypoints_px=off, keypoints_sigma_px=np.full(8, sigma))]
+
+    judged = evaluate(dataset, frames_of(dataset, "all"), Twice(dataset), Off(dataset))
+    assert any(j.false_poses for j in judged)
+    metrics = groups(dataset, judged)[0].metrics
+    told = trusts(judged)
+    right, wrong = ([trust for trust, is_right in told if is_right is kept] for kept in (True, False))
+    assert len(wrong) > sum(len(j.false_poses) for j in judged) > 0 < len(right)
+    wins = [(r > w) + (r == w) / 2 for r in right for w in wrong]
+    assert metrics["trust AUC"] == pytest.approx(np.mean(wins))
+    assert metrics["trust AUC"] > 0.9
+    assert metrics["right"] == pytest.approx(len(right) / len(told))
+    assert metrics["right if trusted"] > 0.9 > 0.7 > metrics["right"]
 
 
 def test_what_cannot_be_measured_is_refused(dataset):

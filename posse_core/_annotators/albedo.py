@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from posse_core._geometry.rows import surface_points
+from posse_core._annotators.points import shown
 from posse_core._geometry.surface import Surface
 from posse_core._interfaces.annotator import Annotator
 from posse_core._interfaces.look import Look
@@ -20,10 +20,9 @@ class AlbedoAnnotator(Annotator):
     def annotate(self, look: Look) -> Labels:
         view = look.view()
         color = np.full((*view.part_id.shape, 3), np.nan, dtype=np.float32)
-        _, _, x_link_m = surface_points(look.state.craft, look.scene, view)
+        _, _, x_link_m = shown(look)
         surface, materials = self._surface(look.scene), look.scene.materials(look.state.craft)
-        made = surface.at(view.triangle[view.hit], x_link_m, materials)
-        color[view.hit] = made.base_color
+        color[view.hit] = surface.base_color(view.triangle[view.hit], x_link_m, materials)
         return Labels(arrays={"base_color_rgb": color})
 
     def _surface(self, scene: Scene) -> Surface:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from posse_core._annotators.points import shown, shown_next
 from posse_core._arrays import BoolArray, FloatArray
-from posse_core._geometry.rows import points_seen_by_rows, surface_points
 from posse_core._interfaces.annotator import Annotator
 from posse_core._interfaces.look import Look
 from posse_core._model.labels import Labels
@@ -20,16 +20,15 @@ class OpticalFlowAnnotator(Annotator):
     """``flow_duration_s``, and the arrays ``optical_flow_px`` and ``flow_visible``."""
 
     def annotate(self, look: Look) -> Labels:
-        view, following = look.view(), look.next_frame
+        view, following = look.view(), shown_next(look)
         flow_px = np.full((*view.part_id.shape, 2), np.nan, dtype=np.float32)
         visible = np.zeros(view.part_id.shape, dtype=np.bool_)
         if following is not None:
-            scene, part_id = look.scene, view.part_id[view.hit]
-            uv_px, _, x_link_m = surface_points(look.state.craft, scene, view)
-            x_next_m, after_s = points_seen_by_rows(following.state.craft, scene, x_link_m, part_id)
-            next_px = scene.camera.project(x_next_m)
+            at_next, x_next_m, after_s = following
+            uv_px, _, _ = shown(look)
+            next_px = look.scene.camera.project(x_next_m)
             flow_px[view.hit] = next_px - uv_px
-            visible[view.hit] = _visible(following, x_next_m, next_px, after_s)
+            visible[view.hit] = _visible(at_next, x_next_m, next_px, after_s)
         arrays = {"optical_flow_px": flow_px, "flow_visible": visible}
         return Labels({"flow_duration_s": _duration_s(look, following)}, arrays)
 
@@ -38,18 +37,17 @@ class SceneFlowAnnotator(Annotator):
     """``flow_duration_s``, and the array ``scene_flow_m``."""
 
     def annotate(self, look: Look) -> Labels:
-        view, following = look.view(), look.next_frame
+        view, following = look.view(), shown_next(look)
         flow_m = np.full((*view.part_id.shape, 3), np.nan, dtype=np.float32)
         if following is not None:
-            scene, part_id = look.scene, view.part_id[view.hit]
-            _, x_cam_m, x_link_m = surface_points(look.state.craft, scene, view)
-            x_next_m, _ = points_seen_by_rows(following.state.craft, scene, x_link_m, part_id)
+            _, x_next_m, _ = following
+            _, x_cam_m, _ = shown(look)
             flow_m[view.hit] = x_next_m - x_cam_m
         return Labels({"flow_duration_s": _duration_s(look, following)}, {"scene_flow_m": flow_m})
 
 
-def _duration_s(look: Look, following: Look | None) -> float | None:
-    return None if following is None else following.state.t_s - look.state.t_s
+def _duration_s(look: Look, following: tuple[Look, FloatArray, FloatArray] | None) -> float | None:
+    return None if following is None else following[0].state.t_s - look.state.t_s
 
 
 def _visible(look: Look, x_cam_m: FloatArray, uv_px: FloatArray, after_s: FloatArray) -> BoolArray:

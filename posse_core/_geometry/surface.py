@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,20 +64,35 @@ class Surface:
             materials: of the pieces in a frame, by :meth:`posse_core.Scene.materials`; None for their
                 own.
         """
-        materials = self._materials if materials is None else materials
         count = len(triangle)
         base_color = np.full((count, 3), np.nan)
         metallic, roughness, specular = np.full((3, count), np.nan)
-        on = np.flatnonzero(triangle >= 0)
-        uv = np.full((count, 2), np.nan)
-        uv[on] = _between(self._weights(triangle[on], point_body_m[on]), self._uv[triangle[on]])
-        for index in np.unique(self._material[triangle[on]]):
-            material = materials[index]
-            rows = on[self._material[triangle[on]] == index]
-            base_color[rows], both = _textures(material, uv[rows])
-            metallic[rows], roughness[rows] = both.T
+        for material, rows, uv in self._by_material(triangle, point_body_m, materials):
+            base_color[rows] = _base_color(material, uv)
+            metallic[rows], roughness[rows] = _metallic_and_roughness(material, uv).T
             specular[rows] = material.specular
         return SurfaceMaterial(base_color, metallic, roughness, specular)
+
+    def base_color(
+        self, triangle: IntArray, point_body_m: FloatArray, materials: Sequence[Material]
+    ) -> FloatArray:
+        """(N, 3) the ``base_color`` of :meth:`at`, alone."""
+        base_color = np.full((len(triangle), 3), np.nan)
+        for material, rows, uv in self._by_material(triangle, point_body_m, materials):
+            base_color[rows] = _base_color(material, uv)
+        return base_color
+
+    def _by_material(
+        self, triangle: IntArray, point_body_m: FloatArray, materials: Sequence[Material] | None
+    ) -> Iterator[tuple[Material, IntArray, FloatArray]]:
+        """Each material, the (n,) indices of its points and their (n, 2) texture coordinates."""
+        materials = self._materials if materials is None else materials
+        on = np.flatnonzero(triangle >= 0)
+        uv = _between(self._weights(triangle[on], point_body_m[on]), self._uv[triangle[on]])
+        used = self._material[triangle[on]]
+        for index in np.unique(used):
+            own = np.flatnonzero(used == index)
+            yield materials[index], on[own], uv[own]
 
     def normals(self, triangle: IntArray, point_body_m: FloatArray) -> FloatArray:
         """(N, 3) unit shading normals in the axes of each point's link, on the side of the parts' own
@@ -135,28 +150,35 @@ def _between(weights: FloatArray, corners: FloatArray) -> FloatArray:
     return np.asarray(np.sum(weights[..., None] * corners, axis=1))
 
 
-def _textures(material: Material, uv: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Base colour (n, 3), and metallic and roughness (n, 2), at texture coordinates (n, 2)."""
+def _base_color(material: Material, uv: FloatArray) -> FloatArray:
+    """(n, 3) at texture coordinates (n, 2)."""
     color = np.array([material.base_color])
-    both = np.array([[material.metallic, material.roughness]])
     if material.base_color_texture is not None:
         color = color * _sampled(material.base_color_texture, _LINEAR_FROM_SRGB, uv)
+    return np.broadcast_to(color, (len(uv), 3))
+
+
+def _metallic_and_roughness(material: Material, uv: FloatArray) -> FloatArray:
+    """(n, 2) at texture coordinates (n, 2)."""
+    both = np.array([[material.metallic, material.roughness]])
     if material.metallic_roughness_texture is not None:
         both = both * _sampled(material.metallic_roughness_texture, _LINEAR, uv)
-    return np.broadcast_to(color, (len(uv), 3)), np.broadcast_to(both, (len(uv), 2))
+    return np.broadcast_to(both, (len(uv), 2))
 
 
 def _sampled(texture: AnyArray, value: FloatArray, uv: FloatArray) -> FloatArray:
     """A texture (h, w, c) of codes with the given ``value`` (256,) each, at (n, 2) → (n, c)."""
-    height, width, _ = texture.shape
+    height, width, channels = texture.shape
     x, y = uv[:, 0] * width - 0.5, (1 - uv[:, 1]) * height - 0.5
     column, row = np.floor(x), np.floor(y)
-    right, below = (x - column)[:, None], (y - row)[:, None]
-    left_px, top_px = column.astype(np.int64), row.astype(np.int64)
-
-    def texels(down: int, across: int) -> FloatArray:
-        return np.asarray(np.take(value, texture[(top_px + down) % height, (left_px + across) % width]))
-
-    above_mean = texels(0, 0) * (1 - right) + texels(0, 1) * right
-    below_mean = texels(1, 0) * (1 - right) + texels(1, 1) * right
-    return np.asarray(above_mean * (1 - below) + below_mean * below)
+    right, below = x - column, y - row
+    columns = [(column.astype(np.int64) + across) % width for across in (0, 1)]
+    rows = [(row.astype(np.int64) + down) % height * width for down in (0, 1)]
+    texels = texture.reshape(-1, channels)
+    # (c, n) arrays, along whose rows NumPy computes quickly.
+    (a, b), (c, d) = (
+        [np.take(value, np.take(texels, down + across, axis=0).T) for across in columns] for down in rows
+    )
+    above_mean = a * (1 - right) + b * right
+    below_mean = c * (1 - right) + d * right
+    return np.asarray((above_mean * (1 - below) + below_mean * below).T)

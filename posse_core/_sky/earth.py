@@ -230,16 +230,29 @@ class EarthView:
             surface.airlight[:] = glow.T
         return surface.fields
 
-    def ground_light(self, surface: Surface) -> Float32Array:
-        """(3, ...) radiance of ground, clouds and the air in front of them, W m⁻² sr⁻¹."""
+    def is_open_sea(self, grid: Surface) -> bool:
+        """Whether there is nothing but water within a grid of (m, n) points."""
+        latitude = np.arcsin(np.clip(grid.normal[2], -1, 1))
+        return self._earth.ground.is_open_sea(grid.normal, latitude)
+
+    def ground_light(self, surface: Surface, is_open_sea: bool = False) -> Float32Array:
+        """(3, ...) radiance of ground, clouds and the air in front of them, W m⁻² sr⁻¹.
+
+        is_open_sea: whether it is known to be everywhere, so that the map need not be sampled.
+        """
         if surface.is_dark:
             return np.zeros_like(surface.airlight)
         latitude = np.arcsin(np.clip(surface.normal[2], -1, 1))
-        radiance, water = self._earth.ground.at(surface.normal, latitude, surface.footprint_m)
-        clear = 1 - water
-        for band, ocean in zip(radiance, OCEAN_RGB, strict=True):
-            band *= clear
-            band += ocean * water
+        if is_open_sea:
+            water = np.ones_like(latitude)
+            radiance: Float32Array = np.multiply.outer(OCEAN_RGB, water)
+            clear = np.empty_like(water)
+        else:
+            radiance, water = self._earth.ground.at(surface.normal, latitude, surface.footprint_m)
+            clear = 1 - water
+            for band, ocean in zip(radiance, OCEAN_RGB, strict=True):
+                band *= clear
+                band += ocean * water
         if self._earth.clouds is not None:
             cover, clouds = self._cover(surface, latitude)
             np.subtract(1, cover, out=clear)

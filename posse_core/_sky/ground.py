@@ -23,6 +23,10 @@ _SHIFT_M = 2500.0
 """How far noise of unit slope displaces a position on the map, whose pixels are 7.4 km wide."""
 OCEAN_RGB: Float32Array = np.array([0.008, 0.018, 0.040], dtype=np.float32)
 """(3,) diffuse reflectance of open water, from below its surface."""
+_SHORE_PX = 0.8
+"""How far noise displaces a position on the map at most: its slope is 2.2 or less."""
+_ISLAND_LEVEL = 3
+"""The last level of the map on which an island of a fifth of a pixel is not lost in rounding."""
 _ARIDITY_LEVEL = np.float32(5)
 """Level of the map, 240 km per pixel, by whose colours deserts are told."""
 WIND_M_S = 7.0
@@ -71,6 +75,20 @@ class Ground:
             water = np.clip((water - 0.5) * steep + 0.5, 0, 1)
             land *= 1 + np.float32(0.03) * noise
         return np.square(land, out=land), water
+
+    def is_open_sea(self, normal: Float32Array, latitude_rad: Float32Array) -> bool:
+        """Whether there is nothing but water within a grid of points, of which these are the (3, m, n)
+        unit normals, ECEF axes, and the (m, n) latitudes."""
+        x, y = _map_position(normal, latitude_rad)
+        apart = max(2 * np.abs(np.diff(x, axis=k)).max() for k in (0, 1))
+        apart = max(apart, *(np.abs(np.diff(y, axis=k)).max() for k in (0, 1)))
+        height_px = self.pyramid.width_px / 2
+        level = np.ceil(np.log2(apart * height_px + _SHORE_PX / np.cos(latitude_rad).min()))
+        if level > _ISLAND_LEVEL:
+            return False
+        # A pixel of this level is as wide as the points are apart and noise moves shores: each is seen.
+        water = self.pyramid.at(x, y, np.full_like(x, level))[3]
+        return bool((water == 255).all())
 
     def aridity(self, normal: Float32Array, latitude_rad: Float32Array) -> Float32Array:
         """(...) 0 … 1: how arid the land around is, judged by its yellow. The arguments are those of

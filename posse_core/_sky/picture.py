@@ -60,7 +60,8 @@ def picture(
                 continue
             fields = grid.spread(surface[:, i])
             if inside.all():
-                light = earth.ground_light(Surface(fields))
+                is_open_sea = earth.is_open_sea(Surface(surface[:, i]))
+                light = earth.ground_light(Surface(fields), is_open_sea)
             else:
                 light = _mixed(
                     earth, camera, box, fields, grid.by_pixel(inside), grid.by_pixel(~(inside | empty))

@@ -12,7 +12,8 @@ from posse_core._sky import moon
 from posse_core._sky.clouds import drifted, make_clouds
 from posse_core._sky.earth import Earth
 from posse_core._sky.environment import environment_map
-from posse_core._sky.ground import WIND_M_S, blue_marble, glint_radiance
+from posse_core._sky.ground import WIND_M_S, Ground, blue_marble, glint_radiance
+from posse_core._sky.pyramid import Pyramid
 from posse_core._sky.sky import Sky
 
 SITES = {
@@ -240,3 +241,32 @@ def test_the_moon_follows_its_phase_law(make_camera, make_state, phase_deg, magn
     assert total == pytest.approx(full * 10 ** (-0.4 * magnitudes), rel=0.02)
     lit = rgb[100, :, 1] > 0
     assert lit.sum() == pytest.approx(camera.fx_px * 1.7374e6 / d * (1 + np.cos(phase)), abs=3)
+
+
+@pytest.mark.parametrize("apart_deg", [0.02, 0.1, 0.3])
+def test_open_sea_has_no_land_in_any_pixel(apart_deg: float) -> None:
+    """Grids all over the globe, against the map in every pixel between their points."""
+    random = np.random.default_rng(1)
+    sea, ground = 0, blue_marble()
+    for _ in range(150):
+        lat, lon = np.rad2deg(np.arcsin(random.uniform(-0.95, 0.95))), random.uniform(-180, 180)
+        fine = np.meshgrid(*(at + apart_deg / 8 * np.arange(-32, 33) for at in (lon, lat)))
+        normal, lat_rad = _normal(fine[1], fine[0]), np.float32(np.deg2rad(fine[1]))
+        _, water = ground.at(normal, lat_rad, np.full_like(lat_rad, apart_deg / 8 * 111e3))
+        known = ground.is_open_sea(normal[:, ::8, ::8], lat_rad[::8, ::8])
+        assert not known or water.min() == 1
+        sea += known
+    assert sea > 50
+
+
+def test_a_single_island_is_found() -> None:
+    """Land in one pixel of the map, wherever it is among the points of a grid."""
+    land = np.zeros((2048, 4096, 4), np.uint8)
+    land[..., 3] = 255
+    lon, lat = np.meshgrid(np.linspace(9.0, 13.0, 33), np.linspace(-2.0, 2.0, 33))
+    grid = _normal(lat, lon), np.float32(np.deg2rad(lat))
+    assert Ground(Pyramid(land)).is_open_sea(*grid)
+    for column, row in ((2170, 1024), (2153, 1010), (2191, 1039), (2167, 1033)):
+        island = land.copy()
+        island[row, column, 3] = 0
+        assert not Ground(Pyramid(island)).is_open_sea(*grid)

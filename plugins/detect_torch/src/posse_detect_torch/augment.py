@@ -10,9 +10,13 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 
-from posse_core import Float32Array, FloatArray
+from posse_core import AnyArray, Float32Array, FloatArray
+from posse_detect_torch.pictures import linear
 
 Random = np.random.Generator
+_COMPOSED = 0.3
+"""Share of the spacecraft that are put in front of another background."""
+_BACKGROUND_ZOOM = (0.7, 2.0)
 
 
 def random_view(
@@ -40,17 +44,21 @@ def random_view(
     return np.column_stack([A, middle - A @ middle + random.uniform(-shift, shift, 2) * size_px])
 
 
-def warp(picture: Float32Array, view: FloatArray, size_px: int) -> Float32Array:
-    """Apply an affine map to a square picture; pixels outside the picture become black.
+def warp(
+    picture: Float32Array, view: FloatArray, size_px: int, border: int = cv2.BORDER_CONSTANT
+) -> Float32Array:
+    """Apply an affine map to a square picture.
 
     Args:
         picture: (S, S).
         view: (2, 3) map.
         size_px: side of the result.
+        border: what OpenCV puts outside the picture; black by default.
     """
     A, b = view[:, :2], view[:, 2]
     centres = np.column_stack([A, b + A @ [0.5, 0.5] - 0.5])  # OpenCV has pixel centres at integers
-    return np.asarray(cv2.warpAffine(picture, centres, (size_px, size_px), flags=cv2.INTER_LINEAR))
+    size = (size_px, size_px)
+    return np.asarray(cv2.warpAffine(picture, centres, size, flags=cv2.INTER_LINEAR, borderMode=border))
 
 
 def move_points(points: FloatArray, view: FloatArray) -> FloatArray:
@@ -66,6 +74,34 @@ def move_boxes(boxes: FloatArray, view: FloatArray, size_px: int) -> FloatArray:
     ends = move_points(boxes.reshape(-1, 2, 2), view)
     moved = np.concatenate([ends.min(axis=1), ends.max(axis=1)], axis=1)
     return np.asarray(np.clip(moved, 0, size_px))
+
+
+def in_front_of_some(
+    picture: Float32Array, coverage: Float32Array, backgrounds: AnyArray, random: Random
+) -> Float32Array:
+    """Put some of the spacecraft in front of another background, each with an exposure of its own.
+
+    A spacecraft that is dark in front of a bright Earth is rare in orbit, where the Sun lights both, and
+    common in laboratories.
+
+    Args:
+        picture: (S, S) the spacecraft, in front of anything.
+        coverage: (S, S) share of each pixel that the spacecraft covers, 0 … 1.
+        backgrounds: (N, T, T) uint8 as of :func:`posse_detect_torch.pictures.cut_backgrounds`, of which
+            one is rotated, zoomed and perhaps mirrored; with N = 0 the picture stays as it is.
+        random: the random generator.
+    """
+    if len(backgrounds) == 0 or random.uniform() >= _COMPOSED:
+        return picture
+    size = len(picture)
+    background = linear(backgrounds[random.integers(len(backgrounds))])
+    view = random_view(random, size, _BACKGROUND_ZOOM, 0.0, random.uniform(0, 2 * np.pi))
+    if random.uniform() < 0.5:
+        background = background[:, ::-1]
+    behind = warp(background, view, size, cv2.BORDER_REFLECT_101)
+    craft_gain, background_gain = (np.float32(2 ** random.uniform(-2, 1)) for _ in range(2))
+    whole = coverage * craft_gain * picture + (1 - coverage) * background_gain * behind
+    return np.asarray(np.minimum(whole, 1), np.float32)
 
 
 def exposure(picture: Float32Array, random: Random) -> Float32Array:

@@ -28,13 +28,19 @@ from posse_core import (
     to_grey,
     true_boxes,
 )
-from posse_detect_torch.augment import change_appearance, move_boxes, random_view, warp
+from posse_detect_torch.augment import (
+    change_appearance,
+    in_front_of_some,
+    move_boxes,
+    random_view,
+    warp,
+)
 from posse_detect_torch.checkpoint import read_weights
 from posse_detect_torch.export import Outputs, compare_detections, export
 from posse_detect_torch.int8 import write_int8
 from posse_detect_torch.learn import Lesson, device_of, first_net, learn
 from posse_detect_torch.options import BoxOptions
-from posse_detect_torch.pictures import Cut, Pictures, cut_pictures
+from posse_detect_torch.pictures import Cut, Pictures, cut_backgrounds, cut_pictures
 
 OUTPUTS = ("boxes", "scores", "labels", "raw")
 _ZOOM, _SHIFT = (0.7, 1.4), 0.2
@@ -54,6 +60,7 @@ class BoxLesson(Lesson):
         self.classes, self.options = classes, options
         self.net = first_net(options, self.untrained)
         self.train, self.valid = (self._cut(dataset, folder, part) for part in ("train", "valid"))
+        self._backgrounds = cut_backgrounds(dataset, options.input_px, folder)
         self._most = max([1, *(len(true_boxes(line)) for line in self.train.labels)])
 
     def _cut(self, dataset: LabelledImages, folder: Path, part: str) -> Pictures[LabelLine]:
@@ -85,7 +92,11 @@ class BoxLesson(Lesson):
         if self.options.augment:
             angle = np.pi / 2 * random.integers(4) if self.options.turn else 0.0
             view = random_view(random, size, _ZOOM, _SHIFT, angle)
-            picture = change_appearance(warp(picture, view, size), random)
+            picture = warp(picture, view, size)
+            if len(boxes) > missing and self.train.covered is not None:
+                covered = warp(self.train.coverage(position), view, size)
+                picture = in_front_of_some(picture, covered, self._backgrounds, random)
+            picture = change_appearance(picture, random)
             boxes = move_boxes(boxes, view, size)
             labels[(boxes[:, 2:] - boxes[:, :2]).min(axis=1) < _LEAST_SIDE_PX] = -1
         draw = np.array(random.integers(2**31), np.int64)  # a seed for the random choices of the losses

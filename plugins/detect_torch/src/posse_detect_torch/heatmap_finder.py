@@ -29,6 +29,7 @@ from posse_core import (
 from posse_detect_torch.augment import (
     change_appearance,
     coarsen,
+    in_front_of_some,
     move_points,
     random_view,
     warp,
@@ -40,7 +41,7 @@ from posse_detect_torch.heatmap import Decoded, HeatMaps, losses, read
 from posse_detect_torch.int8 import write_int8
 from posse_detect_torch.learn import Batch, Lesson, device_of, first_net, learn
 from posse_detect_torch.options import HeatmapOptions, trained_with
-from posse_detect_torch.pictures import Cut, Pictures, cut_pictures
+from posse_detect_torch.pictures import Cut, Pictures, cut_backgrounds, cut_pictures
 
 OUTPUTS = ("points", "sigma", "raw")
 _ZOOM, _SHIFT = (0.8, 1.2), 0.08  # the range of errors of a detector's boxes
@@ -65,6 +66,7 @@ class HeatmapLesson(Lesson):
         self._ranges = card.keypoint_outputs
         self._points = sum(len(points) for points in card.keypoints_body_m.values())
         self.net = first_net(options, lambda: HeatMaps(self._points, options.size))
+        self._backgrounds = cut_backgrounds(dataset, options.input_px, folder)
         self._train, self._valid = (
             cut_pictures(dataset, cuts, _cut_px(options.input_px), folder, f"keypoints-{part}")
             for part, cuts in shown.items()
@@ -81,14 +83,18 @@ class HeatmapLesson(Lesson):
             view = random_view(random, size, _ZOOM, _SHIFT, angle)
         picture, points = self._seen(self._train, position, view)
         if self.options.augment:
+            if self._train.covered is not None:
+                inside = self._into(self._train, position, view)
+                covered = warp(self._train.coverage(position), inside, size)
+                picture = in_front_of_some(picture, covered, self._backgrounds, random)
             if random.uniform() < _COARSE:
                 picture = coarsen(picture, random)
             picture = change_appearance(picture, random)
-        inside = np.all((points > -0.5) & (points < size - 0.5), axis=1, keepdims=True)  # false for NaN
+        is_in = np.all((points > -0.5) & (points < size - 0.5), axis=1, keepdims=True)  # false for NaN
         return {
             "picture": picture[None],
-            "points": np.where(inside, points, 0).astype(np.float32),
-            "weights": np.asarray(inside[:, 0], np.float32),
+            "points": np.where(is_in, points, 0).astype(np.float32),
+            "weights": np.asarray(is_in[:, 0], np.float32),
         }
 
     def _seen(
@@ -104,12 +110,17 @@ class HeatmapLesson(Lesson):
         known = np.array([point[:2] for point in body.keypoints.values()], dtype=np.float64)
         square = Square.around(true_box(body).box_px, self.options.input_px)
         points[self._ranges[body.spacecraft]] = square.points_in(known)
+        inside = self._into(pictures, position, view)
+        picture = warp(pictures.linear(position), inside, square.size_px)
+        return picture, move_points(points + 0.5, view) - 0.5
+
+    def _into(self, pictures: Pictures[BodyLabels], position: int, view: FloatArray) -> FloatArray:
+        """Return the map (2, 3) from a cached square to the network's input through ``view``."""
+        square = Square.around(true_box(pictures.labels[position]).box_px, self.options.input_px)
         cut = pictures.squares[position]
         scale = square.scale / cut.scale
         corner = square.scale * (np.array([cut.x_px, cut.y_px]) - [square.x_px, square.y_px])
-        inside = np.column_stack([scale * view[:, :2], view[:, :2] @ corner + view[:, 2]])
-        picture = warp(pictures.linear(position), inside, square.size_px)
-        return picture, move_points(points + 0.5, view) - 0.5
+        return np.column_stack([scale * view[:, :2], view[:, :2] @ corner + view[:, 2]])
 
     def losses(self, batch: Batch) -> dict[str, Tensor]:
         return losses(self.net(batch["picture"]), batch["points"], batch["weights"])

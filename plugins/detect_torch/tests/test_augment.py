@@ -41,6 +41,36 @@ def test_a_point_goes_where_its_pixels_go(seed):
     np.testing.assert_allclose(found, augment.move_points(point, view), atol=0.05)
 
 
+@given(seeds, st.floats(0.05, 0.2), st.floats(0.05, 0.2))
+def test_what_is_covered_keeps_its_shape_in_front_of_another_background(seed, light, behind):
+    """Both have an exposure of their own; backgrounds are coded as the square root of their light."""
+    random = np.random.default_rng(seed)
+    covered = (random.uniform(size=(SIZE, SIZE)) < 0.5).astype(np.float32)
+    picture = np.full((SIZE, SIZE), light, np.float32)
+    backgrounds = np.full((1, 40, 40), round(255 * np.sqrt(behind)), np.uint8)
+    made = next(
+        made
+        for made in (augment.in_front_of_some(picture, covered, backgrounds, random) for _ in range(99))
+        if made is not picture
+    )
+    assert np.unique(made[covered == 1]).size == 1
+    assert 0.25 <= made[covered == 1][0] / light <= 2.001
+    assert np.ptp(made[covered == 0]) < 1e-6
+    assert 0.23 <= made[covered == 0][0] / behind <= 2.1  # eight bits resolve 5 % of so little light
+
+
+def test_a_share_of_the_spacecraft_is_put_in_front_of_another_background():
+    random = np.random.default_rng(0)
+    picture, covered = (np.full((4, 4), x, np.float32) for x in (0.2, 1.0))
+    made = [
+        augment.in_front_of_some(picture, covered, np.ones((3, 8, 8), np.uint8), random) is picture
+        for _ in range(2000)
+    ]
+    assert np.mean(made) == pytest.approx(1 - augment._COMPOSED, abs=0.04)
+    none = np.ones((0, 8, 8), np.uint8)
+    assert augment.in_front_of_some(picture, covered, none, random) is picture
+
+
 @given(seeds)
 def test_a_view_never_mirrors(seed):
     random = np.random.default_rng(seed)

@@ -14,12 +14,13 @@ import onnx
 import pytest
 import torch
 
-from posse_core import Dataset, ModelCard
+from posse_core import Dataset, ModelCard, Square
 from posse_detect_torch.checkpoint import write_model
 from posse_detect_torch.heatmap_finder import HeatmapLesson
 from posse_detect_torch.learn import CURVES, LAST, MODEL, learn
 from posse_detect_torch.nano_detector import NanoLesson
 from posse_detect_torch.options import HeatmapOptions, NanoOptions, SdnOptions, TrainOptions
+from posse_detect_torch.pictures import Cut, cut_backgrounds, cut_pictures
 from posse_detect_torch.sdn_detector import SdnLesson
 
 SETTINGS = ("-o", "input_px=64", "-o", "batch=8", "-o", "learning_rate=0.003", "-o", "augment=false")
@@ -113,6 +114,20 @@ def test_a_training_cut_short_ends_as_if_it_had_not_been(make_dataset, tmp_path)
             assert not (folder / MODEL).exists()
         weights.append(learn(*a_lesson(small, folder, options), folder).read_bytes())
     assert weights[0] == weights[1]
+
+
+def test_masks_are_cut_as_pictures_are(dataset, tmp_path):
+    """The two crafts are brighter than the sky."""
+    square = Square.around(np.array([20.0, 30.0, 60.0, 40.0]), 96)  # not the whole image, enlarged
+    cuts = [Cut(i, dataset[i], square) for i in range(8)]
+    pictures = cut_pictures(dataset, cuts, 96, tmp_path, "some", masks=True)
+    for position in range(8):
+        light, covered = pictures.linear(position), pictures.coverage(position)
+        between = 0.5 * (8 + 60) / 255
+        assert np.mean((light > between) != (covered > 0.5)) < 0.03
+    assert {0.0, 1.0} <= set(np.unique(pictures.coverage(0)).tolist())
+    assert cut_pictures(dataset, cuts, 96, tmp_path, "some").covered is None
+    assert len(cut_backgrounds(dataset, 96, tmp_path)) == 0  # each frame shows a craft
 
 
 @pytest.mark.parametrize(

@@ -68,7 +68,8 @@ class BoxLesson(Lesson):
         cuts = [
             Cut(i, dataset[i], Square.of_image(*dataset.size_px(i), size)) for i in dataset.part(part)
         ]
-        return cut_pictures(dataset, cuts, size, folder, part)
+        masks = part == "train" and self.options.augment
+        return cut_pictures(dataset, cuts, size, folder, part, masks=masks)
 
     @abstractmethod
     def untrained(self) -> nn.Module:

@@ -67,8 +67,16 @@ class HeatmapLesson(Lesson):
         self._points = sum(len(points) for points in card.keypoints_body_m.values())
         self.net = first_net(options, lambda: HeatMaps(self._points, options.size))
         self._backgrounds = cut_backgrounds(dataset, options.input_px, folder)
+        size = _cut_px(options.input_px)
         self._train, self._valid = (
-            cut_pictures(dataset, cuts, _cut_px(options.input_px), folder, f"keypoints-{part}")
+            cut_pictures(
+                dataset,
+                cuts,
+                size,
+                folder,
+                f"keypoints-{part}",
+                masks=part == "train" and options.augment,
+            )
             for part, cuts in shown.items()
         )
 

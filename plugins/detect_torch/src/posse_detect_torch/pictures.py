@@ -46,7 +46,7 @@ class Pictures(Generic[LabelsT]):
         squares: the position of each in its image.
         coded: (N, S, S) uint8, the square root of linear grey values, which resolves dark shades better.
         covered: (N, S, S) uint8, the share of each pixel that spacecraft cover, 255 for all of it; None
-            where there are no masks.
+            where masks were not asked for or are not there.
     """
 
     labels: Sequence[LabelsT]
@@ -73,16 +73,25 @@ def linear(coded: AnyArray) -> Float32Array:
 
 
 def cut_pictures(
-    dataset: LabelledImages, cuts: Sequence[Cut[LabelsT]], size_px: int, folder: Path, name: str
+    dataset: LabelledImages,
+    cuts: Sequence[Cut[LabelsT]],
+    size_px: int,
+    folder: Path,
+    name: str,
+    *,
+    masks: bool = False,
 ) -> Pictures[LabelsT]:
-    """Cut squares from frames, with the masks of all bodies where the labels have them, or map the files
-    in ``folder`` if they were cut before."""
+    """Cut squares from frames, or map the files in ``folder`` if they were cut before.
+
+    Args:
+        masks: whether to cut the masks of all bodies too, where the labels have them.
+    """
     if not cuts:
         none = np.zeros((0, size_px, size_px), np.uint8)
         return Pictures([], [], none, None)
     coded = _cached(dataset, cuts, size_px, folder, name, lambda cut: _light(dataset, cut))
     covered = None
-    if all(_has_masks(dataset[cut.position]) for cut in cuts):
+    if masks and all(_has_masks(dataset[cut.position]) for cut in cuts):
         mask_name = f"{name}-covered"
         covered = _cached(dataset, cuts, size_px, folder, mask_name, lambda cut: _coverage(dataset, cut))
     return Pictures([cut.labels for cut in cuts], [cut.square for cut in cuts], coded, covered)

@@ -39,6 +39,7 @@ from ._evaluation.metrics import coco_metrics as coco_metrics
 from ._evaluation.metrics import seen_bodies as seen_bodies
 from ._evaluation.metrics import true_box as true_box
 from ._evaluation.metrics import true_boxes as true_boxes
+from ._evaluation.poses import nees as nees
 from ._files.atomic import atomic_file as atomic_file
 from ._formats.opening import open_dataset as open_dataset
 from ._formats.poses import camera_beside as camera_beside

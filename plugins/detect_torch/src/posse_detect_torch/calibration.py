@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.optimize import minimize
+from scipy.stats import chi2
 
 from posse_core import Float32Array, FloatArray
 
@@ -15,6 +16,26 @@ _FREEDOM = 4.0
 _SCALE = 0.8310
 """Scale of Student's distribution of so many degrees of freedom that is most likely for errors of a
 standard deviation of 1 that are normally distributed."""
+
+
+_FEWEST_POSES = 20
+_MOST_WIDENING = 3.0
+
+
+def widening(nees: FloatArray) -> float:
+    """Return the factor on standard deviations that makes the covariances of poses honest.
+
+    Keypoints of one picture are wrong together, where it shows little, so that each may be as uncertain
+    as it says and the pose be less certain than they say. The factor takes the median of the normalised
+    estimation errors squared to that of χ² with six degrees of freedom; a mean would be that of the few
+    poses that are upside down.
+
+    Args:
+        nees: (N,) of poses on the valid part; with few, nothing is known and the factor is 1.
+    """
+    if len(nees) < _FEWEST_POSES:
+        return 1.0
+    return float(np.clip(np.sqrt(np.median(nees) / chi2.ppf(0.5, 6)), 1.0, _MOST_WIDENING))
 
 
 def calibrate(away_px: FloatArray, spread_px: FloatArray, share: FloatArray) -> Float32Array:

@@ -23,6 +23,7 @@ MEANINGS: Mapping[str, str] = {
     "valid AR1k without NMS": "the same of the best 1000 proposals where none is suppressed",
     "valid median error, %": "on the valid part: median error of keypoints, % of the input's side",
     "valid within sigma": "on the valid part: share of coordinates within their standard deviation",
+    "valid poses in 95 %": "on the valid part: share of poses in the region that is to hold 95 %",
 }
 """Quantity of a training → what it means. Losses are means over an epoch's batches; 0 is best, and
 training minimises their sum."""

@@ -9,11 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
 from torch import Tensor, nn
 
 from posse_core import (
     AnyArray,
     BodyLabels,
+    Camera,
     Detection,
     Float32Array,
     FloatArray,
@@ -22,6 +25,8 @@ from posse_core import (
     LabelledImages,
     ModelCard,
     Square,
+    nees,
+    pose,
     seen_bodies,
     to_grey,
     true_box,
@@ -34,7 +39,7 @@ from posse_detect_torch.augment import (
     random_view,
     warp,
 )
-from posse_detect_torch.calibration import calibrate
+from posse_detect_torch.calibration import calibrate, widening
 from posse_detect_torch.checkpoint import read_weights
 from posse_detect_torch.export import Outputs, difference, export, raw_difference
 from posse_detect_torch.heatmap import Decoded, HeatMaps, losses, read
@@ -64,6 +69,9 @@ class HeatmapLesson(Lesson):
         self.options = options
         shown = {part: _shown(dataset, part, options.input_px) for part in ("train", "valid")}
         self._ranges = card.keypoint_outputs
+        self._points_body_m = card.keypoint_arrays_m
+        self._symmetries = {name: info.symmetries for name, info in dataset.classes.items()}
+        self._camera = _camera_of(dataset)
         self._points = sum(len(points) for points in card.keypoints_body_m.values())
         self.net = first_net(options, lambda: HeatMaps(self._points, options.size))
         self._backgrounds = cut_backgrounds(dataset, options.input_px, folder)
@@ -138,32 +146,60 @@ class HeatmapLesson(Lesson):
         """Calibrate the standard deviations of ``net``, and measure it.
 
         Returns:
-            The median error of the keypoints in per cent of the square's side; and the share of the
-            coordinates whose error is within their standard deviation, which would be 0.68 if errors
-            were normally distributed.
+            The median error of the keypoints in per cent of the square's side; the share of the
+            coordinates whose error is within their standard deviation; and, where the labels have poses,
+            the share of the estimated poses in the region that is to hold 95 %.
         """
         if len(self._valid) == 0:
             return {}
         assert isinstance(net, HeatMaps)
         net.eval()
         device, size = next(net.parameters()).device, self.options.input_px
-        away_px, spread_px, share = [], [], []
-        for position in range(len(self._valid)):
+        count = len(self._valid)
+        points, away = np.zeros((count, self._points, 2)), np.full((count, self._points, 2), np.nan)
+        spread, share = (np.zeros((count, self._points)) for _ in range(2))
+        for position in range(count):
             picture, true = self._seen(self._valid, position, np.eye(2, 3))
             inside = np.all((true > -0.5) & (true < size - 0.5), axis=1)
-            points, spread, there = read(net(torch.from_numpy(picture)[None, None].to(device)))
-            away_px.append((points[0].cpu().numpy() - true)[inside])
-            spread_px.append(spread[0].cpu().numpy()[inside])
-            share.append(there[0].cpu().numpy()[inside])
-        away, told = np.concatenate(away_px), (np.concatenate(spread_px), np.concatenate(share))
-        net.calibration.copy_(torch.from_numpy(calibrate(away, *told)))
-        a, b, c = net.calibration.tolist()
-        sigma_px = np.exp(a + b * np.log(told[0]) + c * np.log(told[1]))
-        distance = np.linalg.norm(away, axis=1)
-        return {
+            found = read(net(torch.from_numpy(picture)[None, None].to(device)))
+            points[position], spread[position], share[position] = (x[0].cpu().numpy() for x in found)
+            away[position][inside] = (points[position] - true)[inside]
+        known = np.isfinite(away[..., 0])
+        fitted = calibrate(away[known], spread[known], share[known])
+        sigma_px = np.exp(fitted[0] + fitted[1] * np.log(spread) + fitted[2] * np.log(share))
+        within = self._nees(points, sigma_px)
+        factor = widening(within)
+        fitted[0] += np.log(factor)
+        net.calibration.copy_(torch.from_numpy(fitted))
+        distance = np.linalg.norm(away[known], axis=1)
+        told = {
             "valid median error, %": 100 * float(np.median(distance)) / size,
-            "valid within sigma": float(np.mean(np.abs(away) < sigma_px[:, None])),
+            "valid within sigma": float(
+                np.mean(np.abs(away[known]) < factor * sigma_px[known][:, None])
+            ),
         }
+        if len(within):
+            told["valid poses in 95 %"] = float(np.mean(within / factor**2 < chi2.ppf(0.95, 6)))
+        return told
+
+    def _nees(self, points: FloatArray, sigma_px: FloatArray) -> FloatArray:
+        """Return the normalised errors squared of the poses from keypoints (N, P, 2) of the valid part,
+        where labels and keypoints give poses."""
+        found = []
+        for position, body in enumerate(self._valid.labels):
+            if self._camera is None or not body.has("q_cam_from_body"):
+                continue
+            square = Square.around(true_box(body).box_px, self.options.input_px)
+            mine = self._ranges[body.spacecraft]
+            seen_px = square.points_out(points[position, mine])
+            known_m = self._points_body_m[body.spacecraft]
+            estimate = pose(known_m, seen_px, self._camera, sigma_px[position, mine] / square.scale)
+            if estimate is not None:
+                R = Rotation.from_quat(np.roll(body.q_cam_from_body, -1)).as_matrix()
+                t, symmetries = np.array(body.t_body_cam_m), self._symmetries[body.spacecraft]
+                place = estimate.R_cam_from_body, estimate.t_body_cam_m
+                found.append(nees(R, t, *place, estimate.covariance, symmetries))
+        return np.array(found)
 
 
 class HeatmapFinder(KeypointFinder[HeatmapOptions]):
@@ -223,6 +259,14 @@ class HeatmapFinder(KeypointFinder[HeatmapOptions]):
         size = self._card.input_px
         pictures = (_picture(image, Square.around(box, size)) for image, box in seen)
         write_int8(path, out, pictures)
+
+
+def _camera_of(dataset: LabelledImages) -> Camera | None:
+    """The camera, which labels of other makers may lack."""
+    try:
+        return dataset.camera
+    except InputError:
+        return None
 
 
 def _cut_px(size_px: int) -> int:

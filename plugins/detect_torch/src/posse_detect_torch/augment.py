@@ -14,9 +14,9 @@ from posse_core import AnyArray, Float32Array, FloatArray
 from posse_detect_torch.pictures import linear
 
 Random = np.random.Generator
-_COMPOSED = 0.3
+_COMPOSED = 0.5
 """Share of the spacecraft that are put in front of another background."""
-_BACKGROUND_ZOOM = (0.7, 2.0)
+_BACKGROUND_ZOOM = (0.35, 2.0)
 
 
 def random_view(
@@ -88,7 +88,7 @@ def in_front_of_some(
         picture: (S, S) the spacecraft, in front of anything.
         coverage: (S, S) share of each pixel that the spacecraft covers, 0 … 1.
         backgrounds: (N, T, T) uint8 as of :func:`posse_detect_torch.pictures.cut_backgrounds`, of which
-            one is rotated, zoomed and perhaps mirrored; with N = 0 the picture stays as it is.
+            one is rotated, zoomed, given another contrast and perhaps mirrored; with N = 0 the picture stays as it is.
         random: the random generator.
     """
     if len(backgrounds) == 0 or random.uniform() >= _COMPOSED:
@@ -99,6 +99,9 @@ def in_front_of_some(
     if random.uniform() < 0.5:
         background = background[:, ::-1]
     behind = warp(background, view, size, cv2.BORDER_REFLECT_101)
+    mean = behind.mean()
+    contrast = np.float32(2 ** random.uniform(-1, 1.5))
+    behind = np.clip(mean + contrast * (behind - mean), 0, 1)
     craft_gain, background_gain = (np.float32(2 ** random.uniform(-2, 1)) for _ in range(2))
     whole = coverage * craft_gain * picture + (1 - coverage) * background_gain * behind
     return np.asarray(np.minimum(whole, 1), np.float32)

@@ -81,6 +81,8 @@ def in_front_of_some(
 ) -> Float32Array:
     """Put some of the spacecraft in front of another background, each with an exposure of its own.
 
+    A picture without a spacecraft becomes another background, of another contrast.
+
     A spacecraft that is dark in front of a bright Earth is rare in orbit, where the Sun lights both, and
     common in laboratories.
 

@@ -94,7 +94,7 @@ class BoxLesson(Lesson):
             angle = np.pi / 2 * random.integers(4) if self.options.turn else 0.0
             view = random_view(random, size, _ZOOM, _SHIFT, angle)
             picture = warp(picture, view, size)
-            if len(boxes) > missing and self.train.covered is not None:
+            if self.train.covered is not None:
                 covered = warp(self.train.coverage(position), view, size)
                 picture = in_front_of_some(picture, covered, self._backgrounds, random)
             picture = change_appearance(picture, random)

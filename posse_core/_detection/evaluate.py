@@ -12,7 +12,8 @@ from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.images import LabelledImages
 from posse_core._dataset.mesh import Mesh
 from posse_core._dataset.spacecraft import SpacecraftInfo
-from posse_core._detection.pnp import MIN_POINTS, solve_pose
+from posse_core._detection.looking import look
+from posse_core._detection.pnp import MIN_POINTS
 from posse_core._detection.pose_detector import LEAST_SCORE
 from posse_core._detection.shapes import Shapes, Sighting
 from posse_core._errors import InputError
@@ -192,10 +193,10 @@ def _sighted(
     is_seen = detection.score >= LEAST_SCORE
     if not ((is_seen or judged) and _gives_poses(finder, detection.label)):
         return Sighting(detection, None)
-    pose = _estimate(finder, image, detection, camera)
+    found, pose = look(finder, image, detection, camera, shapes)
     if not is_seen or shapes is None:
         return Sighting(detection, pose, start=pose)
-    return shapes.seen(image, detection, pose, camera, sun)
+    return shapes.seen(image, found, pose, camera, sun)
 
 
 def _judged(
@@ -225,16 +226,6 @@ def _gives_poses(finder: KeypointFinder, label: str) -> bool:
     if label not in finder.classes:
         return False
     return int(np.isfinite(finder.keypoints_body_m[label]).all(axis=1).sum()) >= MIN_POINTS
-
-
-def _estimate(
-    finder: KeypointFinder, image: AnyArray, best: Detection, camera: Camera
-) -> PoseEstimate | None:
-    (found,) = finder.find(image, [best])
-    assert found.keypoints_px is not None
-    assert found.keypoints_sigma_px is not None
-    points = finder.keypoints_body_m[found.label]
-    return solve_pose(points, found.keypoints_px, found.keypoints_sigma_px, camera)
 
 
 def _errors(

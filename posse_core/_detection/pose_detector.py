@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from posse_core._arrays import AnyArray, FloatArray
-from posse_core._detection.pnp import solve_pose
+from posse_core._detection.looking import look
 from posse_core._detection.shapes import Shapes, Sighting
 from posse_core._errors import InputError
 from posse_core._interfaces.detector import Detection, Detector, KeypointFinder, PoseEstimate
@@ -44,7 +43,7 @@ class PoseDetector:
         Args:
             image: (H, W) or (H, W, 3) red-green-blue, uint8 or uint16.
         """
-        found = [d for d in self._boxes.predict([image])[0] if d.score >= self._least_score]
+        found = self._boxes_in(image)
         return found if self._keypoints is None else self._keypoints.find(image, found)
 
     def sightings(
@@ -64,14 +63,16 @@ class PoseDetector:
         Raises:
             InputError: There is no model for keypoints.
         """
-        found = self.detect(image)
-        poses = [self.pose_of(detection, camera) for detection in found]
-        if self._shapes is None:
-            return [Sighting(*each, start=each[1]) for each in zip(found, poses, strict=True)]
-        return [
-            self._shapes.seen(image, detection, pose, camera, sun_direction_cam)
-            for detection, pose in zip(found, poses, strict=True)
-        ]
+        if self._keypoints is None:
+            raise InputError("a pose needs keypoints; give a model that finds them")
+        seen = []
+        for box in self._boxes_in(image):
+            detection, pose = look(self._keypoints, image, box, camera, self._shapes)
+            if self._shapes is None:
+                seen.append(Sighting(detection, pose, start=pose))
+            else:
+                seen.append(self._shapes.seen(image, detection, pose, camera, sun_direction_cam))
+        return seen
 
     def pose(
         self, image: AnyArray, camera: Camera, sun_direction_cam: FloatArray | None = None
@@ -97,16 +98,5 @@ class PoseDetector:
         if self._shapes is not None:
             self._shapes.close()
 
-    def pose_of(self, detection: Detection, camera: Camera) -> PoseEstimate | None:
-        """Return the pose of a detection, or None if fewer than four of its keypoints agree on one.
-
-        Raises:
-            InputError: There is no model for keypoints.
-        """
-        if self._keypoints is None:
-            raise InputError("a pose needs keypoints; give a model that finds them")
-        if detection.keypoints_px is None or detection.keypoints_sigma_px is None:
-            return None
-        points_body_m = self._keypoints.keypoints_body_m[detection.label]
-        pose = solve_pose(points_body_m, detection.keypoints_px, detection.keypoints_sigma_px, camera)
-        return None if pose is None else replace(pose, detection=detection)
+    def _boxes_in(self, image: AnyArray) -> list[Detection]:
+        return [d for d in self._boxes.predict([image])[0] if d.score >= self._least_score]

@@ -86,12 +86,11 @@ class Shapes:
 
     def box_px(self, label: str, pose: PoseEstimate, camera: Camera) -> FloatArray | None:
         """The box (4,) x, y, width, height of the pixels that the mesh covers at a pose, as the label
-        ``box_visible_px``; None where there is none."""
-        craft = self._crafts[label]
-        if label not in self._casters:
-            self._casters[label] = RayCaster(Scene(craft, camera))
-        if pose.t_body_cam_m[2] <= 0:
+        ``box_visible_px``; None where there is none, or the mesh is not known."""
+        if label not in self._crafts or pose.t_body_cam_m[2] <= 0:
             return None
+        if label not in self._casters:
+            self._casters[label] = RayCaster(Scene(self._crafts[label], camera))
         state = CraftState(
             R_cam_from_body=pose.R_cam_from_body,
             t_body_cam_m=pose.t_body_cam_m,

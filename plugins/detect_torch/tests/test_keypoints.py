@@ -14,7 +14,7 @@ from torch.utils.flop_counter import FlopCounterMode
 from posse_core import Dataset, Detection, InputError, ModelCard, true_boxes
 from posse_detect_onnx.models import OnnxKeypoints
 from posse_detect_onnx.options import OnnxOptions
-from posse_detect_torch.calibration import calibrate
+from posse_detect_torch.calibration import calibrate, widening
 from posse_detect_torch.checkpoint import read_like, write_model
 from posse_detect_torch.heatmap import SPREAD_PX, STRIDE, HeatMaps, cell_centres, losses, read
 from posse_detect_torch.heatmap_finder import HeatmapFinder
@@ -82,6 +82,20 @@ def test_calibration_finds_the_law_that_errors_were_drawn_by(outliers):
     found = calibrate(away, spread, share)
     np.testing.assert_allclose(found[1:], [0.5, -1.0], atol=0.03)
     assert 1.5 * 0.98 < np.exp(found[0]) < 1.5 * (1.02 if outliers == 0 else 1.25)
+
+
+@given(st.floats(1.1, 2.5), st.integers(0, 2**31))
+@settings(max_examples=20, deadline=None)
+def test_widened_poses_are_as_wrong_as_they_say(factor, seed):
+    """Errors are so many times as large as the covariances say, and a few poses are upside down."""
+    random = np.random.default_rng(seed)
+    within = factor**2 * random.chisquare(6, 2000)
+    within[:40] = 1e6
+    assert widening(within) == pytest.approx(factor, rel=0.05)
+
+
+def test_of_few_poses_and_of_cautious_ones_nothing_is_widened():
+    assert widening(np.full(5, 100.0)) == widening(np.full(100, 1.0)) == widening(np.zeros(0)) == 1
 
 
 def test_a_net_begins_with_what_another_knows(tmp_path):

@@ -90,7 +90,8 @@ def in_front_of_some(
         picture: (S, S) the spacecraft, in front of anything.
         coverage: (S, S) share of each pixel that the spacecraft covers, 0 … 1.
         backgrounds: (N, T, T) uint8 as of :func:`posse_detect_torch.pictures.cut_backgrounds`, of which
-            one is rotated, zoomed, given another contrast and perhaps mirrored; with N = 0 the picture stays as it is.
+            one is rotated, zoomed, given another contrast and perhaps mirrored; with N = 0 the picture
+            stays as it is.
         random: the random generator.
     """
     if len(backgrounds) == 0 or random.uniform() >= _COMPOSED:

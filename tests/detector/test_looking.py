@@ -1,0 +1,82 @@
+"""A second look at a spacecraft whose box was poor."""
+
+from dataclasses import replace
+from typing import ClassVar
+
+import cuboid
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import posse_core as posse
+from posse_core._detection.looking import look
+from posse_core._detection.shapes import Shapes
+from posse_core._evaluation.metrics import box_iou
+
+R, T = Rotation.from_rotvec([0.4, -0.3, 0.2]).as_matrix(), np.array([0.3, -0.2, 9.0])
+CORNERS = cuboid.corners()
+IMAGE = np.zeros((cuboid.CAMERA.height_px, cuboid.CAMERA.width_px), np.uint8)
+SHAPES = Shapes({"brick": cuboid.cuboid()})
+TRUE_PX = SHAPES.box_px(
+    "brick", posse.PoseEstimate(R, T, np.eye(6), np.ones(8, bool), 1.0), cuboid.CAMERA
+)
+
+
+class Sees(posse.KeypointFinder):
+    """Knows the keypoints in a good box, as well as it says, and less well in a poor one."""
+
+    classes = ("brick",)
+    keypoints_body_m: ClassVar = {"brick": CORNERS}
+
+    def __init__(self, good_sigma_px=0.3):
+        self.looks, self.good_sigma_px = [], good_sigma_px
+
+    def load(self, path):
+        raise NotImplementedError
+
+    def find(self, image, detections):
+        (detection,) = detections
+        self.looks.append(detection.box_px)
+        true = cuboid.CAMERA.project(CORNERS @ R.T + T)
+        if float(box_iou(detection.box_px, TRUE_PX)) > 0.8:
+            sigma_px = np.full(8, self.good_sigma_px)
+            return [replace(detection, keypoints_px=true, keypoints_sigma_px=sigma_px)]
+        off_px = np.random.default_rng(1).normal(0, 1.0, (8, 2))
+        return [replace(detection, keypoints_px=true + off_px, keypoints_sigma_px=np.full(8, 4.0))]
+
+
+def poor():
+    return posse.Detection("brick", 0.9, TRUE_PX + np.array([-20.0, -12.0, 34.0, 30.0]))
+
+
+def test_a_poor_box_is_told_by_the_pose_and_mended():
+    finder = Sees()
+    found, pose = look(finder, IMAGE, poor(), cuboid.CAMERA, SHAPES)
+    assert len(finder.looks) == 2
+    assert float(box_iou(found.box_px, TRUE_PX)) > 0.8
+    np.testing.assert_allclose(pose.t_body_cam_m, T, atol=1e-6)
+    np.testing.assert_allclose(pose.R_cam_from_body, R, atol=1e-6)
+
+
+@pytest.mark.parametrize("shapes", [None, Shapes({})])
+def test_without_a_mesh_there_is_one_look(shapes):
+    finder = Sees()
+    found, pose = look(finder, IMAGE, poor(), cuboid.CAMERA, shapes)
+    assert len(finder.looks) == 1
+    np.testing.assert_array_equal(found.box_px, poor().box_px)
+    assert pose.t_body_cam_m != pytest.approx(T, abs=1e-3)
+
+
+def test_a_good_box_needs_no_second_look():
+    finder = Sees()
+    good = posse.Detection("brick", 0.9, TRUE_PX + np.array([1.0, 0.0, -1.0, 1.0]))
+    look(finder, IMAGE, good, cuboid.CAMERA, SHAPES)
+    assert len(finder.looks) == 1
+
+
+def test_a_second_look_that_is_less_certain_does_not_count():
+    finder = Sees(good_sigma_px=40.0)
+    found, pose = look(finder, IMAGE, poor(), cuboid.CAMERA, SHAPES)
+    assert len(finder.looks) == 2
+    np.testing.assert_array_equal(found.box_px, poor().box_px)
+    assert pose.t_body_cam_m != pytest.approx(T, abs=1e-3)

@@ -2,7 +2,8 @@
 
 The pages are the notebooks' only source, in jupytext's Markdown: blocks of python and sh are cells, the
 rest is text. Each is executed in FOLDER/PAGE, where what it makes is left, with the notebook and its
-outputs. For each heading the minutes on the clock and those of processor time are printed.
+outputs. For each heading the minutes on the clock and those of processor time are printed. Then
+``python docs/page_pictures.py FOLDER`` makes the pages' pictures.
 """
 
 from __future__ import annotations

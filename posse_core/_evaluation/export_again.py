@@ -20,6 +20,8 @@ from posse_core._errors import ComponentError, InputError
 from posse_core._evaluation.result import Fault, Result
 from posse_core._files.atomic import sha256
 from posse_core._files.reading import parsed_json, read_bytes, read_text
+from posse_core._formats.hf import FOLDER as HF_FOLDER
+from posse_core._formats.hf import options_of
 from posse_core._plugins.loading import load_plugins
 from posse_core._simulator.returned import written
 
@@ -29,12 +31,17 @@ _FILES = {
     "bop": "bop/camera.json",
     "coco": "coco.json",
     "colmap": "colmap",
+    "hf": "hf/croissant.json",
     "nerfstudio": "nerfstudio",
     "posse": "posse/annotations.json",
     "speed": "speed.json",
     "yolo": "yolo/data.yaml",
 }
 """A file of each format, by which an export is known."""
+_UNREAD = frozenset({"posse export", "hf export"})
+"""Exports that no reader proves: what their writers write is all that they are compared with."""
+_PROSE = frozenset({"hf/README.md", "hf/checksums.sha256"})
+"""A card names the libraries of a run, which the run itself does not know before it has ended."""
 _VERSION = ("info", "version")
 _NUMBER_OR_WORD = re.compile(r"[^\s,;:\[\]{}]+")
 
@@ -50,7 +57,7 @@ def check_exports_again(dataset: Dataset, sound: frozenset[str]) -> list[Result]
     lines say, and others are not compared."""
     results = []
     for name, file in _FILES.items():
-        if not (dataset.folder / file).exists() or f"{name} export" not in sound | {"posse export"}:
+        if not (dataset.folder / file).exists() or f"{name} export" not in sound | _UNREAD:
             continue
         result = Result(f"{name} files", "every file is what the writer writes")
         results.append(result)
@@ -68,13 +75,16 @@ def _faults(name: str, dataset: Dataset, result: Result) -> list[str]:
     """What is wrong with the files of an export; their number becomes the result's."""
     faults = []
     result.checked = 0
+    registry = load_plugins().registry
+    given = options_of(dataset.folder / HF_FOLDER) if name == "hf" else {}
     with tempfile.TemporaryDirectory() as folder:
-        written(load_plugins().registry.create("writer", name), name, dataset, Path(folder))
+        writer = registry.create("writer", name, registry.options("writer", name, given))
+        written(writer, name, dataset, Path(folder))
         for fresh in sorted(Path(folder).rglob("*")):
-            if fresh.is_dir():
+            shown = fresh.relative_to(folder).as_posix()
+            if fresh.is_dir() or shown in _PROSE:
                 continue
             result.checked += 1
-            shown = fresh.relative_to(folder).as_posix()
             there = dataset.folder / shown
             if not there.is_file():
                 faults.append(f"{shown}: missing")

@@ -4,6 +4,7 @@ doi:10.1145/3650203.3663326)."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from datetime import date
 from typing import Any, Final
 
 from posse_core._formats.hf_columns import FILE_NAME, Column
@@ -35,6 +36,9 @@ def croissant(
     name: str,
     about: str,
     licence: str,
+    version: str | None,
+    published: date | None,
+    citation: str,
     lists: Mapping[str, str],
     columns: Sequence[Column],
 ) -> dict[str, Any]:
@@ -44,6 +48,9 @@ def croissant(
         name: of the dataset.
         about: a sentence about it.
         licence: identifier, as ``cc-by-4.0``.
+        version: of the dataset, as ``1.2.3``; left out if it is None.
+        published: day of its publication; left out if it is None.
+        citation: of what describes it, in BibTeX.
         lists: split → SHA-256 of its ``metadata.jsonl``.
         columns: of the lists.
     """
@@ -68,6 +75,11 @@ def croissant(
                 "includes": f"{split}/*.png",
             },
         ]
+    known = {
+        "version": version,
+        "datePublished": None if published is None else published.isoformat(),
+        "citeAs": citation,
+    }
     return {
         "@context": _CONTEXT,
         "@type": "sc:Dataset",
@@ -75,6 +87,7 @@ def croissant(
         "name": name,
         "description": about,
         "license": licence,
+        **{key: value for key, value in known.items() if value is not None},
         "distribution": distribution,
         "recordSet": [
             {

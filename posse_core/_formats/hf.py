@@ -11,6 +11,7 @@ import json
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,7 +23,7 @@ from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.layout import BODIES, CAMERA, MANIFEST, PARTS, SCENARIO, SPACECRAFT
 from posse_core._errors import InputError
 from posse_core._files.atomic import sha256, write_bytes, write_json
-from posse_core._files.reading import read_text
+from posse_core._files.reading import parsed_json, read_bytes, read_text
 from posse_core._files.text import text_file
 from posse_core._formats.croissant import croissant
 from posse_core._formats.hf_columns import NEEDS, Column, columns_of, features, row
@@ -45,6 +46,10 @@ class HfOptions(Options):
         pattern=r"^[a-z0-9][a-z0-9.-]*$",
         description="Hugging Face's name of it, as cc-by-4.0",
     )
+    published: date | None = Field(None, description="day of publication, as 2027-03-31")
+    citation: str | None = Field(
+        None, min_length=1, description="BibTeX of what describes the dataset; POSSE's own if not given"
+    )
 
 
 @dataclass(frozen=True)
@@ -60,6 +65,11 @@ class Origin:
     seed: int | None
     renderer: str | None
     versions: Mapping[str, str]
+
+    @property
+    def posse(self) -> str | None:
+        """The version of POSSE, if it is recorded."""
+        return self.versions.get("posse-core")
 
 
 class HfWriter(Writer[HfOptions]):
@@ -83,18 +93,22 @@ class HfWriter(Writer[HfOptions]):
             f"{len(dataset)} rendered images of spacecraft, {dataset.camera.width_px} × "
             f"{dataset.camera.height_px} pixels, with exact labels from geometry."
         )
+        citation = self.options.citation or _citation(origin.posse)
         lists = {split: sha256(out / split / "metadata.jsonl") for split in splits}
         metadata = croissant(
             name=name,
             about=about,
             licence=self.options.licence,
+            version=origin.posse,
+            published=self.options.published,
+            citation=citation,
             lists=lists,
             columns=columns,
         )
         write_json(out / "croissant.json", metadata)
         sizes = {split: len(positions) for split, positions in splits.items()}
         front = _front_matter(name, self.options.licence, sizes, columns)
-        card = _card(name, about, dataset, origin, sizes, columns)
+        card = _card(name, about, dataset, origin, sizes, columns, citation)
         write_bytes(out / "README.md", f"---\n{front}---\n\n{card}".encode())
         files = sorted(path for path in out.rglob("*") if path.is_file())
         rows = (f"{sha256(path)}  {path.relative_to(out).as_posix()}\n" for path in files)
@@ -202,6 +216,12 @@ Keypoints by spacecraft:
 - Seed: {seed}
 - Versions: {versions}
 - `sha256sum -c checksums.sha256` checks every file.
+
+## Citation
+
+```bibtex
+{citation}
+```
 """
 
 
@@ -212,6 +232,7 @@ def _card(
     origin: Origin,
     sizes: Mapping[str, int],
     columns: Sequence[Column],
+    citation: str,
 ) -> str:
     """The card's text."""
     keypoints = {
@@ -228,4 +249,31 @@ def _card(
         renderer=origin.renderer or "not recorded",
         seed="not recorded" if origin.seed is None else origin.seed,
         versions=versions or "not recorded",
+        citation=citation,
     )
+
+
+def options_of(folder: Path) -> dict[str, str]:
+    """The options with which a folder ``hf`` was written, by its ``croissant.json``.
+
+    Raises:
+        InputError: the file is no JSON object.
+    """
+    path = folder / "croissant.json"
+    metadata = parsed_json(read_bytes(path), str(path))
+    if not isinstance(metadata, dict):
+        raise InputError(f"{path}: no JSON object")
+    keys = {"licence": "license", "published": "datePublished", "citation": "citeAs"}
+    return {option: metadata[key] for option, key in keys.items() if key in metadata}
+
+
+def _citation(version: str | None) -> str:
+    """How POSSE asks to be cited with a dataset that it made (CITATION.cff), in BibTeX."""
+    fields = {
+        "author": "{The POSSE authors}",
+        "title": "{POSSE}: un{P}erturbed {O}rbital {S}imulator for {S}pac{E}craft",
+    }
+    if version is not None:
+        fields["version"] = version
+    rows = ",\n".join(f"  {key} = {{{value}}}" for key, value in fields.items())
+    return f"@software{{posse,\n{rows}\n}}"

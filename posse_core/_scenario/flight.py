@@ -108,7 +108,7 @@ class MeasurementConfig(Options):
         if self.delay_s != "measured" and self.delay_s < 0:
             raise ValueError("delay_s is negative; readings arrive after their frame")
         if self.correction is not None and (self.source == "truth" or self.use == "line-of-sight"):
-            raise ValueError("correction is of the keypoints that nets find; leave it out")
+            raise ValueError("correction is of the keypoints that nets find; leave it out, or say null")
         return self
 
 

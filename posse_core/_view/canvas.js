@@ -33,6 +33,15 @@ function stroke(context, from, to) {
   context.stroke();
 }
 
+// Words that can be read on any image: in the fill's colour, with a dark line around them.
+function words(context, text, x, y, line = 1) {
+  context.strokeStyle = "#000";
+  context.lineWidth = 3 * line;
+  context.lineJoin = "round";
+  context.strokeText(text, x, y);
+  context.fillText(text, x, y);
+}
+
 // The head of an arrow, filled, at its tip.
 function arrowhead(context, from, tip) {
   const angle = Math.atan2(tip[1] - from[1], tip[0] - from[0]);

@@ -155,10 +155,7 @@ class MeshView extends Turntable {
       context.beginPath();
       context.arc(u, v, 4, 0, 2 * Math.PI);
       this.isSeen(u, v, away) ? context.fill() : context.stroke();
-      context.strokeStyle = "#000";
-      context.lineWidth = 3;
-      context.strokeText(name, u + 7, v - 5);
-      context.fillText(name, u + 7, v - 5);
+      words(context, name, u + 7, v - 5);
     }
   }
 }

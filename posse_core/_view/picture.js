@@ -167,6 +167,6 @@ function drawNames(context, labels, line) {
   context.font = `${11 * line}px sans-serif`;
   for (const [name, [u, v, visibility]] of Object.entries(labels.keypoints)) {
     context.fillStyle = VISIBILITY[visibility];
-    if (visibility) context.fillText(name, u + 6 * line, v - 5 * line);
+    if (visibility) words(context, name, u + 6 * line, v - 5 * line, line);
   }
 }

@@ -14,6 +14,7 @@ from posse_core._evaluation.validate import validate
 from posse_core._formats.bop import BopWriter, read_bop
 from posse_core._formats.coco import CocoWriter
 from posse_core._formats.colmap import ColmapWriter
+from posse_core._formats.hf import HfOptions, HfWriter
 from posse_core._formats.nerfstudio import NerfstudioWriter
 from posse_core._formats.speed import SpeedWriter, read_speed
 from posse_core._formats.yolo import YoloWriter, read_yolo
@@ -296,3 +297,55 @@ def test_nerfstudio_pose_in_axes_of_opencv(folder):
 def test_nerfstudio_camera_without_the_half_pixel(folder):
     alter_json(folder / "nerfstudio/brick/transforms.json", lambda value: value.update(cx=79.5))
     assert_found(folder, "nerfstudio", "cx is 79.5, the dataset's camera has 80.0", frame=None)
+
+
+@pytest.fixture
+def with_hf(folder):
+    """Written by the export for Hugging Face alone, with options of its own."""
+    options = HfOptions(licence="cc-by-4.0", published="2027-03-31", citation="@misc{bricks}")
+    HfWriter(options).write(Dataset(folder), folder)
+    return folder
+
+
+def assert_hf(folder, *messages):
+    found = results(folder)
+    result = found.pop("hf files")
+    assert [fault.message for fault in result.faults] == list(messages)
+    assert not any(other.faults for other in found.values())
+    return result
+
+
+def test_hf_passes_with_the_options_that_it_was_written_with(with_hf):
+    # images, their list, Croissant, the camera, and mesh and keypoints of two crafts
+    assert assert_hf(with_hf).checked == 12 + 1 + 1 + 1 + 4
+
+
+def test_hf_keypoint_of_another_place(with_hf):
+    path = with_hf / "hf/train/metadata.jsonl"
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    lines[FRAME]["keypoints"][2]["u_px"] += 0.5
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    assert_hf(with_hf, f"hf/train/metadata.jsonl: line {FRAME + 1} is not that of the labels")
+
+
+def test_hf_image_of_another_frame(with_hf):
+    images = with_hf / "hf/train"
+    (images / "000003.png").unlink()
+    shutil.copy(images / "000004.png", images / "000003.png")
+    assert_hf(with_hf, "hf/train/000003.png: it is another image")
+
+
+def test_hf_column_of_another_type(with_hf):
+    def alter(value):
+        fields = value["recordSet"][0]["field"]
+        next(field for field in fields if field["name"] == "index")["dataType"] = "sc:Text"
+
+    alter_json(with_hf / "hf/croissant.json", alter)
+    (fault,) = results(with_hf)["hf files"].faults
+    assert "hf/croissant.json: recordSet.0.field.2.dataType is sc:Text" in fault.message
+
+
+def test_hf_with_a_licence_that_it_cannot_have_been_written_with(with_hf):
+    alter_json(with_hf / "hf/croissant.json", lambda value: value.update(license="All rights!"))
+    (fault,) = results(with_hf)["hf files"].faults
+    assert "licence" in fault.message

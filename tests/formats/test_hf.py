@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import os
 import subprocess
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ import cuboid
 import mlcroissant
 import numpy as np
 import pytest
+import yaml
 from click.testing import CliRunner
 from datasets import DatasetDict, load_dataset
 from huggingface_hub import DatasetCard
@@ -51,9 +53,12 @@ def loaded(folder: Path, cache: Path) -> DatasetDict:
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two spacecraft, divided into three parts, and exported twice: before and after."""
     folder = cuboid.write_dataset(tmp_path_factory.mktemp("two") / "d", TWO)
+    manifest = json.loads((folder / "manifest.json").read_text())
+    manifest["versions"] = {"posse-core": __version__}
+    (folder / "manifest.json").write_text(json.dumps(manifest))
     export(folder)
     write_partition(Dataset(folder), (0.5, 0.25, 0.25), 3, "frame")
-    export(folder, "-o", "hf.licence=cc-by-4.0")
+    export(folder, "-o", "hf.licence=cc-by-4.0", "-o", "hf.published=2027-03-31")
     return folder
 
 
@@ -118,6 +123,9 @@ def test_the_card_of_a_run_that_is_ending(tmp_path: Path) -> None:
 def test_croissant_is_valid_and_its_records_are_the_label_lines(folder: Path) -> None:
     read = mlcroissant.Dataset(jsonld=str(folder / "hf" / "croissant.json"))
     assert not read.metadata.ctx.issues.errors
+    assert not read.metadata.ctx.issues.warnings
+    assert read.metadata.date_published == datetime(2027, 3, 31)
+    assert read.metadata.version == Dataset(folder).manifest.versions["posse-core"]
     lines = {line["index"]: line for line in cuboid.read_lines(folder)}
     for split in ("train", "validation", "test"):
         for record in read.records(split):
@@ -134,6 +142,21 @@ def test_croissant_is_valid_and_its_records_are_the_label_lines(folder: Path) ->
             names = [point[f"{split}/keypoints/name"].decode() for point in record[f"{split}/keypoints"]]
             assert names == list(line["keypoints"])
     assert not lines
+
+
+def test_what_is_cited_is_what_posse_asks_for(folder: Path, tmp_path: Path) -> None:
+    """CITATION.cff asks for it; a publication of the dataset's own takes its place."""
+    asked = yaml.safe_load((Path(__file__).parents[2] / "CITATION.cff").read_text())
+    cited = mlcroissant.Dataset(jsonld=str(folder / "hf" / "croissant.json")).metadata.cite_as
+    plain = cited.replace("{", "").replace("}", "")
+    for text in (asked["title"], asked["authors"][0]["name"], f"version = {asked['version']}"):
+        assert text in plain
+    assert cited in (folder / "hf" / "README.md").read_text()
+    own = "@article{bricks, title = {Bricks}}"
+    HfWriter(HfOptions(citation=own)).write(Dataset(folder), tmp_path)
+    metadata = json.loads((tmp_path / "hf" / "croissant.json").read_text())
+    assert metadata["citeAs"] == own
+    assert "datePublished" not in metadata
 
 
 def test_checksums_are_those_of_all_files(folder: Path) -> None:
@@ -195,6 +218,7 @@ def test_a_dataset_without_boxes_is_told_what_to_add(tmp_path: Path) -> None:
         ("licence=mit", "option -o licence=mit: begin it with a format, as in -o hf.KEY=VALUE"),
         ("hf.license=mit", "hf.license: unknown key"),
         ("hf.licence=All rights!", "hf.licence"),
+        ("hf.published=soon", "hf.published"),
     ],
 )
 def test_wrong_options(folder: Path, option: str, said: str) -> None:

@@ -106,7 +106,7 @@ function drawPoint(context, name, u, v, line) {
   for (const [x, y] of [[1, 0], [-1, 0], [0, 1], [0, -1]])
     stroke(context, [u + 3 * line * x, v + 3 * line * y], [u + 10 * line * x, v + 10 * line * y]);
   context.font = `${12 * line}px sans-serif`;
-  context.fillText(name, u + 7 * line, v - 6 * line);
+  words(context, name, u + 7 * line, v - 6 * line, line);
 }
 
 function save() {

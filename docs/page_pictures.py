@@ -1,5 +1,5 @@
-"""Makes the documentation's pictures of pages: ``python docs/page_pictures.py [FOLDER]``, with Chromium and
-posse-raster.
+"""Makes the documentation's pictures of pages: ``python docs/page_pictures.py [FOLDER]``, with
+Chromium and posse-raster.
 
 Without FOLDER they are those of the keypoint picker and of ``posse annotate``. FOLDER is where
 ``docs/tutorials/run.py`` ran the tutorials; then they are the tutorials' pictures and that of a flight.
@@ -85,6 +85,11 @@ def frame(index: int) -> Callable[[Tab], None]:
     return drive
 
 
+def worst_frames(tab: Tab) -> None:
+    """Go to the last chapter of an evaluation."""
+    tab.tell("[...document.querySelectorAll('h2')].at(-1).scrollIntoView()")
+
+
 def picker() -> None:
     """Aqua's keypoints, after its corner at the front was clicked."""
     registry = load_plugins().registry
@@ -142,8 +147,9 @@ def tutorials(folder: Path) -> None:
     craft, flown = folder / "your-spacecraft", folder / "fly-it"
     shoot("tutorials/keypoints", craft / "proposed" / "keypoints.html", (1200, 800), 1000)
     shoot("tutorials/view", craft / "frames" / "view.html", (1400, 1260), 1000, frame(100))
-    shoot("tutorials/eval", craft / "eval.html", (1000, 1154), 800)
-    shoot("tutorials/real-eval", folder / "synthetic-to-real" / "real.html", (1000, 1154), 800)
+    shoot("tutorials/eval", craft / "eval.html", (1400, 1300), 900)
+    real = folder / "synthetic-to-real" / "real.html"
+    shoot("tutorials/real-eval", real, (1000, 1154), 800, worst_frames)
     shoot("tutorials/flight-page", flown / "approach" / "flight.html", (1400, 1500), 1000, frame(60))
     shoot("tutorials/visit", flown / "visit" / "flight.html", (1400, 1500), 1000, frame(25))
     shoot("flight", flown / "approach" / "flight.html", (1400, 1500), 896, frame(45))

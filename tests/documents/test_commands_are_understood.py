@@ -170,7 +170,7 @@ def pip_install(block: Block, words: list[str]) -> None:
         name, _, extras = word.rstrip("]").partition("[")
         if name.startswith("posse"):
             assert set(filter(None, extras.split(","))) <= PROJECTS[name], block.name
-        elif "/" in name:
+        elif "/" in name and "://" not in name:  # an address is of an index
             assert (ROOT / name / "pyproject.toml").is_file(), block.name
 
 

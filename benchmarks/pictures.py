@@ -19,7 +19,7 @@ from posse_core._arrays import AnyArray
 from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.files import read_image
 from posse_core._evaluation.case import Case
-from posse_core._evaluation.pictures import PictureChecks
+from posse_core._evaluation.pictures import PictureChecks, Subject
 from posse_core._evaluation.scenarios import Scenarios
 
 Altered = Callable[[list[AnyArray], int], AnyArray]
@@ -35,6 +35,21 @@ ALTERED: dict[str, Altered] = {
 }
 
 
+class Remembering(PictureChecks):
+    """Checks that compute only once what a frame's pictures are compared with."""
+
+    def __init__(self, scenarios: Scenarios, known: dict[int, Subject]) -> None:
+        super().__init__(scenarios)
+        self._known = known
+
+    def subject(self, case: Case) -> Subject:
+        """What a frame's picture is compared with."""
+        index = case.labels.index
+        if index not in self._known:
+            self._known[index] = super().subject(case)
+        return self._known[index]
+
+
 @click.command()
 @click.argument("folders", type=click.Path(path_type=Path), nargs=-1, required=True)
 def main(folders: tuple[Path, ...]) -> None:
@@ -47,10 +62,11 @@ def main(folders: tuple[Path, ...]) -> None:
         scenarios = Scenarios(dataset)
         cases = [Case(dataset, labels) for labels in dataset]
         images = [read_image(folder / case.labels.image) for case in cases]
+        known: dict[int, Subject] = {}
         sure = set()
         for i, case in enumerate(cases):
             frames += 1
-            checked, faults = _compared(scenarios, cases, images, i, images[i])
+            checked, faults = _compared(Remembering(scenarios, known), cases, images, i, images[i])
             if faults:
                 alarms += 1
                 click.echo(f"{folder} frame {case.labels.index}: {faults[0]}")
@@ -60,7 +76,9 @@ def main(folders: tuple[Path, ...]) -> None:
         for name, alter in ALTERED.items():
             for i in sorted(sure):
                 altered = np.ascontiguousarray(alter(images, i))
-                found[name] += bool(_compared(scenarios, cases, images, i, altered)[1])
+                found[name] += bool(
+                    _compared(Remembering(scenarios, known), cases, images, i, altered)[1]
+                )
     click.echo(f"{frames} frames, {proven} prove something, {alarms} false alarms")
     for name in ALTERED:
         click.echo(f"{name:22s} {found[name]:5d} found, {found[name] / max(proven, 1):.1%}")
@@ -68,21 +86,20 @@ def main(folders: tuple[Path, ...]) -> None:
 
 
 def _compared(
-    scenarios: Scenarios, cases: list[Case], images: list[AnyArray], i: int, image: AnyArray
+    checks: Remembering, cases: list[Case], images: list[AnyArray], i: int, image: AnyArray
 ) -> tuple[int, list[str]]:
-    """Whether a frame proves something, and its faults; the frame before it is there as it is."""
-    checks = PictureChecks(scenarios)
-    if i:
-        checks.compare(cases[i - 1], images[i - 1])
-    before = [(result.checked, len(result.faults)) for result in checks.results]
-    checks.compare(cases[i], image)
-    results = checks.results
+    """Whether a frame proves something, and its faults; the frames beside it are there as they are."""
+    checked = 0
+    for near in range(max(i - 1, 0), min(i + 2, len(cases))):
+        before = checks.results[0].checked
+        checks.compare(cases[near], image if near == i else images[near])
+        if near == i:
+            checked = checks.results[0].checked - before
+    index = cases[i].labels.index
     faults = [
-        fault.message
-        for result, (_, n) in zip(results, before, strict=True)
-        for fault in result.faults[n:]
+        fault.message for result in checks.results for fault in result.faults if fault.frame == index
     ]
-    return results[0].checked - before[0][0], faults
+    return checked, faults
 
 
 if __name__ == "__main__":

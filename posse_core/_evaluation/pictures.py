@@ -2,9 +2,10 @@
 
 The outline of each body's mask is compared with the edges of the picture (:mod:`outlines`): a picture
 that is shifted, mirrored, or of another frame does not fit. Only points that must be seen count: those
-whose surface the Sun lights by the labels, and those before something bright. A frame in which too few
-of them see an edge, because it is in eclipse, backlit, saturated, too small, or blurred by motion,
-proves nothing either way, and is counted as such.
+whose surface the Sun lights by the labels, and those before something bright. What the Sun shows of the
+bodies is compared too (:mod:`drawings`), with the picture, its mirror images and those of the frames
+beside. A frame in which too little is seen, because it is in eclipse, backlit, saturated, too small, or
+blurred by motion, proves nothing either way, and is counted as such.
 """
 
 from __future__ import annotations
@@ -12,16 +13,16 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 
-from posse_core._arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
+from posse_core._arrays import AnyArray, BoolArray, Float32Array
 from posse_core._dataset.files import read_image
 from posse_core._dataset.layout import inside
 from posse_core._errors import InputError
 from posse_core._evaluation.case import Case
-from posse_core._evaluation.outlines import Edges, Fit, Outline, outline_of
+from posse_core._evaluation.drawings import Drawing, DrawingFit, drawing_of
+from posse_core._evaluation.outlines import Edges, Fit
 from posse_core._evaluation.photometry import (
     MOST_NOISE,
     SATURATED,
@@ -32,20 +33,17 @@ from posse_core._evaluation.photometry import (
 )
 from posse_core._evaluation.result import Fault, Result
 from posse_core._evaluation.scenarios import Scenarios
-from posse_core._evaluation.sunlight import sunlit
+from posse_core._evaluation.views import View, views_of
 from posse_core._model.srgb import linear_from_srgb
+from posse_core._scenario.model import Scenario
 from posse_core._scenario.sensor import SensorConfig
 
-LEAST_MASK_PX = 15
-"""Length of the longer side of a mask below which its outline proves nothing."""
 LEAST_SUNLIGHT = 0.3
 """Least share of the Sun's disc that must light the spacecraft."""
-GRAZING = 0.1
-"""Cosine of the angle between normal and Sun below which a surface is not taken as lit."""
 BRIGHT = 0.02
 """Light, as a share of white, before which a dark spacecraft has an edge; of a shorter exposure than one
 that shows a white plate in sunlight as white, as much less."""
-LEAST_POWER = 7.0
+LEAST_POWER = 4.5
 """Least :attr:`Fit.power` of a body that proves anything."""
 OTHER_SHARE, OTHER_SHARE_BEFORE_LIGHT = 0.3, 0.1
 """A picture whose edges fit the outline by less than this share shows something else; clouds behind the
@@ -55,28 +53,16 @@ SHIFT_PX, SHIFT_GAIN, SHIFT_SHARE, SHIFT_POWER = 2, 1.2, 0.5, 6.0
 least :attr:`Fit.power` of the points that tell it."""
 RIVAL_SHARE, RIVAL_LEAD = 0.5, 0.2
 """How well a mirrored picture or another frame's outline must fit, and by how much better."""
+DRAWN_LEAST = 0.2
+"""A picture that correlates less with what the Sun shows is of something else, unless the target's
+outline fits."""
+DRAWN_BEST, DRAWN_LEAD, DRAWN_GAIN = 0.4, 0.1, 0.04
+"""Least correlation of a mirrored or shifted picture, or of another frame; and by how much more it must
+be than the picture's own, for these and for a shift."""
+MIRRORED = ((True, False), (False, True), (True, True))
+"""Axes x and y in which a picture may be mirrored."""
 MOST_SMEAR_PX = 3.0
 """Motion during the exposure above which the outline of the instant proves nothing."""
-
-
-@dataclass(frozen=True)
-class View:
-    """What a frame's picture is compared with: a body.
-
-    Attributes:
-        name: of the body.
-        is_target: whether it is the target. Another body may look like what it is before, such as a
-            mirror before dark panels, so that its edges prove a picture wrong only where they fit
-            better elsewhere.
-        outline: of its mask.
-        lit: (N,) whether the Sun lights the surface at each of its points, as far as the target's own
-            shadow is known.
-    """
-
-    name: str
-    is_target: bool
-    outline: Outline
-    lit: BoolArray
 
 
 def light_of(image: AnyArray, response: str) -> Float32Array:
@@ -95,85 +81,28 @@ def noise_of(light: Float32Array) -> float:
     return float(1.4826 / np.sqrt(2) * np.median(np.abs(difference)))
 
 
-def views_of(case: Case) -> Iterator[View]:
-    """The bodies of a frame whose masks are large enough."""
-    labels = case.labels
-    depth_m = case.truth.get("depth_m")
-    if depth_m is None:
-        depth_m = case.hits.depth_m
-    sun_cam = case.target.R_cam_from_body @ np.array(labels.sun_direction_body)
-    for name, body in labels.instances.items():
-        if not body.has("mask_rle"):
-            continue
-        mask = body.mask_rle.mask()
-        if _longest_px(mask) < LEAST_MASK_PX:
-            continue
-        outline = outline_of(mask)
-        lit = _cosine_to_sun(case, mask, depth_m, outline, sun_cam) > GRAZING
-        if name is None and case.camera.line_time_s == 0:
-            lit &= _out_of_shadow(case, outline)
-        yield View(name or labels.spacecraft, name is None, outline, lit)
-
-
-def _longest_px(mask: BoolArray) -> int:
-    sides = [np.flatnonzero(mask.any(axis=axis)) for axis in (0, 1)]
-    return max(int(np.ptp(side)) + 1 if len(side) else 0 for side in sides)
-
-
-def _out_of_shadow(case: Case, outline: Outline) -> BoolArray:
-    """(N,) whether no part may be between the Sun and what is just inside each point."""
-    column, row = _just_inside(outline, case.target.mask.shape).T
-    seen = np.flatnonzero(case.hits.face[row, column] >= 0)
-    free = np.zeros(len(outline), dtype=bool)
-    if len(seen):
-        free[seen] = sunlit(case, row[seen], column[seen])[1]
-    return free
-
-
-def _just_inside(outline: Outline, shape: tuple[int, ...]) -> IntArray:
-    """(N, 2) column and row of a pixel within the mask (H, W), not at the image's border."""
-    at = np.round(outline.uv_px - 2 * outline.outward).astype(np.int64)
-    return np.asarray(np.clip(at, 1, np.array(shape[::-1]) - 2))
-
-
-def _cosine_to_sun(
-    case: Case, mask: BoolArray, depth_m: FloatArray, outline: Outline, sun_cam: FloatArray
-) -> FloatArray:
-    """(N,) cosine of the Sun's angle to the surface just inside each point, by depths of neighbours."""
-    at = _just_inside(outline, mask.shape)
-
-    def points_m(du: int, dv: int) -> FloatArray:
-        u, v = at[:, 0] + du, at[:, 1] + dv
-        z = np.where(mask[v, u] & np.isfinite(depth_m[v, u]), depth_m[v, u], np.nan)
-        return case.camera.rays(np.stack([u, v], axis=-1)) * z[:, None]
-
-    middle = points_m(0, 0)
-
-    def along(du: int, dv: int) -> FloatArray:
-        """Difference to the neighbour on the side where the depth changes less."""
-        ahead, back = points_m(du, dv) - middle, middle - points_m(-du, -dv)
-        is_ahead = _flatness(ahead) <= _flatness(back)
-        return np.where(is_ahead[:, None], ahead, back)
-
-    normal = np.cross(along(1, 0), along(0, 1))
-    normal *= np.where(normal[:, 2:] > 0, -1.0, 1.0)
-    length = np.linalg.norm(normal, axis=1)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(np.nan_to_num(normal @ sun_cam / length, nan=0.0))
-
-
-def _flatness(difference: FloatArray) -> FloatArray:
-    return np.asarray(np.nan_to_num(np.abs(difference[:, 2]), nan=np.inf))
-
-
 @dataclass(frozen=True)
+class Subject:
+    """What the picture of a frame is compared with, by its labels.
+
+    Attributes:
+        views: the bodies whose masks are large enough.
+        drawing: what the Sun shows of the bodies; None where that is too little.
+    """
+
+    views: tuple[View, ...]
+    drawing: Drawing | None
+
+
+@dataclass
 class _Kept:
-    """A frame whose picture was compared, kept for the next."""
+    """A frame whose picture was compared, kept for the next; drawn is how its own drawing fits."""
 
     index: int
     light: Float32Array
-    views: list[View]
-    shares: dict[str, float]
+    subject: Subject
+    drawn: DrawingFit | None = None
+    is_at_fault: bool = False
 
 
 class PictureChecks:
@@ -181,7 +110,7 @@ class PictureChecks:
 
     def __init__(self, scenarios: Scenarios) -> None:
         self._scenarios = scenarios
-        self._outlines = Result("picture", "edges are where the outlines of the masks are")
+        self._outlines = Result("picture", "edges and shading are where the labels have them")
         self._light = Result(
             "light", "pictures are as bright, and as coloured, as sensor and Sun make them"
         )
@@ -206,6 +135,17 @@ class PictureChecks:
             return  # said by ``files``
         self.compare(case, image)
 
+    def subject(self, case: Case) -> Subject:
+        """What a frame's picture is compared with."""
+        scenario = self._scenarios.of(case.labels)
+        if not _is_by_sun(scenario):
+            return Subject(tuple(views_of(case)), None)
+        colours = self._scenarios.base_colours(case.labels)
+        reflectance = np.array([colour.mean() for colour in colours])
+        if len(reflectance) != len(case.parts):
+            reflectance = np.ones(len(case.parts))
+        return Subject(tuple(views_of(case)), drawing_of(case, reflectance))
+
     def compare(self, case: Case, image: AnyArray) -> None:
         """Check a frame's picture (H, W) or (H, W, 3), uint8 or uint16."""
         labels = case.labels
@@ -224,38 +164,45 @@ class PictureChecks:
         if why is not None:
             self._unproven[why] += 1
             return
-        views = list(views_of(case))
+        subject = self.subject(case)
         noise = noise_of(light)
         if noise > MOST_NOISE:
             self._outlines.checked += 1
             text = f"the picture is noise: neighbours differ by {noise:.2g} of white"
             self._outlines.faults.append(Fault(labels.index, text))
             return
-        kept = _Kept(labels.index, light, views, {})
+        kept, last = _Kept(labels.index, light, subject), self._last
+        self._last = kept
         least_bright = BRIGHT * _exposure_share(case, sensor)
-        faults, proven = [], False
-        for view in views:
+        faults, is_proven, is_like_target = [], False, False
+        for view in subject.views:
             edges = Edges(light, view.outline, noise)
             bright = (edges.beside > least_bright) & (edges.beside < SATURATED)
-            chosen = view.lit | bright
-            fit = edges.fit(chosen)
+            fit = edges.fit(view.lit | bright)
             if fit is None or fit.power < LEAST_POWER:
                 continue
-            proven = True
-            kept.shares[view.name] = fit.share
-            fault = self._fault(view, edges, fit, bright, light, noise, least_bright)
+            is_proven = True
+            is_like_target |= view.is_target and fit.share > RIVAL_SHARE
+            fault = _outline_fault(view, edges, fit, bright, kept, last, noise, least_bright)
             if fault is not None:
                 faults.append(f"{fault} (outline of {view.name})")
-        self._last = kept
-        if not proven:
-            self._unproven["too small, dark or bright" if views else "too small"] += 1
+        if subject.drawing is not None:
+            kept.drawn = subject.drawing.fit(light)
+        if kept.drawn is not None:
+            is_proven = True
+            faults += _drawn_faults(kept, last, is_like_target)
+        if not is_proven:
+            self._unproven["too small, dark or bright" if subject.views else "too small"] += 1
             return
         self._outlines.checked += 1
+        if last is not None and not last.is_at_fault and _shows(last, kept):
+            text = f"the picture shows frame {kept.index}: what the Sun shows then fits it better"
+            self._outlines.faults.append(Fault(last.index, text))
+        kept.is_at_fault = bool(faults)
         self._outlines.faults += [Fault(labels.index, text) for text in faults[:1]]
 
     def _light_faults(self, case: Case, image: AnyArray, sensor: SensorConfig) -> Iterator[str]:
-        scenario = self._scenarios.of(case.labels)
-        by_sun = scenario is None or scenario.sky.laboratory is None
+        by_sun = _is_by_sun(self._scenarios.of(case.labels))
         yield from brightness_faults(case, image, sensor, by_sun=by_sun)
         if by_sun and image.ndim == 3 and case.has("q_cam_from_body", "t_body_cam_m"):
             colours = self._scenarios.base_colours(case.labels)
@@ -264,50 +211,97 @@ class PictureChecks:
                 if fault is not None:
                     yield fault
 
-    def _fault(
-        self,
-        view: View,
-        edges: Edges,
-        fit: Fit,
-        bright: BoolArray,
-        light: Float32Array,
-        noise: float,
-        least_bright: float,
-    ) -> str | None:
-        """What is wrong with a picture that an outline fits so; bright: (N,) points before light."""
-        chosen = view.lit | bright
-        best_rival, what = 0.0, ""
-        for x, y in product((False, True), repeat=2):
-            if x or y:
-                rival = Edges(light, view.outline.mirrored(light.shape, x, y), noise).fit(chosen)
-                if rival is not None and rival.power >= LEAST_POWER and rival.share > best_rival:
-                    best_rival = rival.share
-                    what = f"is mirrored in {' and '.join('xy'[i] for i, on in enumerate((x, y)) if on)}"
-        if self._last is not None:
-            other = next((each for each in self._last.views if each.name == view.name), None)
-            if other is not None:
-                others = Edges(light, other.outline, noise)
-                beside = (others.beside > least_bright) & (others.beside < SATURATED)
-                rival = others.fit(other.lit | beside)
-                if rival is not None and rival.power >= LEAST_POWER and rival.share > best_rival:
-                    best_rival, what = rival.share, f"shows frame {self._last.index}"
-        if best_rival > RIVAL_SHARE and best_rival - fit.share > RIVAL_LEAD:
-            return f"the picture {what}: its edges fit that better"
-        # Before clouds, and where the spacecraft is thin, another edge may be the stronger one.
-        moved = edges.fit(view.lit & view.outline.deep)
-        if (
-            moved is not None
-            and moved.power >= SHIFT_POWER
-            and max(abs(shift) for shift in moved.shift_px) >= SHIFT_PX
-            and moved.gain > SHIFT_GAIN
-            and moved.best > SHIFT_SHARE
-        ):
-            return f"the picture is shifted by {moved.shift_px} px"
-        before_light = float((bright & chosen).sum() / chosen.sum())
-        least = OTHER_SHARE + before_light * (OTHER_SHARE_BEFORE_LIGHT - OTHER_SHARE)
-        if view.is_target and fit.share < least:
-            return f"the picture shows something else: its edges fit by {max(fit.share, 0):.0%}"
-        return None
+
+def _is_by_sun(scenario: Scenario | None) -> bool:
+    """Whether the Sun is the brightest light, and not the light boxes of a laboratory."""
+    return scenario is None or scenario.sky.laboratory is None
+
+
+def _outline_fault(
+    view: View,
+    edges: Edges,
+    fit: Fit,
+    bright: BoolArray,
+    kept: _Kept,
+    last: _Kept | None,
+    noise: float,
+    least_bright: float,
+) -> str | None:
+    """What is wrong with a picture that an outline fits so; bright: (N,) points before light."""
+    chosen, light = view.lit | bright, kept.light
+    best_rival, what = 0.0, ""
+    for x, y in MIRRORED:
+        rival = Edges(light, view.outline.mirrored(light.shape, x, y), noise).fit(chosen)
+        if rival is not None and rival.power >= LEAST_POWER and rival.share > best_rival:
+            best_rival, what = rival.share, _mirrored(x, y)
+    if last is not None:
+        other = next((each for each in last.subject.views if each.name == view.name), None)
+        if other is not None:
+            others = Edges(light, other.outline, noise)
+            beside = (others.beside > least_bright) & (others.beside < SATURATED)
+            rival = others.fit(other.lit | beside)
+            if rival is not None and rival.power >= LEAST_POWER and rival.share > best_rival:
+                best_rival, what = rival.share, f"shows frame {last.index}"
+    if best_rival > RIVAL_SHARE and best_rival - fit.share > RIVAL_LEAD:
+        return f"the picture {what}: its edges fit that better"
+    # Before clouds, and where the spacecraft is thin, another edge may be the stronger one.
+    moved = edges.fit(view.lit & view.outline.deep)
+    if (
+        moved is not None
+        and moved.power >= SHIFT_POWER
+        and max(abs(shift) for shift in moved.shift_px) >= SHIFT_PX
+        and moved.gain > SHIFT_GAIN
+        and moved.best > SHIFT_SHARE
+    ):
+        return f"the picture is shifted by {moved.shift_px} px"
+    before_light = float((bright & chosen).sum() / chosen.sum())
+    least = OTHER_SHARE + before_light * (OTHER_SHARE_BEFORE_LIGHT - OTHER_SHARE)
+    if view.is_target and fit.share < least:
+        return f"the picture shows something else: its edges fit by {max(fit.share, 0):.0%}"
+    return None
+
+
+def _mirrored(x: bool, y: bool) -> str:
+    return f"is mirrored in {' and '.join('xy'[i] for i, on in enumerate((x, y)) if on)}"
+
+
+def _drawn_faults(kept: _Kept, last: _Kept | None, is_like_target: bool) -> Iterator[str]:
+    """What is wrong with a picture that the drawing of its labels fits as it does; is_like_target:
+    the target's outline is there, and so is not something else."""
+    drawing, drawn, light = kept.subject.drawing, kept.drawn, kept.light
+    if drawing is None or drawn is None:
+        return
+    for x, y in MIRRORED:
+        mirror = light[:: -1 if y else 1, :: -1 if x else 1]
+        if _is_better(drawing.fit(np.ascontiguousarray(mirror)), drawn):
+            yield f"the picture {_mirrored(x, y)}: what the Sun shows fits that better"
+    before = None if last is None else last.subject.drawing
+    if last is not None and before is not None and _is_better(before.fit(light), drawn):
+        yield f"the picture shows frame {last.index}: what the Sun shows then fits it better"
+    gain = drawn.best - drawn.correlation
+    if drawn.steps >= SHIFT_PX and gain > DRAWN_GAIN and drawn.best > DRAWN_BEST:
+        yield f"the picture is shifted by {drawn.shift_px} px"
+    if drawn.correlation < DRAWN_LEAST and not is_like_target:
+        yield (
+            "the picture shows something else: it correlates with what the Sun shows by"
+            f" {drawn.correlation:.0%}"
+        )
+
+
+def _is_better(rival: DrawingFit | None, own: DrawingFit) -> bool:
+    return (
+        rival is not None
+        and rival.correlation > DRAWN_BEST
+        and rival.correlation - own.correlation > DRAWN_LEAD
+    )
+
+
+def _shows(last: _Kept, kept: _Kept) -> bool:
+    """Whether the last picture is explained better by this frame's labels."""
+    drawing = kept.subject.drawing
+    if drawing is None or last.drawn is None:
+        return False
+    return _is_better(drawing.fit(last.light), last.drawn)
 
 
 def _exposure_share(case: Case, sensor: SensorConfig | None) -> float:

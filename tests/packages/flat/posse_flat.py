@@ -1,8 +1,9 @@
-"""A renderer for tests of the pipeline: one grey over the whole box, and deaths on demand."""
+"""A renderer for tests of the pipeline: one grey over the silhouette, and deaths on demand."""
 
 import os
 import signal
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from posse_core import (
     Labels,
     Options,
     Radiance,
+    RayCaster,
     Renderer,
     WorkerLost,
     hookimpl,
@@ -50,7 +52,9 @@ class Flat(Renderer):
     once."""
 
     def open(self, scene):
-        self.scene = scene
+        # A request is of one instant, under a rolling shutter too.
+        self.camera = replace(scene.camera, line_time_s=0.0)
+        self.caster = RayCaster(replace(scene, camera=self.camera))
 
     def render(self, request):
         index = str(request.index)
@@ -65,9 +69,15 @@ class Flat(Renderer):
             raise WorkerLost("the lamp's process has died")
         if os.environ.get("FLAT_RAISE") == index:
             raise RuntimeError("the lamp is broken")
-        shape = (request.box.height, request.box.width)
-        light = np.full((*shape, 3), self.options.radiance_w_m2_sr, dtype=np.float32)
-        return Radiance(request.box, light, np.ones(shape, dtype=np.float32))
+        coverage = self._silhouette(request)
+        light = np.repeat(coverage[..., None] * np.float32(self.options.radiance_w_m2_sr), 3, axis=2)
+        return Radiance(request.box, light, coverage)
+
+    def _silhouette(self, request):
+        view = self.caster.view(request.craft)
+        covered = np.zeros((self.camera.height_px, self.camera.width_px), np.float32)
+        covered[view.box.slices] = view.hit
+        return covered[request.box.slices]
 
     def _first_time(self, variable, index):
         once, _, marker = os.environ.get(variable, "").partition(",")

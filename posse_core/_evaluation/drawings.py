@@ -9,6 +9,7 @@ a material is matters little. A picture of something else correlates by about 0.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -114,7 +115,7 @@ class Drawing:
             steps=max(abs(each) for each in shift),
         )
 
-    def _crop(self, array: Float32Array, beyond: str) -> Float32Array:
+    def _crop(self, array: Float32Array, beyond: Literal["edge", "constant"]) -> Float32Array:
         """What is around the bodies of an array (h, w), also beyond the image."""
         (height, width), (top, left) = self._size, (self._top, self._left)
         bottom, right = top + height, left + width
@@ -123,8 +124,7 @@ class Drawing:
             (max(-top, 0), max(bottom - array.shape[0], 0)),
             (max(-left, 0), max(right - array.shape[1], 0)),
         )
-        mode = "edge" if beyond == "edge" else "constant"
-        return np.ascontiguousarray(np.pad(inside, pad, mode=mode))
+        return np.ascontiguousarray(np.pad(inside, pad, mode=beyond))
 
 
 def drawing_of(case: Case, reflectance: FloatArray) -> Drawing | None:

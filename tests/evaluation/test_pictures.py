@@ -6,6 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from posse_core._evaluation.outlines import Edges, outline_of
+from posse_core._evaluation.photometry import format_faults
+from posse_core._scenario.sensor import SensorConfig
 
 HEIGHT, WIDTH = 120, 160
 V, U = np.mgrid[:HEIGHT, :WIDTH].astype(float)
@@ -78,3 +80,14 @@ def test_the_mirrored_outline_is_that_of_the_mirrored_mask(x, y):
     order = [np.lexsort(outline.uv_px.round(6).T) for outline in (ours, theirs)]
     assert np.allclose(ours.uv_px[order[0]], theirs.uv_px[order[1]], atol=1e-4)
     assert np.allclose(ours.outward[order[0]], theirs.outward[order[1]], atol=1e-4)
+
+
+def test_sixteen_bits_that_are_only_eight_are_found():
+    sensor = SensorConfig(bit_depth=16, color="mono")
+    true = np.random.default_rng(0).integers(0, 2**16, (40, 50), np.uint16)
+    assert list(format_faults(true, sensor)) == []
+    for cut in (true >> 8 << 8, (true >> 8) * 257):
+        assert list(format_faults(cut, sensor)) == [
+            "the picture has 16 bits, but only 8 of them are used"
+        ]
+    assert "no value above 255" in next(format_faults(true >> 8, sensor))

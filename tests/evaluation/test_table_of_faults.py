@@ -92,10 +92,6 @@ def scaled_model(folder):
     path.write_bytes(bytes(data))
 
 
-def lists_swapped(folder):
-    p.swapped("yolo/train.txt", "yolo/valid.txt")(folder)
-
-
 def first_rows_dropped(image):
     return cv2.resize(image[20:-20, 20:-20], image.shape[1::-1])
 

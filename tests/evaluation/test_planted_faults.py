@@ -9,11 +9,13 @@ from typing import Any
 import cuboid
 import cv2
 import numpy as np
+import planting
 import pytest
 from click.testing import CliRunner
 from pycocotools import mask as coco_mask
 from scipy.spatial.transform import Rotation
 
+from posse_core._cli.partition import command as partition
 from posse_core._cli.validate import command
 from posse_core._dataset.dataset import Dataset
 from posse_core._errors import CheckFailed, InputError
@@ -546,3 +548,10 @@ def test_command_ends_with_code_2_where_there_is_no_dataset(tmp_path):
     result = CliRunner().invoke(command, [str(tmp_path / "nothing")])
     assert isinstance(result.exception, InputError)
     assert result.exception.exit_code == 2
+
+
+def test_lists_of_a_partition_exchanged(folder):
+    assert CliRunner().invoke(partition, [str(folder), "--split", "50/25/25"]).exit_code == 0
+    assert prove(folder).passed
+    planting.swapped("partition/train_images.csv", "partition/valid_images.csv")(folder)
+    assert_found(folder, "partition", "train_images.csv does not list the images of train", None)

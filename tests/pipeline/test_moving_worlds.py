@@ -59,8 +59,7 @@ def test_the_dataset_is_proven(made, posse_in):
     done = posse_in(made.parent, "validate", "d", "--json")
     assert done.returncode == 0, done.stdout
     checks = {check["name"]: check["checked"] for check in json.loads(done.stdout)["checks"]}
-    # The renderer fills its box, so no picture proves an outline.
-    unproven = {"albedo", "partition", "picture"}
+    unproven = {"albedo", "partition"}
     assert {name for name, checked in checks.items() if checked == 0} == unproven
 
 

@@ -155,7 +155,11 @@ def main(scenario: str, renderer: str, frames: int) -> None:
     labels = median(
         (f["geometry"] + f["annotators"])[0] / f["render"][0] for f in measured if f["render"][0]
     )
+    beside = median(
+        (f["sky"] + f["sensor"] + f["write"])[1] / f["render"][1] for f in measured if f["render"][1]
+    )
     print(f"\nlabels / render by wall-clock time, median over the frames: {labels:.1%}")
+    print(f"(sky + sensor + write) / render by processor time, likewise: {beside:.2f}")
     print("total is a run's frame, which is written; in memory is a simulator's frame, which is not")
 
 

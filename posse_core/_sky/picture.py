@@ -120,21 +120,24 @@ def _mixed(
     """(3, h, w) radiance of a tile (Surface.COUNT, h, w), of which a part is traced.
 
     ``inside`` and ``traced`` (h, w) are the pixels whose fields hold, and those to be computed one by
-    one, in place. There is no light from the others.
+    one. There is no light from the others.
     """
+    light = np.zeros((3, box.height, box.width), dtype=np.float32)
     v, u = np.nonzero(traced)
-    rays_cam = camera.rays(np.stack([u + box.x0, v + box.y0], axis=-1))
-    rays = earth.rays(rays_cam, camera.pixel_rad)
+    rays = earth.rays(camera.rays(np.stack([u + box.x0, v + box.y0], axis=-1)), camera.pixel_rad)
+    light[:, v, u] = earth.air_light(rays, camera.pixel_rad).T
+    known = fields[:, inside]
     ground = np.flatnonzero(rays.on_ground > 0)
-    if len(ground) and not Surface(fields).is_dark:  # in the night there is nothing to compute
-        fields[:, v[ground], u[ground]] = earth.surface(rays, ground, camera.pixel_rad)
-    share = inside.astype(np.float32)
-    share[v, u] = rays.on_ground
-    light = (
-        earth.ground_light(Surface(fields)) if share.any() else np.zeros((3, *share.shape), np.float32)
-    )
-    light *= share
-    light[:, v, u] += earth.air_light(rays, camera.pixel_rad).T
+    if (
+        Surface(fields).is_dark or not known.size + ground.size
+    ):  # in the night there is nothing to compute
+        return light
+    if ground.size:
+        known = np.concatenate([known, earth.surface(rays, ground, camera.pixel_rad)], axis=1)
+    of_ground = earth.ground_light(Surface(known))
+    smooth = known.shape[1] - ground.size
+    light[:, inside] = of_ground[:, :smooth]
+    light[:, v[ground], u[ground]] += rays.on_ground[ground] * of_ground[:, smooth:]
     return light
 
 

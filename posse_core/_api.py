@@ -199,7 +199,8 @@ def detector(
             shipped one of the target, or else of Aqua and Cluster.
         keypoints: file of the model that finds their keypoints; None is the shipped one where ``boxes``
             is None too, else none, and there are no poses.
-        least_score: detections below it are left out, 0 … 1.
+        least_score: detections below it are left out, 0 … 1; a third of it is enough where the pose is
+            trusted.
         options: of the components that read the models, as in ``{"threads": 1}``.
         target: the spacecraft that a shipped model is to know, and whose mesh gives boxes and refined
             poses: a name, or the folder of its package; None means those whose name is that of a class.

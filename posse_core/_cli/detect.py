@@ -52,7 +52,7 @@ _SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
     default=0.3,
     show_default=True,
     type=click.FloatRange(0, 1),
-    help="Drop detections with a lower score.",
+    help="Drop detections with a lower score; a third of it is enough where the pose is trusted.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
 @refine_options

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posse_core._arrays import AnyArray, FloatArray
+from posse_core._arrays import FloatArray
 from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.images import LabelledImages
 from posse_core._dataset.mesh import Mesh
 from posse_core._dataset.spacecraft import SpacecraftInfo
-from posse_core._detection.looking import look
+from posse_core._detection.looking import sightings_of
 from posse_core._detection.pnp import MIN_POINTS
 from posse_core._detection.pose_detector import LEAST_SCORE
 from posse_core._detection.shapes import Shapes, Sighting
@@ -22,7 +22,6 @@ from posse_core._evaluation.poses import add_m, adi_m, nees, pose_errors
 from posse_core._frames import matrix_from_quaternion
 from posse_core._interfaces.detector import Detection, Detector, KeypointFinder, PoseEstimate
 from posse_core._interfaces.trust import ANGLE_RAD, RANGE_SHARE
-from posse_core._model.camera import Camera
 from posse_core._model.label_line import BodyLabels, LabelLine
 
 
@@ -154,16 +153,20 @@ def evaluate(
             if body.spacecraft in detector.classes
         }
         found = [d for d in detector.predict([image])[0] if d.label in dataset.classes]
-        sightings = [Sighting(detection, None) for detection in found]
+        sightings: list[Sighting] = []
+        others = found
         if finder is not None:
-            sun = sun_direction_cam(labels)
-            sightings = [
-                _sighted(finder, shapes, image, each, dataset.camera, sun, judged=place < len(seen))
-                for place, each in enumerate(found)
-            ]
+            posed = [d for d in found if _gives_poses(finder, d.label)]
+            given = finder, image, dataset.camera, shapes, LEAST_SCORE
+            sightings, dropped = sightings_of(posed, *given, sun_direction_cam(labels))
+            others = dropped + [d for d in found if not _gives_poses(finder, d.label)]
+        sightings += [Sighting(detection, None) for detection in others]
         bodies = _judged(dataset, seen, sightings, finder)
-        others = ((each.detection.label, each.pose) for each in sightings[len(seen) :])
-        false = [FalsePose(label, pose.trust) for label, pose in others if pose is not None]
+        false = [
+            FalsePose(each.detection.label, each.pose.trust)
+            for each in sightings[len(seen) :]
+            if each.pose is not None
+        ]
         judged.append(Judged(labels, bodies, [each.detection for each in sightings], false))
     return judged
 
@@ -177,26 +180,6 @@ def sun_direction_cam(labels: LabelLine) -> FloatArray | None:
         return None
     R = matrix_from_quaternion(np.array(labels.q_cam_from_body))
     return np.asarray(R @ np.array(labels.sun_direction_body))
-
-
-def _sighted(
-    finder: KeypointFinder,
-    shapes: Shapes | None,
-    image: AnyArray,
-    detection: Detection,
-    camera: Camera,
-    sun: FloatArray | None,
-    *,
-    judged: bool,
-) -> Sighting:
-    """Find the pose of a detection that is judged or is good enough for users to see."""
-    is_seen = detection.score >= LEAST_SCORE
-    if not ((is_seen or judged) and _gives_poses(finder, detection.label)):
-        return Sighting(detection, None)
-    found, pose = look(finder, image, detection, camera, shapes)
-    if not is_seen or shapes is None:
-        return Sighting(detection, pose, start=pose)
-    return shapes.seen(image, found, pose, camera, sun)
 
 
 def _judged(

@@ -16,12 +16,11 @@ from posse_core._detection.evaluate import Judged, JudgedBody
 from posse_core._detection.glossary import POSES
 from posse_core._evaluation.metrics import coco_metrics
 from posse_core._evaluation.poses import speed_score
+from posse_core._interfaces.trust import TRUSTED
 from posse_core._model.label_line import LabelLine
 
 _PHASES_DEG = (0, 30, 60, 90, 120, 180)
 _CHI_SQUARED_95 = float(chi2.ppf(0.95, 6))
-TRUSTED = 0.5
-"""A pose is trusted if it is more likely right than wrong."""
 _CORRECT_ADD_DIAMETERS = 0.1
 """A pose is correct if its ADD is below this share of the diameter (Hinterstoisser et al. 2012)."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from posse_core._arrays import AnyArray, FloatArray
-from posse_core._detection.looking import look
+from posse_core._detection.looking import sightings_of
 from posse_core._detection.shapes import Shapes, Sighting
 from posse_core._errors import InputError
 from posse_core._interfaces.detector import Detection, Detector, KeypointFinder, PoseEstimate
@@ -43,16 +43,18 @@ class PoseDetector:
         Args:
             image: (H, W) or (H, W, 3) red-green-blue, uint8 or uint16.
         """
-        found = self._boxes_in(image)
+        found = [d for d in self._boxes.predict([image])[0] if d.score >= self._least_score]
         return found if self._keypoints is None else self._keypoints.find(image, found)
 
     def sightings(
         self, image: AnyArray, camera: Camera, sun_direction_cam: FloatArray | None = None
     ) -> list[Sighting]:
-        """Return the spacecraft in an image with their poses, best first.
+        """Return the spacecraft in an image with their poses: those with a trusted pose first, then by
+        their scores.
 
-        Where the mesh of a spacecraft is known, its pose is refined, if that was asked for, and the box
-        is that of the mesh at the pose.
+        A third of the least score is enough for a detection whose pose is trusted. Where the mesh of a
+        spacecraft is known, its pose is refined, if that was asked for, and the box is that of the mesh
+        at the pose.
 
         Args:
             image: (H, W) or (H, W, 3) red-green-blue, uint8 or uint16.
@@ -65,21 +67,16 @@ class PoseDetector:
         """
         if self._keypoints is None:
             raise InputError("a pose needs keypoints; give a model that finds them")
-        seen = []
-        for box in self._boxes_in(image):
-            detection, pose = look(self._keypoints, image, box, camera, self._shapes)
-            if self._shapes is None:
-                seen.append(Sighting(detection, pose, start=pose))
-            else:
-                seen.append(self._shapes.seen(image, detection, pose, camera, sun_direction_cam))
-        return seen
+        found = self._boxes.predict([image])[0]
+        given = self._keypoints, image, camera, self._shapes, self._least_score
+        return sightings_of(found, *given, sun_direction_cam)[0]
 
     def pose(
         self, image: AnyArray, camera: Camera, sun_direction_cam: FloatArray | None = None
     ) -> PoseEstimate | None:
         """Return the pose of the spacecraft in an image.
 
-        It is that of the best detection whose keypoints agree on a pose.
+        It is the first of :meth:`sightings`, of those whose keypoints agree on a pose.
 
         Args:
             image, camera, sun_direction_cam: as of :meth:`sightings`.
@@ -97,6 +94,3 @@ class PoseDetector:
         """Close what refines poses; it is opened again when it is needed."""
         if self._shapes is not None:
             self._shapes.close()
-
-    def _boxes_in(self, image: AnyArray) -> list[Detection]:
-        return [d for d in self._boxes.predict([image])[0] if d.score >= self._least_score]

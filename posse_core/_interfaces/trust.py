@@ -15,6 +15,9 @@ ANGLE_RAD: Final = math.radians(5.0)
 """A pose is right if the error of its position is below this share of the range, and that of its
 attitude below this angle."""
 
+TRUSTED: Final = 0.5
+"""A pose is trusted if it is more likely right than wrong."""
+
 
 def trust(t_body_cam_m: FloatArray, covariance: FloatArray) -> float:
     """Return the probability that a pose is right, as far as its covariance tells.

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import posse_core as posse
-from posse_core._detection.looking import look
+from posse_core._detection.looking import look, sightings_of
 from posse_core._detection.shapes import Shapes
 from posse_core._evaluation.metrics import box_iou
 
@@ -80,3 +80,39 @@ def test_a_second_look_that_is_less_certain_does_not_count():
     assert len(finder.looks) == 2
     np.testing.assert_array_equal(found.box_px, poor().box_px)
     assert pose.t_body_cam_m != pytest.approx(T, abs=1e-3)
+
+
+ELSEWHERE_PX = np.array([2.0, 2.0, 30.0, 30.0])
+
+
+class Confused(Sees):
+    """Sees a spacecraft in a good box, and anything in any other."""
+
+    def find(self, image, detections):
+        (detection,) = detections
+        if float(box_iou(detection.box_px, TRUE_PX)) > 0.1:
+            return super().find(image, detections)
+        anywhere = np.random.default_rng(2).uniform(0, 40, (8, 2))
+        return [replace(detection, keypoints_px=anywhere, keypoints_sigma_px=np.full(8, 20.0))]
+
+
+def test_a_trusted_pose_comes_first_and_makes_up_for_a_low_score():
+    boxes = [
+        posse.Detection("brick", 0.8, ELSEWHERE_PX),
+        posse.Detection("brick", 0.15, TRUE_PX.astype(float)),
+        posse.Detection("brick", 0.12, ELSEWHERE_PX + 40),
+        posse.Detection("brick", 0.05, ELSEWHERE_PX + 80),
+    ]
+    given = Confused(), IMAGE, cuboid.CAMERA, None, 0.3, None
+    found, dropped = sightings_of(boxes, *given)
+    assert [each.detection.score for each in found] == [0.15, 0.8]
+    assert found[0].pose.trust > 0.99
+    assert sorted(each.score for each in dropped) == [0.05, 0.12]
+
+
+def test_two_detections_of_one_spacecraft_count_once():
+    """Both boxes become that of the mesh at the pose."""
+    boxes = [posse.Detection("brick", 0.9, poor().box_px), posse.Detection("brick", 0.6, TRUE_PX + 1.0)]
+    found, dropped = sightings_of(boxes, Sees(), IMAGE, cuboid.CAMERA, SHAPES, 0.3, None)
+    assert [each.detection.score for each in found] == [0.9]
+    assert [each.score for each in dropped] == [0.6]

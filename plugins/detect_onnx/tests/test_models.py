@@ -133,6 +133,12 @@ def test_the_shipped_nets_are_taken_where_none_is_named(tmp_path):
     detector, finder = open_models(None, None, registry, {})
     assert finder is not None
     assert tuple(detector.classes) == tuple(finder.classes) == ("aqua", "cluster")
+    detector, finder = open_models(None, None, registry, {}, ["tango"])
+    assert finder is not None
+    assert tuple(detector.classes) == tuple(finder.classes) == ("tango",)
+    for wanted, told in ((["cubesat"], "cubesat"), (["tango", "aqua"], "aqua and tango")):
+        with pytest.raises(InputError, match=f"no shipped model finds {told}; there are models of aqua"):
+            open_models(None, None, registry, {}, wanted)
     detector, finder = open_models(boxes_model(tmp_path / "m.onnx"), None, registry, {})
     assert tuple(detector.classes) == ("brick", "plate")
     assert finder is None

@@ -26,7 +26,7 @@ from posse_detect_onnx.options import OnnxOptions
 
 _BOXES, _KEYPOINTS = ["boxes", "scores", "labels"], ["points", "sigma"]
 """Names of the outputs of the two tasks' graphs."""
-_NETS = {"aqua": "aqua-cluster", "cluster": "aqua-cluster"}
+_NETS = {"aqua": "aqua-cluster", "cluster": "aqua-cluster", "tango": "tango"}
 """Name of a spacecraft → folder of the networks that know it."""
 _BEFORE_REASON = re.compile(r"^.*? failed:(/\S+:\d+ .*?\) (?=[A-Z]))?")
 """What onnxruntime writes before the reason: its code, the file, and the line of its own source."""

@@ -138,7 +138,7 @@ class PictureChecks:
     def subject(self, case: Case) -> Subject:
         """What a frame's picture is compared with."""
         scenario = self._scenarios.of(case.labels)
-        if not _is_by_sun(scenario):
+        if scenario is None or not _is_by_sun(scenario):  # the light is not known
             return Subject(tuple(views_of(case)), None)
         colours = self._scenarios.base_colours(case.labels)
         reflectance = np.array([colour.mean() for colour in colours])

@@ -6,7 +6,6 @@ import math
 from typing import Final
 
 import numpy as np
-from scipy.special import gammainc
 
 from posse_core._arrays import FloatArray
 
@@ -47,4 +46,8 @@ def _within(radius: float, covariance: FloatArray) -> float:
         return 0.0
     if variance == 0:
         return 1.0
+    from scipy.special import (
+        gammainc,
+    )  # here, since every command that loads plugins imports this module
+
     return float(gammainc(mean**2 / variance, radius**2 * mean / variance))

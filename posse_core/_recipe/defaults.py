@@ -11,7 +11,7 @@ from posse_core._recipe.file import recipe_of
 from posse_core._recipe.model import Recipe
 
 _DETECTORS: Final[Mapping[str, Mapping[str, Any]]] = {
-    "boxes": {"name": "nano", "input_px": 256, "batch": 8},
+    "boxes": {"name": "nano", "input_px": 256, "batch": 16},
     "keypoints": {"name": "heatmap", "input_px": 192, "batch": 16},
 }
 _EPOCHS: Final = ("2022-01-10T00:00:00", "2022-05-01T00:00:00", "2022-08-20T00:00:00")

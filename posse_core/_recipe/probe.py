@@ -15,13 +15,15 @@ from posse_core._selection.collect import collect
 from posse_core._selection.partition import write_partition
 
 PROBE: Final = ".probe"
-_ROUNDS: Final = 5
+_ROUNDS: Final = 6
 """Frames of a source for each worker; the first of each does not count."""
-_EPOCHS: Final = (1, 5)
-"""Two trainings of so many epochs: the difference leaves out what happens once."""
+_PARTS: Final = ((30.0, 10.0, 60.0), (80.0, 10.0, 10.0))
+"""Shares of the parts in two trainings: their difference leaves out what happens once, or once an
+epoch."""
+_EPOCHS: Final = 5
 _LEAST_OF_MEAN: Final = 0.3
-"""An epoch takes at least this share of the mean over the longer training, however the first was slowed
-down by other programs."""
+"""A picture takes at least this share of the mean over the longer training, however the shorter was
+slowed down by other programs."""
 
 
 def measure(kitchen: Kitchen, folder: Path) -> Speeds:
@@ -54,18 +56,19 @@ def _learning(kitchen: Kitchen, probe: Path) -> dict[str, float]:
     recipe, registry = kitchen.recipe, kitchen.plugins.registry
     runs = [Dataset(probe / name) for name in recipe.data.sources]
     collect(runs, [], None, probe / DATA, lambda lines, total: lines)
-    dataset = Dataset(probe / DATA)
-    write_partition(dataset, recipe.data.split, recipe.seed, "frame")
     result = {}
     for task, choice in recipe.nets.items():
         registry.load("detector", choice.name)  # imports what would slow down the first training
-        taken = []
-        for epochs in _EPOCHS:
-            options = {**options_for(recipe, task, epochs, registry), "epochs": epochs}
+        options = {**options_for(recipe, task, _EPOCHS, registry), "epochs": _EPOCHS}
+        taken, pictures = [], []
+        for number, parts in enumerate((_PARTS[0], *_PARTS)):  # the first prepares the libraries
+            write_partition(Dataset(probe / DATA), parts, recipe.seed, "frame")
+            dataset = Dataset(probe / DATA)
             began = time.monotonic()
-            train(recipe, task, options, dataset, probe / f"{task}-{epochs}", registry)
+            train(recipe, task, options, dataset, probe / f"{task}-{number}", registry)
             taken.append(time.monotonic() - began)
-        epoch_s = (taken[1] - taken[0]) / (_EPOCHS[1] - _EPOCHS[0])
-        epoch_s = max(epoch_s, _LEAST_OF_MEAN * taken[1] / _EPOCHS[1])
-        result[task] = epoch_s / max(len(pictures_for(task, dataset)), 1)
+            pictures.append(_EPOCHS * max(len(pictures_for(task, dataset)), 1))
+        more_s, more = taken[2] - taken[1], pictures[2] - pictures[1]
+        least_s = _LEAST_OF_MEAN * taken[2] / pictures[2]
+        result[task] = max(more_s / more if more > 0 else 0.0, least_s)
     return result

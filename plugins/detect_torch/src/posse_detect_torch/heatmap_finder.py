@@ -191,9 +191,11 @@ class HeatmapLesson(Lesson):
                 continue
             square = Square.around(true_box(body).box_px, self.options.input_px)
             mine = self._ranges[body.spacecraft]
-            seen_px = square.points_out(points[position, mine])
             known_m = self._points_body_m[body.spacecraft]
-            estimate = pose(known_m, seen_px, self._camera, sigma_px[position, mine] / square.scale)
+            fixed = np.isfinite(known_m).all(axis=1)  # not carried by a joint
+            seen_px = square.points_out(points[position, mine])[fixed]
+            each_px = sigma_px[position, mine][fixed] / square.scale
+            estimate = pose(known_m[fixed], seen_px, self._camera, each_px)
             if estimate is not None:
                 R = Rotation.from_quat(np.roll(body.q_cam_from_body, -1)).as_matrix()
                 t, symmetries = np.array(body.t_body_cam_m), self._symmetries[body.spacecraft]

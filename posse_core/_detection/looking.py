@@ -106,13 +106,8 @@ def _found(
     finder: KeypointFinder, image: AnyArray, detection: Detection, camera: Camera
 ) -> tuple[Detection, PoseEstimate | None]:
     (found,) = finder.find(image, [detection])
-    return found, pose_of(finder, found, camera)
-
-
-def pose_of(finder: KeypointFinder, detection: Detection, camera: Camera) -> PoseEstimate | None:
-    """The pose of a detection, or None if fewer than four of its keypoints agree on one."""
-    if detection.keypoints_px is None or detection.keypoints_sigma_px is None:
-        return None
-    points_body_m = finder.keypoints_body_m[detection.label]
-    pose = solve_pose(points_body_m, detection.keypoints_px, detection.keypoints_sigma_px, camera)
-    return None if pose is None else replace(pose, detection=detection)
+    if found.keypoints_px is None or found.keypoints_sigma_px is None:
+        return found, None
+    points_body_m = finder.keypoints_body_m[found.label]
+    pose = solve_pose(points_body_m, found.keypoints_px, found.keypoints_sigma_px, camera)
+    return found, None if pose is None else replace(pose, detection=found)

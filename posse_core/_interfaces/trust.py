@@ -46,8 +46,7 @@ def _within(radius: float, covariance: FloatArray) -> float:
         return 0.0
     if variance == 0:
         return 1.0
-    from scipy.special import (
-        gammainc,
-    )  # here, since every command that loads plugins imports this module
+    # Here, since every command that loads plugins imports this module.
+    from scipy.special import gammainc
 
     return float(gammainc(mean**2 / variance, radius**2 * mean / variance))

@@ -128,9 +128,7 @@ def _mixed(
     light[:, v, u] = earth.air_light(rays, camera.pixel_rad).T
     known = fields[:, inside]
     ground = np.flatnonzero(rays.on_ground > 0)
-    if (
-        Surface(fields).is_dark or not known.size + ground.size
-    ):  # in the night there is nothing to compute
+    if Surface(fields).is_dark or not known.size + ground.size:  # nothing to compute, as by night
         return light
     if ground.size:
         known = np.concatenate([known, earth.surface(rays, ground, camera.pixel_rad)], axis=1)

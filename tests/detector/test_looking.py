@@ -32,7 +32,7 @@ class Sees(posse.KeypointFinder):
         self.looks, self.good_sigma_px = [], good_sigma_px
 
     def load(self, path):
-        raise NotImplementedError
+        raise NotImplementedError  # it knows without a file
 
     def find(self, image, detections):
         (detection,) = detections

@@ -59,8 +59,8 @@ class BoxLesson(Lesson):
     ) -> None:
         self.classes, self.options = classes, options
         self.net = first_net(options, self.untrained)
-        self.train, self.valid = (self._cut(dataset, folder, part) for part in ("train", "valid"))
         self._backgrounds = cut_backgrounds(dataset, options.input_px, folder)
+        self.train, self.valid = (self._cut(dataset, folder, part) for part in ("train", "valid"))
         self._most = max([1, *(len(true_boxes(line)) for line in self.train.labels)])
 
     def _cut(self, dataset: LabelledImages, folder: Path, part: str) -> Pictures[LabelLine]:
@@ -68,7 +68,7 @@ class BoxLesson(Lesson):
         cuts = [
             Cut(i, dataset[i], Square.of_image(*dataset.size_px(i), size)) for i in dataset.part(part)
         ]
-        masks = part == "train" and self.options.augment
+        masks = part == "train" and self.options.augment and len(self._backgrounds) > 0
         return cut_pictures(dataset, cuts, size, folder, part, masks=masks)
 
     @abstractmethod

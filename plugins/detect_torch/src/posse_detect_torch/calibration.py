@@ -16,9 +16,8 @@ _FREEDOM = 4.0
 _SCALE = 0.8310
 """Scale of Student's distribution of so many degrees of freedom that is most likely for errors of a
 standard deviation of 1 that are normally distributed."""
-
-
 _FEWEST_POSES = 20
+"""From so many poses their median error is known well enough."""
 _MOST_WIDENING = 3.0
 
 

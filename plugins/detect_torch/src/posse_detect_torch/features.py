@@ -84,7 +84,10 @@ class Features(nn.Module):
 
 def exact(layer: nn.Module, x: Tensor) -> Tensor:
     """Apply a layer in float32, also where a training computes in bfloat16: a network's last layer."""
+    result: Tensor
     if x.dtype == torch.bfloat16:
         with torch.autocast(x.device.type, enabled=False):
-            return layer(x.float())  # type: ignore[no-any-return]  # nn.Module says nothing of results
-    return layer(x)  # type: ignore[no-any-return]  # likewise
+            result = layer(x.float())
+    else:
+        result = layer(x)
+    return result

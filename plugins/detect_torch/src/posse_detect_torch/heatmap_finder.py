@@ -76,6 +76,7 @@ class HeatmapLesson(Lesson):
         self.net = first_net(options, lambda: HeatMaps(self._points, options.size))
         self._backgrounds = cut_backgrounds(dataset, options.input_px, folder)
         size = _cut_px(options.input_px)
+        masks = options.augment and len(self._backgrounds) > 0
         self._train, self._valid = (
             cut_pictures(
                 dataset,
@@ -83,7 +84,7 @@ class HeatmapLesson(Lesson):
                 size,
                 folder,
                 f"keypoints-{part}",
-                masks=part == "train" and options.augment,
+                masks=part == "train" and masks,
             )
             for part, cuts in shown.items()
         )

@@ -144,6 +144,7 @@ def learn(make_lesson: Callable[[], Lesson], card: ModelCard, folder: Path) -> P
                 " anew"
             ) from None
     steps = math.ceil(len(lesson) / options.batch)
+    in_bfloat16 = computes_in_bfloat16(options)
     with ThreadPoolExecutor(options.threads) as pool:
         for epoch in range(len(history), options.epochs):
             sums: dict[str, float] = {}
@@ -154,7 +155,7 @@ def learn(make_lesson: Callable[[], Lesson], card: ModelCard, folder: Path) -> P
                 step = epoch * steps + number
                 for group in optimizer.param_groups:
                     group["lr"] = options.learning_rate * lesson.rate(step, steps * options.epochs)
-                with torch.autocast(device.type, torch.bfloat16, enabled=computes_in_bfloat16(options)):
+                with torch.autocast(device.type, torch.bfloat16, enabled=in_bfloat16):
                     losses = lesson.losses({k: v.to(device) for k, v in batch.items()})
                 total = torch.stack(list(losses.values())).sum()
                 optimizer.zero_grad()

@@ -19,28 +19,34 @@ os.environ["POSSE_SHOW_FAULTS"] = "1"  # what nothing foresaw shows its tracebac
 PACKAGES = Path(__file__).parent / "packages"
 
 
+def _laid(site: Path, name: str, module: str) -> Path:
+    """Lay a distribution of tests/packages into a folder for PYTHONPATH, as pip does."""
+    (package,) = PACKAGES.glob(f"*/{module}.py")
+    (site / package.name).write_text(package.read_text())
+    info = site / f"{name.replace('-', '_')}-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+    point = name.removeprefix("posse-").replace("-", "_")
+    (info / "entry_points.txt").write_text(f"[posse]\n{point} = {module}\n")
+    return site
+
+
 @pytest.fixture(scope="session")
 def flat_renderer_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder for PYTHONPATH that holds the distribution ``posse-render-flat``, as pip lays it."""
-    site = tmp_path_factory.mktemp("site")
-    (site / "posse_flat.py").write_text((PACKAGES / "flat" / "posse_flat.py").read_text())
-    info = site / "posse_render_flat-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: posse-render-flat\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[posse]\nrender_flat = posse_flat\n")
-    return site
+    """A folder for PYTHONPATH that holds the distribution ``posse-render-flat``."""
+    return _laid(tmp_path_factory.mktemp("site"), "posse-render-flat", "posse_flat")
 
 
 @pytest.fixture(scope="session")
 def faulty_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder for PYTHONPATH that holds the distribution ``posse-faulty``, as pip lays it."""
-    site = tmp_path_factory.mktemp("site")
-    (site / "posse_faulty.py").write_text((PACKAGES / "faulty" / "posse_faulty.py").read_text())
-    info = site / "posse_faulty-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: posse-faulty\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[posse]\nfaulty = posse_faulty\n")
-    return site
+    """A folder for PYTHONPATH that holds the distribution ``posse-faulty``."""
+    return _laid(tmp_path_factory.mktemp("site"), "posse-faulty", "posse_faulty")
+
+
+@pytest.fixture(scope="session")
+def guess_path(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A folder for PYTHONPATH that holds the distribution ``posse-guess``, nets that guess."""
+    return str(_laid(tmp_path_factory.mktemp("site"), "posse-guess", "posse_guess"))
 
 
 @pytest.fixture(scope="session")

@@ -55,6 +55,7 @@ ROOMS = (
     "_navigation",
     "_view",
     "_recipe",
+    "_adaptation",
     "_flight",
     "_api",
     "_cli",

@@ -22,8 +22,12 @@ if TYPE_CHECKING:
     from posse_core._scenario.model import Scenario
 
 DEFAULT_SCENARIO = "aqua"
+FORMATS = ("posse", "coco", "speed", "speed+", "shirt")
+"""Layouts of labelled images."""
 COMPLETING = "_POSSE_COMPLETE"
 """Environment variable by which a shell asks what may follow."""
+_IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
+"""Endings of the images that a folder is searched for."""
 STOPPED = 130
 """Exit code after Ctrl-C, as shells have it: 128 and the number of the signal."""
 
@@ -120,6 +124,38 @@ def camera_of(path: Path) -> Camera:
 
     keys = {"calibration": str(path)}
     return validated(CameraConfig, keys, lambda key: f"--camera {path}").camera()
+
+
+def camera_named(given: str) -> Camera:
+    """A published camera by its name, or that of a file."""
+    from posse_core._dataset.camera import read_camera
+    from posse_core._plugins.options import nearest
+    from posse_core._scenario.camera import preset_camera
+    from posse_core._scenario.presets import PRESETS
+
+    if given in PRESETS:
+        return preset_camera(given)
+    if not Path(given).exists():
+        hint = nearest(given, PRESETS)
+        raise InputError(f"--camera {given}: is neither a file nor a published camera{hint}")
+    return read_camera(Path(given))
+
+
+def image_files(images: Sequence[Path]) -> list[Path]:
+    """The files that a command is given, and those in the folders that it is given."""
+    files: list[Path] = []
+    for path in images:
+        if path.is_dir():
+            inside = sorted(p for p in path.iterdir() if p.suffix.lower() in _IMAGES)
+            if not inside:
+                hint = f"; give {path / 'images'}" if (path / "images").is_dir() else ""
+                raise InputError(f"{path}: has no images ({', '.join(_IMAGES)}){hint}")
+            files += inside
+        elif path.exists():
+            files.append(path)
+        else:
+            raise InputError(f"{path}: there is no such file or folder")
+    return files
 
 
 @contextlib.contextmanager

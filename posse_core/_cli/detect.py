@@ -11,20 +11,24 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from posse_core._cli import completing
-from posse_core._cli.common import echo_json, model_options, options_from, refine_options, refiner_choice
+from posse_core._cli.common import (
+    camera_named,
+    echo_json,
+    image_files,
+    model_options,
+    options_from,
+    refine_options,
+    refiner_choice,
+)
 from posse_core._cli.progress import phase
 from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
-from posse_core._plugins.options import nearest
-from posse_core._scenario.presets import PRESETS
 
 if TYPE_CHECKING:
     from posse_core._arrays import AnyArray
     from posse_core._detection.pose_detector import PoseDetector
     from posse_core._detection.shapes import Sighting
     from posse_core._model.camera import Camera
-
-_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 
 
 @click.command()
@@ -91,12 +95,12 @@ def command(
 
     if camera is not None and model is not None and keypoints is None:
         raise InputError("--camera: a pose needs keypoints; name their model by --keypoints")
-    files = _files(images)
+    files = image_files(images)
     registry = load_plugins().registry
     given = options_from(overrides)
     if refine and camera is None:
         raise InputError("--refine: poses need the camera; name it by --camera")
-    intrinsics = None if camera is None else _camera(camera)
+    intrinsics = None if camera is None else camera_named(camera)
     craft = None
     if target is not None and Path(target).is_dir():
         craft = named_craft(target, registry)
@@ -143,19 +147,6 @@ def _seen(detector: PoseDetector, image: AnyArray, camera: Camera | None) -> Seq
     return detector.sightings(image, camera)
 
 
-def _camera(given: str) -> Camera:
-    """A published camera by its name, or that of a file."""
-    from posse_core._dataset.camera import read_camera
-    from posse_core._scenario.camera import preset_camera
-
-    if given in PRESETS:
-        return preset_camera(given)
-    if not Path(given).exists():
-        hint = nearest(given, PRESETS)
-        raise InputError(f"--camera {given}: is neither a file nor a published camera{hint}")
-    return read_camera(Path(given))
-
-
 @contextlib.contextmanager
 def _made_folder(out: Path, files: Sequence[Path]) -> Iterator[Path]:
     """The folder to draw into, which becomes ``out`` when all images are drawn."""
@@ -169,22 +160,6 @@ def _made_folder(out: Path, files: Sequence[Path]) -> Iterator[Path]:
         raise InputError(f"--out {out}: cannot be a folder: it is a file")
     with atomic_folder(out) as folder:
         yield folder
-
-
-def _files(images: Sequence[Path]) -> list[Path]:
-    files: list[Path] = []
-    for path in images:
-        if path.is_dir():
-            inside = sorted(p for p in path.iterdir() if p.suffix.lower() in _SUFFIXES)
-            if not inside:
-                hint = f"; give {path / 'images'}" if (path / "images").is_dir() else ""
-                raise InputError(f"{path}: has no images ({', '.join(_SUFFIXES)}){hint}")
-            files += inside
-        elif path.exists():
-            files.append(path)
-        else:
-            raise InputError(f"{path}: there is no such file or folder")
-    return files
 
 
 def _as_json(sighting: Sighting, *, is_posed: bool) -> dict[str, Any]:

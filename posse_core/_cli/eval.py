@@ -11,6 +11,7 @@ import click
 
 from posse_core._cli import completing
 from posse_core._cli.common import (
+    FORMATS,
     echo_json,
     echo_table,
     model_options,
@@ -28,8 +29,6 @@ if TYPE_CHECKING:
     from posse_core._dataset.images import LabelledImages
     from posse_core._detection.groups import Group
     from posse_core._formats.opening import ImageFormat
-
-FORMATS = ("posse", "coco", "speed", "speed+", "shirt")
 
 
 @click.command(

@@ -82,7 +82,7 @@ def command(
             recipe = wanted
             folder.mkdir(parents=True, exist_ok=True)
             write_recipe(recipe, folder / RECIPE)
-    with clock() as show:
+    with clock("recipe") as show:
         group = follow(recipe, folder, plugins, show)
     figures = ", ".join(
         f"{name} {group.metrics[name]:.4g}"

@@ -1,4 +1,7 @@
-"""The line of ``posse recipe`` on a terminal: the step, the share of the time, and the expected end."""
+"""The line of ``posse recipe`` and ``posse adapt`` on a terminal.
+
+It has the step and, where steps are expected to take a known time, the share of it and the expected end.
+"""
 
 from __future__ import annotations
 
@@ -25,8 +28,8 @@ class Clock:
         left_s: until the expected end.
     """
 
-    def __init__(self, line: tqdm[Any]) -> None:
-        self._line = line
+    def __init__(self, command: str, line: tqdm[Any]) -> None:
+        self._command, self._line = command, line
         self._expected_s: Mapping[str, float] = {}
         self._step = ""
         self._begun = time.monotonic()
@@ -56,7 +59,7 @@ class Clock:
 
     def refresh(self) -> None:
         """Show the line as it is now."""
-        words = ["recipe", *filter(None, [self._step])]
+        words = [self._command, *filter(None, [self._step])]
         left_s = self.left_s(time.monotonic())
         if left_s is not None:
             total_s = sum(self._expected_s.values())
@@ -67,7 +70,7 @@ class Clock:
 
 
 @contextlib.contextmanager
-def clock() -> Iterator[Clock]:
+def clock(command: str) -> Iterator[Clock]:
     """A line on a terminal that moves with the time; in a log or a pipe it is silent."""
     with tqdm(
         total=100,
@@ -76,7 +79,7 @@ def clock() -> Iterator[Clock]:
         leave=False,
         disable=None,
     ) as line:
-        shown = Clock(line)
+        shown = Clock(command, line)
         ended = threading.Event()
 
         def tick() -> None:

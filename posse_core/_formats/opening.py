@@ -11,6 +11,7 @@ from posse_core._dataset.images import LabelledImages
 from posse_core._dataset.layout import SCENARIO
 from posse_core._errors import InputError
 from posse_core._formats.speed_images import SpeedImages, files_of
+from posse_core._model.spacecraft import Spacecraft
 from posse_core._plugins.loading import load_plugins
 from posse_core._scenario.camera import preset_camera
 from posse_core._simulator.scene import named_craft
@@ -24,7 +25,7 @@ TANGO = "tango"
 
 
 def open_dataset(
-    path: str | Path, *, format: ImageFormat | None = None, target: str = TANGO
+    path: str | Path, *, format: ImageFormat | None = None, target: str | Spacecraft = TANGO
 ) -> LabelledImages:
     """Open labelled images: a dataset of ``posse run``; COCO; or SPEED, SPEED+ and SHIRT.
 
@@ -37,7 +38,7 @@ def open_dataset(
         format: how it is laid out; None finds out. Where SPEED's labels have no ``camera.json``, it says
             which published camera took the images.
         target: with SPEED, SPEED+ and SHIRT, the spacecraft that the images show: a name that 'posse
-            plugins' lists as a scene, or the folder of a package.
+            plugins' lists as a scene, the folder of a package, or the spacecraft itself.
 
     Raises:
         InputError: the path is none of these, or does not have the layout.
@@ -52,7 +53,8 @@ def open_dataset(
         return Dataset(path)
     files_of(path)  # raises before the spacecraft is made
     camera = None if format is None else preset_camera(_CAMERA_OF[format])
-    return SpeedImages(path, named_craft(target, load_plugins().registry), camera)
+    craft = named_craft(target, load_plugins().registry) if isinstance(target, str) else target
+    return SpeedImages(path, craft, camera)
 
 
 def _kind_of(path: Path) -> ImageFormat:

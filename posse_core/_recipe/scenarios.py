@@ -64,14 +64,14 @@ class Scenarios:
             InputError: a key is wrong, the spacecraft cannot be used or has too few keypoints, the
                 sources have different cameras, or a size or place in the image is impossible.
         """
-        first = _checked(recipe, folder, registry, {"times": {"t_s": [0.0]}}, {})
-        spacecraft = built(create(registry, "scene", first.target), first.target.name)
+        spacecraft = spacecraft_of(recipe, folder, registry)
         if len(spacecraft.keypoints_body_m) < LEAST_KEYPOINTS:
             raise InputError(
                 f"craft: {spacecraft.name} has {len(spacecraft.keypoints_body_m)} keypoints, and a pose"
                 f" needs {LEAST_KEYPOINTS}; 'posse import MODEL' proposes some"
             )
-        found = cls(recipe, folder, registry, spacecraft, first.camera.camera())
+        camera = _first(recipe, folder, registry).camera.camera()
+        found = cls(recipe, folder, registry, spacecraft, camera)
         for name in recipe.data.sources:
             camera = found._scenario(name, np.zeros(1)).camera.camera()
             if camera != found.camera:
@@ -168,6 +168,26 @@ class Scenarios:
     def _is_sunlit(self, name: str, t_s: FloatArray) -> FloatArray:
         trajectory = make_trajectory(self._scenario(name, t_s), self.registry)
         return np.asarray(trajectory.sun_fraction_target >= ECLIPSE_DISC_SHARE)
+
+
+def spacecraft_of(recipe: Recipe, folder: Path, registry: Registry) -> Spacecraft:
+    """Build the spacecraft of a recipe.
+
+    Args:
+        recipe: whose it is.
+        folder: of the recipe.
+        registry: the installed components.
+
+    Raises:
+        InputError: a key is wrong, or the spacecraft cannot be used.
+    """
+    target = _first(recipe, folder, registry).target
+    return built(create(registry, "scene", target), target.name)
+
+
+def _first(recipe: Recipe, folder: Path, registry: Registry) -> Scenario:
+    """The scenario that all sources have, at one time."""
+    return _checked(recipe, folder, registry, {"times": {"t_s": [0.0]}}, {})
 
 
 def _checked(

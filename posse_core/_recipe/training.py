@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from posse_core._arrays import evenly_spread
 from posse_core._dataset.dataset import Dataset
+from posse_core._dataset.images import LabelledImages
 from posse_core._detection.models import open_model
 from posse_core._errors import InputError
 from posse_core._evaluation.metrics import true_boxes
@@ -68,7 +69,7 @@ def train(
     recipe: Recipe,
     task: str,
     options: Mapping[str, Any],
-    dataset: Dataset,
+    dataset: LabelledImages,
     folder: Path,
     registry: Registry,
 ) -> None:

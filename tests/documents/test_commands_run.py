@@ -31,6 +31,7 @@ SMALL = {
 FEWER = {"--seeds": "2", "--every": "1"}
 """Option → its value here."""
 NOT_RUN = {
+    "adapt": "needs the nets of a recipe; tests/adaptation runs it",
     "annotate": "needs someone who clicks; tests/photos runs it",
     "crosscheck": "takes minutes, and its renderers include Blender; tests/crosscheck runs it",
     "doctor": "takes 15 s; tests/plugins runs it",
@@ -38,6 +39,7 @@ NOT_RUN = {
 }
 """Command → why it is not run here."""
 PAGES_NOT_RUN = {
+    "docs/adapt.md": "needs the nets of a recipe; tests/adaptation runs it",
     "docs/annotating.md": "needs photographs and someone who clicks; tests/photos runs its commands",
     "docs/crosscheck.md": "crosscheck alone",
     "docs/experiment.md": "hours of rendering and training, by commands that other pages run in small",

@@ -12,7 +12,7 @@ def test_the_time_left_is_that_of_this_step_and_of_those_after_it(
 ) -> None:
     now = 1000.0
     monkeypatch.setattr("time.monotonic", lambda: now)
-    with clock() as shown:
+    with clock("recipe") as shown:
         shown.begin("decision")
         assert shown.left_s(now) is None
         shown.expect({"frames": 100.0, "boxes": 50.0, "keypoints": 80.0})

@@ -14,7 +14,7 @@ import onnx
 import pytest
 import torch
 
-from posse_core import Dataset, ModelCard, Square
+from posse_core import Dataset, LabelLine, ModelCard, Square
 from posse_detect_torch.checkpoint import write_model
 from posse_detect_torch.heatmap_finder import HeatmapLesson
 from posse_detect_torch.learn import CURVES, LAST, MODEL, learn
@@ -128,6 +128,21 @@ def test_masks_are_cut_as_pictures_are(dataset, tmp_path):
     assert {0.0, 1.0} <= set(np.unique(pictures.coverage(0)).tolist())
     assert cut_pictures(dataset, cuts, 96, tmp_path, "some").covered is None
     assert len(cut_backgrounds(dataset, 96, tmp_path)) == 0  # each frame shows a craft
+
+
+def test_a_frame_without_masks_keeps_its_background(dataset, tmp_path):
+    class SomeMasked(Dataset):
+        def __getitem__(self, i):
+            labels = super().__getitem__(i)
+            return labels if i != 1 else LabelLine(**{k: v for k, v in labels if k != "mask_rle"})
+
+    square = Square.around(np.array([20.0, 30.0, 60.0, 40.0]), 96)
+    cuts = [Cut(i, dataset[i], square) for i in range(3)]
+    whole = cut_pictures(dataset, cuts, 96, tmp_path, "whole", masks=True)
+    some = cut_pictures(SomeMasked(dataset.folder), cuts, 96, tmp_path, "some", masks=True)
+    for position in (0, 2):
+        assert np.array_equal(some.coverage(position), whole.coverage(position))
+    assert np.all(some.coverage(1) == 1)
 
 
 @pytest.mark.parametrize(

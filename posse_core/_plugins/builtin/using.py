@@ -101,6 +101,9 @@ def posse_executors() -> list[ComponentSpec]:
 def posse_subcommands() -> list[ComponentSpec]:
     return [
         ComponentSpec(
+            "adapt", "carry a recipe's nets on in another domain", "posse_core._cli.adapt:command"
+        ),
+        ComponentSpec(
             "annotate", "label your own photographs with poses", "posse_core._cli.annotate:command"
         ),
         ComponentSpec(

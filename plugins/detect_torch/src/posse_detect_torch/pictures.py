@@ -45,8 +45,9 @@ class Pictures(Generic[LabelsT]):
         labels: what each is learned by.
         squares: the position of each in its image.
         coded: (N, S, S) uint8, the square root of linear grey values, which resolves dark shades better.
-        covered: (N, S, S) uint8, the share of each pixel that spacecraft cover, 255 for all of it; None
-            where masks were not asked for or are not there.
+        covered: (N, S, S) uint8, the share of each pixel that spacecraft cover, 255 for all of it, and
+            for all pixels of a frame without masks, whose background then stays; None where masks were
+            not asked for or no frame has some.
     """
 
     labels: Sequence[LabelsT]
@@ -91,7 +92,7 @@ def cut_pictures(
         return Pictures([], [], none, None)
     coded = _cached(dataset, cuts, size_px, folder, name, lambda cut: _light(dataset, cut))
     covered = None
-    if masks and all(_has_masks(dataset[cut.position]) for cut in cuts):
+    if masks and any(_has_masks(dataset[cut.position]) for cut in cuts):
         mask_name = f"{name}-covered"
         covered = _cached(dataset, cuts, size_px, folder, mask_name, lambda cut: _coverage(dataset, cut))
     return Pictures([cut.labels for cut in cuts], [cut.square for cut in cuts], coded, covered)
@@ -139,6 +140,8 @@ def _light(dataset: LabelledImages, cut: Cut[LabelsT]) -> AnyArray:
 
 def _coverage(dataset: LabelledImages, cut: Cut[LabelsT]) -> AnyArray:
     whole = np.zeros(dataset.size_px(cut.position), np.float32)
+    if not _has_masks(dataset[cut.position]):
+        return np.full((cut.square.size_px, cut.square.size_px), 255)
     for body in seen_bodies(dataset[cut.position]).values():
         whole[body.mask_rle.mask()] = 1
     return np.asarray(np.round(255 * cut.square.cut(whole)))

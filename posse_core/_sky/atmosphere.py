@@ -68,7 +68,8 @@ forward is not lost: as much comes in from the surroundings."""
 
 @functools.cache
 def _sun_table() -> Float32Array:
-    """(_HEIGHTS, _SUNS, 3) transmission of sunlight, by height and by the Sun's zenith angle.
+    """(_HEIGHTS, _SUNS, 4) transmission of sunlight, by height and by the Sun's zenith angle; the last
+    channel is empty, because OpenCV takes samples of four in half the time.
 
     Row i is the height TOP_M (i/n)². Column j is the cosine of the zenith angle
     μ = μ_horizon + (1 − μ_horizon) (j/n)².
@@ -87,17 +88,35 @@ def _sun_table() -> Float32Array:
     columns = np.einsum(
         "hsnk,hsn->hsk", densities(np.maximum(0, heights)), way_m[..., None] * np.diff(edges)
     )
-    return np.asarray(np.exp(-columns @ EXTINCTION), dtype=np.float32)
+    return _padded(np.exp(-columns @ EXTINCTION))
+
+
+def _padded(light: RealArray) -> Float32Array:
+    """(..., 3) → (..., 4) float32 with an empty last channel."""
+    padded = np.zeros((*light.shape[:-1], 4), dtype=np.float32)
+    padded[..., :3] = light
+    return padded
 
 
 def sunlight(height_m: RealArray, mu: RealArray) -> Float32Array:
     """Heights and cosines of the Sun's zenith angle, of shapes that broadcast to (...) → (..., 3)
     transmission of sunlight to there."""
     height: FloatArray = np.asarray(np.clip(height_m, 0, TOP_M), dtype=np.float64)
-    horizon = -np.sqrt(np.maximum(0, 1 - (RADIUS_M / (RADIUS_M + height)) ** 2))
-    above = ((mu - horizon) / (1 - horizon)).astype(np.float32)
-    row = (np.sqrt(height / TOP_M) * (_HEIGHTS - 1)).astype(np.float32)
-    column = np.sqrt(np.maximum(0, above)) * np.float32(_SUNS - 1)
+    above = ((mu - _horizon(height)) / (1 - _horizon(height))).astype(np.float32)
+    return _transmitted(height, above)[..., :3]
+
+
+def _horizon(height_m: FloatArray) -> FloatArray:
+    """(...) heights → (...) cosine of the horizon's zenith angle."""
+    return np.asarray(-np.sqrt(np.maximum(0, 1 - (RADIUS_M / (RADIUS_M + height_m)) ** 2)))
+
+
+def _transmitted(height_m: FloatArray, above: Float32Array) -> Float32Array:
+    """Transmission of sunlight, (..., 4) with an empty last channel, at heights that broadcast to (...),
+    where the Sun's cosine is the share ``above`` (...) of the way from the horizon's to 1."""
+    row = (np.sqrt(height_m / TOP_M) * (_HEIGHTS - 1)).astype(np.float32)
+    column = np.sqrt(np.maximum(above, 0))
+    column *= np.float32(_SUNS - 1)
     share = lookup(_sun_table(), column, np.ascontiguousarray(np.broadcast_to(row, column.shape)))
     share[above < 0] = 0
     return np.asarray(share)
@@ -109,11 +128,11 @@ GROUND_MU_MIN = -0.3
 
 @functools.cache
 def ground_irradiance() -> Float32Array:
-    """(1, GROUND_SUNS, 3) irradiance of level ground per solar irradiance above the atmosphere.
+    """(1, GROUND_SUNS, 4) irradiance of level ground per solar irradiance above the atmosphere.
 
     Column j is the cosine of the Sun's zenith angle, from GROUND_MU_MIN to 1. The irradiance is direct
     sunlight plus half of the light that the column above scatters once, which also gives twilight when
-    the Sun is below the horizon.
+    the Sun is below the horizon. The last channel is empty.
     """
     mu = np.linspace(GROUND_MU_MIN, 1, GROUND_SUNS)[None]
     direct = np.maximum(0, mu)[..., None] * sunlight(np.zeros_like(mu), mu)
@@ -124,7 +143,7 @@ def ground_irradiance() -> Float32Array:
         [RAYLEIGH_DEPTH, AEROSOL_ALBEDO * AEROSOL_DEPTH]
     )
     diffuse = 0.5 * np.einsum("hsb,hb,h->sb", lit, scattering, np.diff(edges_m))
-    return np.asarray(direct + diffuse[None], dtype=np.float32)
+    return _padded(direct + diffuse[None])
 
 
 @dataclass(frozen=True)
@@ -136,17 +155,22 @@ class AirTables:
     TOP_M (i/(LIMB_ROWS−1))². Columns are azimuths relative to the Sun's, 0 … π.
 
     Attributes:
-        glow: (rows, AZIMUTHS, 3) scattered radiance per solar irradiance, sr⁻¹.
-        transmission: (rows, AZIMUTHS, 3) transmission of light from the ground, or from beyond the limb.
+        light: (rows, AZIMUTHS, 4) scattered radiance per solar irradiance, sr⁻¹; the last channel is
+            empty.
+        passed: (rows, 1, 4) transmission of light from the ground, or from beyond the limb, likewise.
     """
 
-    glow: Float32Array
-    transmission: Float32Array
+    light: Float32Array
+    passed: Float32Array
 
-    def sample(self, row: Float32Array, azimuth_rad: Float32Array) -> tuple[Float32Array, Float32Array]:
-        """(...) row positions and azimuths → glow and transmission, (..., 3) each."""
+    def glow(self, row: Float32Array, azimuth_rad: Float32Array) -> Float32Array:
+        """(n,) row positions and azimuths → (n, 3) scattered radiance."""
         column = azimuth_rad * np.float32((AZIMUTHS - 1) / np.pi)
-        return lookup(self.glow, column, row), lookup(self.transmission, column, row)
+        return np.asarray(lookup(self.light, column, row)[:, :3])
+
+    def transmission(self, row: Float32Array) -> Float32Array:
+        """(n,) row positions → (n, 3) transmission."""
+        return np.asarray(lookup(self.passed, np.zeros_like(row), row)[:, :3])
 
 
 def limb_row(height_m: FloatArray) -> Float32Array:
@@ -177,8 +201,7 @@ def air_tables(distance_m: float, sun_zenith_cosine: float) -> AirTables:
         _trace(b, way, behind, distance_m, sun_zenith_cosine, azimuth)
         for b, way, behind in ((b_ground, to_ground, DIMMING), (b_limb, through, EXTINCTION))
     ]
-    glow, transmission = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return AirTables(glow, transmission)
+    return AirTables(*(_padded(np.concatenate(part)) for part in zip(*parts, strict=True)))
 
 
 def _way_m(b_m: FloatArray, lowest_m: FloatArray, squares: FloatArray) -> FloatArray:
@@ -195,7 +218,7 @@ def _trace(
     distance_m: float,
     sun_zenith_cosine: float,
     azimuth_rad: FloatArray,
-) -> tuple[Float32Array, Float32Array]:
+) -> tuple[FloatArray, FloatArray]:
     """Integrate along rays.
 
     Args:
@@ -207,7 +230,7 @@ def _trace(
         azimuth_rad: (azimuths,) azimuths of the rays relative to the Sun's.
 
     Returns:
-        Glow and transmission, (rays, azimuths, 3) each.
+        (rays, azimuths, 3) glow and (rays, 1, 3) transmission.
     """
     step_m = -np.diff(way_m)
     middle_m = (way_m[:, 1:] + way_m[:, :-1]) / 2
@@ -223,16 +246,22 @@ def _trace(
     cosine = np.sqrt(1 - sine**2)
     sun_horizontal = np.sqrt(max(0.0, 1 - sun_zenith_cosine**2))
     forward = -cosine[:, None] * sun_zenith_cosine + sine[:, None] * np.cos(azimuth_rad) * sun_horizontal
+    # The Sun's cosine at a step is a + b forward, of which the share above the horizon is taken.
     along_m = (distance_m * cosine)[:, None] - middle_m
-    toward_sun = (distance_m * sun_zenith_cosine + along_m[:, :, None] * forward[:, None, :]) / radius_m[
-        :, :, None
-    ]
-    lit = sunlight((radius_m - RADIUS_M)[:, :, None], toward_sun)
-    # (rays, band, species, steps) @ (rays, band, steps, azimuths)
-    by_species = scattered.astype(np.float32).transpose(0, 3, 2, 1) @ lit.transpose(0, 3, 1, 2)
+    height_m = np.clip(radius_m - RADIUS_M, 0, TOP_M)
+    horizon = _horizon(height_m)
+    a = ((distance_m * sun_zenith_cosine / radius_m - horizon) / (1 - horizon)).astype(np.float32)
+    b = (along_m / (radius_m * (1 - horizon))).astype(np.float32)
+    above = a[:, :, None] + b[:, :, None] * forward.astype(np.float32)[:, None, :]
+    rays, steps, azimuths = above.shape
+    lit = _transmitted(height_m.reshape(-1, 1), above.reshape(-1, azimuths))
+    # (rays, species and bands, steps) @ (rays, steps, azimuths and bands), of which equal bands count.
+    by_species = scattered.astype(np.float32).reshape(rays, steps, 6).transpose(0, 2, 1) @ lit.reshape(
+        rays, steps, azimuths * 4
+    )
+    of_air, of_haze = np.einsum("rsbab->srab", by_species.reshape(rays, 2, 3, azimuths, 4)[..., :3])
     rayleigh = 3 / (16 * np.pi) * (1 + forward**2)
     g = AEROSOL_ASYMMETRY
     haze = (1 - g * g) / (4 * np.pi * (1 + g * g - 2 * g * forward) ** 1.5)
-    glow = by_species[:, :, 0] * rayleigh[:, None] + by_species[:, :, 1] * haze[:, None]
-    transmission = np.exp(-column.sum(axis=1) @ behind)[:, None, :] * np.ones((1, len(azimuth_rad), 1))
-    return glow.transpose(0, 2, 1).astype(np.float32), transmission.astype(np.float32)
+    glow = of_air * rayleigh[..., None] + of_haze * haze[..., None]
+    return glow, np.exp(-column.sum(axis=1) @ behind)[:, None, :]

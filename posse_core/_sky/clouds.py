@@ -55,28 +55,31 @@ class Clouds:
     detail: Detail
 
     def at(
-        self, drifted: Float32Array, latitude_rad: Float32Array, footprint_m: Float32Array
-    ) -> tuple[Float32Array, Float32Array, Float32Array]:
+        self,
+        drifted: Float32Array,
+        longitude: Float32Array,
+        latitude: Float32Array,
+        log_footprint: Float32Array,
+    ) -> tuple[Float32Array, Float32Array, list[Float32Array]]:
         """Sample the field above points on the ground.
 
         Args:
             drifted: (3, ...) unit normals of the ground as by :func:`drifted`.
-            latitude_rad: (...) latitudes of the points.
-            footprint_m: (...) width that a pixel covers there.
+            longitude, latitude: (...) positions of those on the map, as of ``Surface``.
+            log_footprint: (...) binary logarithm of the width in metres that a pixel covers there.
 
         Returns:
-            (...) mean and (...) variance of the field within the footprint; (3, ...) the mean slope of
-            the fine structure, ECEF axes, per kilometre.
+            (...) mean and (...) variance of the field within the footprint; the mean slope of the fine
+            structure along the three ECEF axes, per kilometre, as of :meth:`Detail.at`.
         """
-        level = np.log2(footprint_m * np.float32(MAP_WIDTH / (2 * np.pi * RADIUS_M)))
-        x = np.arctan2(drifted[1], drifted[0]) * np.float32(0.5 / np.pi) + np.float32(0.5)
-        y = np.float32(0.5) - latitude_rad * np.float32(1 / np.pi)
-        field, square, strength = self.base.between(x, y, level)
+        level = log_footprint + np.float32(np.log2(MAP_WIDTH / (2 * np.pi * RADIUS_M)))
+        x = longitude - np.floor(longitude)
+        field, square, strength = self.base.between(x, latitude, level)
         variance = square - field * field
-        fine, fine_variance, slope = self.detail.at(drifted, footprint_m)
+        fine, fine_variance, slope = self.detail.at(drifted, log_footprint)
         fine *= strength
         field += fine
-        slope *= strength
+        slope = [along * strength for along in slope]
         strength *= strength
         fine_variance *= strength
         variance += fine_variance

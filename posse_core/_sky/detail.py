@@ -23,6 +23,7 @@ of them are as close to the vertical."""
 _LEAST_WEIGHT = np.float32(0.1)
 """Projections of the tile that would have less weight are left out."""
 _TINY = np.float32(1e-30)
+_NOWHERE: Float32Array = np.zeros((), dtype=np.float32)
 
 
 @dataclass(frozen=True)
@@ -37,28 +38,27 @@ class Detail:
     tile: Pyramid
 
     def at(
-        self, normal: Float32Array, footprint_m: Float32Array
-    ) -> tuple[Float32Array, Float32Array, Float32Array]:
-        """(3, ...) unit vectors, ECEF axes, and (...) pixel widths → mean and variance of the noise in
-        the pixel (...), and its mean slope (3, ...) per km, ECEF axes."""
-        noise, variance = np.zeros_like(footprint_m), np.zeros_like(footprint_m)
-        slope = np.zeros_like(normal)
-        level = np.log2(footprint_m / np.float32(TEXEL_M))
+        self, normal: Float32Array, log_footprint: Float32Array
+    ) -> tuple[Float32Array, Float32Array, list[Float32Array]]:
+        """(3, ...) unit vectors, ECEF axes, and (...) binary logarithms of pixel widths in metres → mean
+        and variance of the noise in the pixel (...), and its mean slope along the three ECEF axes, per
+        km, (...) each. A slope that is zero everywhere has the shape ()."""
+        level = log_footprint - np.float32(np.log2(TEXEL_M))
+        noise = variance = _NOWHERE
+        slope = [_NOWHERE] * 3
         for side, weight in _projections(normal):
             right, down = (side + 1) % 3, (side + 2) % 3
             u = normal[right] * np.float32(RADIUS_M / TILE_M)
             v = normal[down] * np.float32(RADIUS_M / TILE_M)
-            sample = self.tile.at(u - np.floor(u), v - np.floor(v), level)
+            u -= np.floor(u)
+            v -= np.floor(v)
+            sample = self.tile.at(u, v, level)
             sample[3] -= sample[0] * sample[0]
-            if weight is None:
-                slope[right], slope[down] = sample[1], sample[2]
-                return sample[0], sample[3], slope
-            sample *= weight
-            sample[3] *= weight
-            noise += sample[0]
-            slope[right] += sample[1]
-            slope[down] += sample[2]
-            variance += sample[3]
+            if weight is not None:
+                sample *= weight
+                sample[3] *= weight
+            noise, variance = noise + sample[0], variance + sample[3]
+            slope[right], slope[down] = slope[right] + sample[1], slope[down] + sample[2]
         return noise, variance, slope
 
 

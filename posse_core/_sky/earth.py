@@ -24,7 +24,7 @@ from posse_core._sky.atmosphere import (
 )
 from posse_core._sky.clouds import Clouds, cover_and_light, drifted, threshold
 from posse_core._sky.ellipsoid import SEMI_AXES_M
-from posse_core._sky.ground import OCEAN_RGB, Ground, glint_radiance
+from posse_core._sky.ground import OCEAN_RGB, Ground, glint_radiance, longitude_turns
 from posse_core._sky.pyramid import lookup
 from posse_core._sky.surface import Surface
 
@@ -39,6 +39,11 @@ one."""
 
 _SAMPLES_ACROSS = 64
 """The fewest samples in the Earth's diameter."""
+
+_RELIEF = np.float32(0.6)
+_LOW_SUN = np.float32(0.15)
+"""How much darker clouds are by their slope per km away from a Sun in the zenith, and the cosine of the
+Sun's zenith angle below which that grows no more."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +70,7 @@ class EarthRays:
     """Rays from the camera, in stretched ECEF axes.
 
     Attributes:
-        directions: (n, 3) unit vectors.
+        directions: (3, n) unit vectors.
         ahead_m: (n,) distance along the ray to its point nearest to the Earth's centre; negative behind
             the camera.
         nearest_m: (n,) distance of that point from the centre.
@@ -88,7 +93,7 @@ class EarthView:
     def __init__(self, earth: Earth, frame: FrameState) -> None:
         self._earth = earth
         self._t_s = frame.t_s
-        self._sun_rgb_w_m2 = (frame.solar_flux_w_m2 * SOLAR_BAND_FRACTIONS).astype(np.float32)
+        self.sun_rgb_w_m2 = (frame.solar_flux_w_m2 * SOLAR_BAND_FRACTIONS).astype(np.float32)
         self._R_ecef_from_cam = frame.R_ecef_from_eci @ frame.R_cam_from_eci.T
         self._origin_m = _STRETCH * (frame.R_ecef_from_eci @ frame.r_camera_eci_m)
         self._distance_m = float(np.linalg.norm(self._origin_m))
@@ -128,22 +133,22 @@ class EarthView:
 
     def air_light(self, rays: EarthRays, pixel_rad: float) -> Float32Array:
         """(n, 3) radiance of the air beyond the limb, W m⁻² sr⁻¹."""
-        radiance = np.zeros((len(rays.directions), 3), dtype=np.float32)
+        radiance = np.zeros((rays.ahead_m.size, 3), dtype=np.float32)
         air = np.flatnonzero(rays.through_air)
         if len(air) and self._earth.air:
             # The light is averaged over what the pixel sees above the limb. The heights are closest
             # to each other at the bottom, where the air is densest.
             high_m = rays.nearest_m[air] + rays.width_m[air] / 2 - RADIUS_M
             low_m = np.maximum(0, high_m - rays.width_m[air])
-            azimuth = self._azimuth(rays.directions[air])
+            azimuth = self._azimuth(rays.directions[:, air])
             at_limb_m = np.sqrt(max(0.0, self._distance_m**2 - RADIUS_M**2)) * pixel_rad
             count = int(np.clip(np.ceil(at_limb_m / _AIR_STEP_M), 1, _MOST_AIR_STEPS))
             for at in (np.arange(count) + 0.5) / count:
                 height_m = low_m + at**2 * (high_m - low_m)
-                glow, _ = self._air.sample(limb_row(height_m), azimuth)
+                glow = self._air.glow(limb_row(height_m), azimuth)
                 glow[height_m > TOP_M] = 0
                 radiance[air] += (2 * at / count) * glow
-            radiance[air] *= (1 - rays.on_ground[air, None]) * self._sun_rgb_w_m2
+            radiance[air] *= (1 - rays.on_ground[air, None]) * self.sun_rgb_w_m2
         return radiance
 
     def passed(self, directions_cam: FloatArray, pixel_rad: float) -> Float32Array:
@@ -153,17 +158,14 @@ class EarthView:
         share = np.repeat(1 - rays.on_ground[:, None], 3, axis=1)
         air = np.flatnonzero(rays.through_air)
         if len(air) and self._earth.air:
-            _, transmission = self._air.sample(
-                limb_row(rays.nearest_m[air] - RADIUS_M), self._azimuth(rays.directions[air])
-            )
-            share[air] *= transmission
+            share[air] *= self._air.transmission(limb_row(rays.nearest_m[air] - RADIUS_M))
         return share.reshape(directions_cam.shape)
 
     def rays(self, directions_cam: FloatArray, pixel_rad: float) -> EarthRays:
         """Rays in directions (..., 3) of any length, camera axes; n is the number of them."""
-        d = directions_cam.reshape(-1, 3) @ (_STRETCH[:, None] * self._R_ecef_from_cam).T
-        d /= np.sqrt(np.einsum("ni,ni->n", d, d))[:, None]
-        ahead_m = -(d @ self._origin_m)
+        d = (_STRETCH[:, None] * self._R_ecef_from_cam) @ directions_cam.reshape(-1, 3).T
+        d /= np.sqrt(np.einsum("in,in->n", d, d))
+        ahead_m = -(self._origin_m @ d)
         nearest_m = np.sqrt(np.maximum(0, self._distance_m**2 - ahead_m**2))
         width_m = np.maximum(ahead_m, 1) * pixel_rad
         share = np.clip(0.5 - (nearest_m - RADIUS_M) / width_m, 0, 1)
@@ -188,8 +190,8 @@ class EarthView:
         return int(np.clip(np.ceil(_SAMPLES_ACROSS * pixel_rad / width_rad), 1, _SAMPLES_ACROSS))
 
     def _azimuth(self, d: FloatArray) -> Float32Array:
-        """(n, 3) stretched directions → (n,) angle from the Sun's azimuth, 0 … π."""
-        x, y = self._azimuth_axes @ d.T
+        """(3, n) stretched directions → (n,) angle from the Sun's azimuth, 0 … π."""
+        x, y = self._azimuth_axes @ d
         return np.asarray(np.arctan2(np.abs(y), x), dtype=np.float32)
 
     def surface(self, rays: EarthRays, which: IntArray, pixel_rad: float) -> Float32Array:
@@ -197,88 +199,94 @@ class EarthView:
 
         For pixels on the limb they are those in the middle of the part that is below it.
         """
-        d, share = rays.directions[which], rays.on_ground[which].astype(np.float64)
+        d, share = rays.directions[:, which], rays.on_ground[which].astype(np.float64)
         b_m = np.minimum(rays.nearest_m[which], RADIUS_M - rays.width_m[which] * share / 2)
         view_cosine = np.sqrt(np.maximum(0, 1 - (b_m / RADIUS_M) ** 2))
         way_m = rays.ahead_m[which] - RADIUS_M * view_cosine
-        normal = (self._origin_m[:, None] + way_m * d.T) * (_STRETCH / RADIUS_M)[:, None]
+        normal = (self._origin_m[:, None] + way_m * d) * (_STRETCH / RADIUS_M)[:, None]
         normal /= np.sqrt(np.einsum("in,in->n", normal, normal))
         sun_cosine = (self._sun @ normal).astype(np.float32)
-        unstretched = d / _STRETCH
-        length = np.sqrt(np.einsum("ni,ni->n", unstretched, unstretched))
-        to_eye = -(unstretched @ self._sun) / length
+        unstretched = d / _STRETCH[:, None]
+        length = np.sqrt(np.einsum("in,in->n", unstretched, unstretched))
+        to_eye = -(self._sun @ unstretched) / length
         glint = glint_radiance(sun_cosine, view_cosine.astype(np.float32), to_eye.astype(np.float32))
-        surface = Surface(np.zeros((Surface.COUNT, len(d)), dtype=np.float32))
+        surface = Surface(np.zeros((Surface.COUNT, d.shape[1]), dtype=np.float32))
         surface.normal[:] = normal
-        footprint_m = surface.footprint_m
-        footprint_m[:] = np.maximum(way_m, 1) * pixel_rad / np.sqrt(np.maximum(view_cosine, 0.02))
+        latitude_rad = np.arcsin(np.clip(surface.normal[2], -1, 1))
+        surface.longitude[:] = longitude_turns(surface.normal)
+        surface.latitude[:] = np.float32(0.5) - latitude_rad * np.float32(1 / np.pi)
+        footprint_m = np.maximum(way_m, 1) * pixel_rad / np.sqrt(np.maximum(view_cosine, 0.02))
+        surface.log_footprint[:] = np.log2(footprint_m)
         if self._earth.clouds is not None:
-            latitude = np.arcsin(np.clip(surface.normal[2], -1, 1))
-            aridity = self._earth.ground.aridity(surface.normal, latitude)
-            surface.threshold[:] = threshold(latitude) + np.float32(1.2) * aridity
-            surface.drifted[:] = drifted(surface.normal, latitude, self._t_s)
+            aridity = self._earth.ground.aridity(surface.longitude, surface.latitude)
+            surface.threshold[:] = threshold(latitude_rad) + np.float32(1.2) * aridity
+            surface.drifted[:] = drifted(surface.normal, latitude_rad, self._t_s)
+            surface.drifted_longitude[:] = longitude_turns(surface.drifted)
+            surface.relief[:] = _RELIEF / np.maximum(sun_cosine, _LOW_SUN)
         if not self._earth.air:
             surface.daylight[:] = np.maximum(0, sun_cosine) * np.float32(1 / np.pi)
-            surface.glitter[:] = glint
+            surface.sea[:] = glint
         else:
             column = (sun_cosine - GROUND_MU_MIN) * np.float32((GROUND_SUNS - 1) / (1 - GROUND_MU_MIN))
-            irradiance = lookup(ground_irradiance(), column, np.zeros_like(column))
+            irradiance = lookup(ground_irradiance(), column, np.zeros_like(column))[:, :3]
             direct = sunlight(np.zeros_like(sun_cosine), sun_cosine)
-            glow, transmission = self._air.sample(ground_row(view_cosine), self._azimuth(d))
+            row = ground_row(view_cosine)
+            transmission = self._air.transmission(row)
             surface.daylight[:] = (irradiance * transmission * np.float32(1 / np.pi)).T
-            surface.glitter[:] = (glint[:, None] * direct * transmission).T
-            surface.airlight[:] = glow.T
+            surface.sea[:] = (glint[:, None] * direct * transmission).T
+            surface.airlight[:] = self._air.glow(row, self._azimuth(d)).T
+        surface.sea[:] += OCEAN_RGB[:, None] * surface.daylight
+        surface.fields[Surface.LIGHT] *= np.tile(self.sun_rgb_w_m2, 3)[:, None]
         return surface.fields
 
-    def is_open_sea(self, grid: Surface) -> bool:
-        """Whether there is nothing but water within a grid of (m, n) points."""
-        latitude = np.arcsin(np.clip(grid.normal[2], -1, 1))
-        return self._earth.ground.is_open_sea(grid.normal, latitude)
+    def is_open_sea(self, cells: Surface) -> BoolArray:
+        """(n,) whether there is nothing but water within cells, given at their nodes (COUNT, n, k)."""
+        return self._earth.ground.is_open_sea(cells.longitude, cells.latitude)
 
     def ground_light(self, surface: Surface, is_open_sea: bool = False) -> Float32Array:
         """(3, ...) radiance of ground, clouds and the air in front of them, W m⁻² sr⁻¹.
 
         is_open_sea: whether it is known to be everywhere, so that the map need not be sampled.
         """
-        if surface.is_dark:
-            return np.zeros_like(surface.airlight)
-        latitude = np.arcsin(np.clip(surface.normal[2], -1, 1))
-        if is_open_sea:
-            water = np.ones_like(latitude)
-            radiance: Float32Array = np.multiply.outer(OCEAN_RGB, water)
-            clear = np.empty_like(water)
-        else:
-            radiance, water = self._earth.ground.at(surface.normal, latitude, surface.footprint_m)
-            clear = 1 - water
-            for band, ocean in zip(radiance, OCEAN_RGB, strict=True):
-                band *= clear
-                band += ocean * water
+        clear: Float32Array = np.ones((), dtype=np.float32)
+        bright: Float32Array = np.zeros((), dtype=np.float32)
         if self._earth.clouds is not None:
-            cover, clouds = self._cover(surface, latitude)
-            np.subtract(1, cover, out=clear)
-            water *= clear
-            for band in radiance:
-                band *= clear
-                band += clouds
-        parts = (radiance, surface.daylight, surface.glitter, surface.airlight, self._sun_rgb_w_m2)
-        for band, day, glitter, air, sun_w_m2 in zip(*parts, strict=True):
-            band *= day
-            band += water * glitter
-            band += air
-            band *= sun_w_m2
+            cover, bright = self._cover(surface)
+            clear = 1 - cover
+        day, sea, air = surface.daylight, surface.sea, surface.airlight
+        if is_open_sea:
+            radiance = sea * clear
+            for band, each_day, each_air in zip(radiance, day, air, strict=True):
+                band += bright * each_day
+                band += each_air
+            return radiance
+        radiance, water = self._earth.ground.at(
+            surface.normal, surface.longitude, surface.latitude, surface.log_footprint
+        )
+        dry = (1 - water) * clear
+        water *= clear
+        for band, each_day, each_sea, each_air in zip(radiance, day, sea, air, strict=True):
+            band *= dry
+            band += bright
+            band *= each_day
+            band += water * each_sea
+            band += each_air
         return radiance
 
-    def _cover(self, surface: Surface, latitude: Float32Array) -> tuple[Float32Array, Float32Array]:
+    def _cover(self, surface: Surface) -> tuple[Float32Array, Float32Array]:
         """Cover of clouds, and the reflectance that they add, (...) each."""
         assert self._earth.clouds is not None
-        depth, variance, slope = self._earth.clouds.at(surface.drifted, latitude, surface.footprint_m)
+        depth, variance, slope = self._earth.clouds.at(
+            surface.drifted, surface.drifted_longitude, surface.latitude, surface.log_footprint
+        )
         depth -= surface.threshold
         cover, light = cover_and_light(depth, variance)
         # Sides of clouds that face the Sun are brighter, and the more so the lower it is. Those that
         # face away are darker by as much, so that the mean light does not depend on the resolution.
-        sun = self._sun.astype(np.float32)
-        sun_cosine = np.maximum(np.tensordot(sun, surface.normal, 1), np.float32(0.15))
-        relief = np.tensordot(sun, slope, 1) / sun_cosine
-        relief *= np.float32(0.6)
-        relief = 1 - np.clip(relief, np.float32(-0.3), np.float32(0.3))
-        return cover, np.asarray(light * relief, dtype=np.float32)
+        x, y, z = self._sun.astype(np.float32)
+        relief = x * slope[0] + y * slope[1] + z * slope[2]
+        relief *= surface.relief
+        np.clip(relief, np.float32(-0.3), np.float32(0.3), out=relief)
+        np.subtract(1, relief, out=relief)
+        relief *= light
+        return cover, relief

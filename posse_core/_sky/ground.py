@@ -11,7 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from posse_core._arrays import AnyArray, Float32Array
+from posse_core._arrays import AnyArray, BoolArray, Float32Array
 from posse_core._errors import ComponentError
 from posse_core._files.cache import cached_array
 from posse_core._model import srgb
@@ -29,6 +29,7 @@ _ISLAND_LEVEL = 3
 """The last level of the map on which an island of a fifth of a pixel is not lost in rounding."""
 _ARIDITY_LEVEL = np.float32(5)
 """Level of the map, 240 km per pixel, by whose colours deserts are told."""
+_TINY = np.float32(1e-6)
 WIND_M_S = 7.0
 WATER_INDEX = 1.34
 
@@ -47,7 +48,11 @@ class Ground:
     detail: Detail | None = None
 
     def at(
-        self, normal: Float32Array, latitude_rad: Float32Array, footprint_m: Float32Array
+        self,
+        normal: Float32Array,
+        longitude: Float32Array,
+        latitude: Float32Array,
+        log_footprint: Float32Array,
     ) -> tuple[Float32Array, Float32Array]:
         """Reflectance of the land (3, ...) and share of water (...).
 
@@ -56,16 +61,16 @@ class Ground:
 
         Args:
             normal: (3, ...) unit normals of the points, ECEF axes.
-            latitude_rad: (...) latitudes of the points.
-            footprint_m: (...) width that a pixel covers there.
+            longitude, latitude: (...) positions of the points on the map, as of ``Surface``.
+            log_footprint: (...) binary logarithm of the width in metres that a pixel covers there.
         """
-        x, y = _map_position(normal, latitude_rad)
+        x, y = longitude, latitude
         if self.detail is not None:
-            noise, _, slope = self.detail.at(normal, footprint_m)
+            noise, _, slope = self.detail.at(normal, log_footprint)
             x = x + np.float32(_SHIFT_M / (2 * np.pi * RADIUS_M)) * slope[0]
             y = y + np.float32(_SHIFT_M / (np.pi * RADIUS_M)) * slope[2]
-            x -= np.floor(x)
-        level = np.log2(footprint_m / np.float32(2 * np.pi * RADIUS_M / self.pyramid.width_px))
+        x = x - np.floor(x)
+        level = log_footprint - np.float32(np.log2(2 * np.pi * RADIUS_M / self.pyramid.width_px))
         sample = self.pyramid.between(x, y, level)
         sample *= np.float32(1 / 255)
         land, water = sample[:3], sample[3]
@@ -76,33 +81,31 @@ class Ground:
             land *= 1 + np.float32(0.03) * noise
         return np.square(land, out=land), water
 
-    def is_open_sea(self, normal: Float32Array, latitude_rad: Float32Array) -> bool:
-        """Whether there is nothing but water within a grid of points, of which these are the (3, m, n)
-        unit normals, ECEF axes, and the (m, n) latitudes."""
-        x, y = _map_position(normal, latitude_rad)
-        apart = max(2 * np.abs(np.diff(x, axis=k)).max() for k in (0, 1))
-        apart = max(apart, *(np.abs(np.diff(y, axis=k)).max() for k in (0, 1)))
-        height_px = self.pyramid.width_px / 2
-        level = np.ceil(np.log2(apart * height_px + _SHORE_PX / np.cos(latitude_rad).min()))
-        if level > _ISLAND_LEVEL:
-            return False
+    def is_open_sea(self, longitude: Float32Array, latitude: Float32Array) -> BoolArray:
+        """Whether there is nothing but water within cells: (n, k) positions of the points around each of
+        them, as of ``Surface``, → (n,)."""
+        x, y = np.ascontiguousarray(longitude.T), np.ascontiguousarray(latitude.T)
+        apart = np.maximum(2 * np.ptp(x, axis=0), np.ptp(y, axis=0))
+        shore_px = _SHORE_PX / np.maximum(np.sin(np.pi * y).min(axis=0), _TINY)
+        level = np.ceil(np.log2(apart * (self.pyramid.width_px / 2) + shore_px))
         # A pixel of this level is as wide as the points are apart and noise moves shores: each is seen.
-        water = self.pyramid.at(x, y, np.full_like(x, level))[3]
-        return bool((water == 255).all())
+        levels = np.ascontiguousarray(np.broadcast_to(level, y.shape), dtype=np.float32)
+        water = self.pyramid.at(x - np.floor(x), y, levels)[3]
+        return np.asarray((level <= _ISLAND_LEVEL) & (water == 255).all(axis=0))
 
-    def aridity(self, normal: Float32Array, latitude_rad: Float32Array) -> Float32Array:
+    def aridity(self, longitude: Float32Array, latitude: Float32Array) -> Float32Array:
         """(...) 0 … 1: how arid the land around is, judged by its yellow. The arguments are those of
         :meth:`at`."""
-        x, y = _map_position(normal, latitude_rad)
-        sample = self.pyramid.at(x, y, np.full_like(x, _ARIDITY_LEVEL)) * np.float32(1 / 255)
+        sample = self.pyramid.at(longitude, latitude, np.full_like(longitude, _ARIDITY_LEVEL))
+        sample *= np.float32(1 / 255)
         yellow = (np.square(sample[0]) - np.square(sample[2])) * (1 - sample[3])
         return np.asarray(np.clip(4 * yellow, 0, 1))
 
 
-def _map_position(normal: Float32Array, latitude_rad: Float32Array) -> tuple[Float32Array, Float32Array]:
-    """Horizontal and vertical positions on the map, 0 … 1, (...) each."""
-    x = np.arctan2(normal[1], normal[0]) * np.float32(0.5 / np.pi) + np.float32(0.5)
-    return x, np.float32(0.5) - latitude_rad * np.float32(1 / np.pi)
+def longitude_turns(normal: Float32Array) -> Float32Array:
+    """(3, ...) unit normals, ECEF axes → (...) longitudes in turns from 180° W, 0 … 1."""
+    turns = np.arctan2(normal[1], normal[0]) * np.float32(0.5 / np.pi)
+    return np.asarray(turns + np.float32(0.5))
 
 
 @functools.cache

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from posse_core._arrays import BoolArray, Float32Array, FloatArray
+from posse_core._arrays import BoolArray, Float32Array, FloatArray, IntArray
 from posse_core._model.camera import Camera, PixelBox
 from posse_core._sky.atmosphere import RADIUS_M, TOP_M
 from posse_core._sky.earth import EarthView
@@ -21,9 +22,13 @@ TOLERANCE_PX = 0.2
 TOLERANCE_SHARE = 0.02
 """How far other interpolated numbers may be off, relative to their size."""
 _TILE_PX = (64, 256)
-"""Height and width of the parts that are drawn at once: few enough pixels for the processor's cache."""
-_NODE_PX = 8
-"""Distance of the nodes."""
+"""Height and width of the parts of an image that are asked whether the Earth is in them."""
+_CELL_PX = 8
+"""Side of the cells between the nodes."""
+_FINER = 4
+"""How many finer cells, in each direction, take the place of one in which interpolation is too wrong."""
+_POINTS = 1 << 14
+"""How many points are computed at once: few enough for the processor's cache."""
 
 
 def picture(
@@ -31,42 +36,18 @@ def picture(
 ) -> Iterator[tuple[PixelBox, Float32Array]]:
     """Boxes of some rows of an image, and the radiance (h, w, 3) of the Earth and its air in each.
 
-    Angles, light and weather are computed at nodes and interpolated linearly between them. Where that
-    would be wrong by more than the tolerances, as near the limb, they are computed in each pixel. If the
-    Earth is only a few pixels wide, each is the mean of several rays.
+    Angles, light and weather are computed at nodes and interpolated linearly in the cells between them.
+    Where that would be wrong by more than the tolerances, as near the limb, the nodes are closer to each
+    other, or everything is computed in each pixel. If the Earth is only a few pixels wide, each is the
+    mean of several rays.
     """
     boxes = _tiles(camera, earth, first_row, rows)
     samples = earth.samples(camera.pixel_rad)
     if samples > 1:
         yield from ((box, _sampled(earth, camera, box, samples)) for box in boxes)
-        return
-    # Tiles of one size have their nodes at the same positions and are prepared at once.
-    for height, width in sorted({(box.height, box.width) for box in boxes}):
-        same = [box for box in boxes if (box.height, box.width) == (height, width)]
-        grid = _Grid(height, width)
-        corners_px = np.array([[box.x0, box.y0] for box in same], dtype=np.float64)
-        nodes_cam = camera.rays(corners_px[:, None, None] + grid.nodes_px)
-        shape, pixel_rad = nodes_cam.shape[:3], camera.pixel_rad
-        rays = earth.rays(nodes_cam, pixel_rad)
-        surface = earth.surface(rays, np.arange(rays.ahead_m.size), pixel_rad)
-        surface = surface.reshape(-1, *shape)
-        usable = (rays.on_ground == 1).reshape(shape) & _smooth(surface)
-        # No part of the Earth fits between nodes that are further from it than they are from each other.
-        gap_m = 1.5 * _NODE_PX * pixel_rad * np.abs(rays.ahead_m)
-        away = ((rays.nearest_m > RADIUS_M + TOP_M + gap_m) | (rays.ahead_m < 0)).reshape(shape)
-        for i, box in enumerate(same):
-            empty, inside = _cells(away[i]), _cells(usable[i])
-            if empty.all():
-                continue
-            fields = grid.spread(surface[:, i])
-            if inside.all():
-                is_open_sea = earth.is_open_sea(Surface(surface[:, i]))
-                light = earth.ground_light(Surface(fields), is_open_sea)
-            else:
-                light = _mixed(
-                    earth, camera, box, fields, grid.by_pixel(inside), grid.by_pixel(~(inside | empty))
-                )
-            yield box, cv2.merge(list(light))
+    elif boxes:
+        region = PixelBox.around(boxes)
+        yield region, _drawn(earth, camera, region)
 
 
 def _sampled(earth: EarthView, camera: Camera, box: PixelBox, samples: int) -> Float32Array:
@@ -82,61 +63,158 @@ def _sampled(earth: EarthView, camera: Camera, box: PixelBox, samples: int) -> F
     return image
 
 
-class _Grid:
-    """Nodes of a tile, and linear interpolation between them."""
-
-    def __init__(self, height: int, width: int) -> None:
-        sides = (height, width)
-        counts = [max(3, -(-side // _NODE_PX) + 1) for side in sides]
-        down, across = (np.linspace(0, side - 1, n) for side, n in zip(sides, counts, strict=True))
-        self.nodes_px: FloatArray = np.stack(np.meshgrid(across, down), axis=-1)
-        """(m, n, 2) positions of the nodes in the tile; its corners are nodes."""
-        at = [np.linspace(0, n - 1, side) for side, n in zip(sides, counts, strict=True)]
-        rows, columns = (np.minimum(x.astype(np.intp), n - 2) for x, n in zip(at, counts, strict=True))
-        self._cell = rows[:, None], columns
-        hats = [
-            np.maximum(0, 1 - np.abs(x[:, None] - np.arange(n))).astype(np.float32)
-            for x, n in zip(at, counts, strict=True)
-        ]
-        self._down, self._right = hats[0], np.ascontiguousarray(hats[1].T)
-
-    def spread(self, nodes: Float32Array) -> Float32Array:
-        """(c, m, n) values at the nodes → (c, height, width) in the pixels."""
-        return np.asarray(self._down @ (nodes @ self._right))
-
-    def by_pixel(self, cells: BoolArray) -> BoolArray:
-        """(m − 1, n − 1) of the cells between the nodes → (height, width) of the pixels in them."""
-        return np.asarray(cells[self._cell])
+def _drawn(earth: EarthView, camera: Camera, region: PixelBox) -> Float32Array:
+    """(h, w, 3) radiance in a region of the image."""
+    height, width = min(region.height, _CELL_PX), min(region.width, _CELL_PX)
+    # There are three nodes at least along each side, without which no curvature would be seen.
+    down, across = max(2, -(-region.height // height)), max(2, -(-region.width // width))
+    image = np.zeros((down * height, across * width, 3), dtype=np.float32)
+    canvas = _Canvas(camera, region, image.reshape(down, height, across, width, 3))
+    steps = np.stack(np.meshgrid(np.arange(across + 1), np.arange(down + 1)), axis=-1)
+    nodes = _Nodes.at(earth, camera, canvas.corner_px + steps * canvas.cell_px, max(height, width))
+    inside, empty = _cells(nodes.usable), _cells(nodes.away)
+    empty[-(-region.height // height) :] = True
+    empty[:, -(-region.width // width) :] = True
+    cells = np.argwhere(inside & ~empty)
+    first = cells[:, :1] * (across + 1) + cells[:, 1:]
+    corners = first + np.array([0, 1, across + 1, across + 2])
+    fields = np.take(nodes.fields.reshape(Surface.COUNT, -1), corners, axis=1)
+    canvas.draw(earth, cells, Surface(fields, _weights(height, width, 1)))
+    sky = _cells(~nodes.on_ground) & ~(inside | empty)
+    canvas.trace(earth, *canvas.pixels(np.argwhere(sky)))
+    refined = np.argwhere(~(inside | empty | sky))
+    for part in _parts(np.arange(len(refined)), (_FINER + 1) ** 2):
+        canvas.refine(earth, refined[part])
+    return image[: region.height, : region.width]
 
 
-def _mixed(
-    earth: EarthView,
-    camera: Camera,
-    box: PixelBox,
-    fields: Float32Array,
-    inside: BoolArray,
-    traced: BoolArray,
-) -> Float32Array:
-    """(3, h, w) radiance of a tile (Surface.COUNT, h, w), of which a part is traced.
+@dataclass(frozen=True)
+class _Nodes:
+    """What is at nodes in rows and columns.
 
-    ``inside`` and ``traced`` (h, w) are the pixels whose fields hold, and those to be computed one by
-    one. There is no light from the others.
+    Attributes:
+        fields: (Surface.COUNT, ..., m, n) angles, light and weather.
+        usable: (..., m, n) whether what is around a node may be interpolated.
+        on_ground: (..., m, n) whether some of the node's pixel is below the limb.
+        away: (..., m, n) whether nothing of the Earth is within ``apart_px`` of the node.
     """
-    light = np.zeros((3, box.height, box.width), dtype=np.float32)
-    v, u = np.nonzero(traced)
-    rays = earth.rays(camera.rays(np.stack([u + box.x0, v + box.y0], axis=-1)), camera.pixel_rad)
-    light[:, v, u] = earth.air_light(rays, camera.pixel_rad).T
-    known = fields[:, inside]
-    ground = np.flatnonzero(rays.on_ground > 0)
-    if Surface(fields).is_dark or not known.size + ground.size:  # nothing to compute, as by night
-        return light
-    if ground.size:
-        known = np.concatenate([known, earth.surface(rays, ground, camera.pixel_rad)], axis=1)
-    of_ground = earth.ground_light(Surface(known))
-    smooth = known.shape[1] - ground.size
-    light[:, inside] = of_ground[:, :smooth]
-    light[:, v[ground], u[ground]] += rays.on_ground[ground] * of_ground[:, smooth:]
-    return light
+
+    fields: Float32Array
+    usable: BoolArray
+    on_ground: BoolArray
+    away: BoolArray
+
+    @classmethod
+    def at(cls, earth: EarthView, camera: Camera, nodes_px: FloatArray, apart_px: float) -> _Nodes:
+        """Nodes at (..., m, n, 2) positions in an image, which may be up to a cell outside it."""
+        nodes_cam = camera.rays(nodes_px)
+        shape, pixel_rad = nodes_cam.shape[:-1], camera.pixel_rad
+        # Outside the image a lens may have no directions.
+        known = np.isfinite(nodes_cam).all(axis=-1)
+        nodes_cam[~known] = [0, 0, 1]
+        rays = earth.rays(nodes_cam, pixel_rad)
+        fields = earth.surface(rays, np.arange(rays.ahead_m.size), pixel_rad)
+        fields = fields.reshape(Surface.COUNT, *shape)
+        whole = (rays.on_ground == 1).reshape(shape)
+        gap_m = 1.5 * apart_px * pixel_rad * np.abs(rays.ahead_m)
+        away = ((rays.nearest_m > RADIUS_M + TOP_M + gap_m) | (rays.ahead_m < 0)).reshape(shape)
+        return cls(
+            fields,
+            known & whole & _smooth(fields, earth.sun_rgb_w_m2),
+            (rays.on_ground > 0).reshape(shape) | ~known,
+            known & away,
+        )
+
+
+@dataclass(frozen=True)
+class _Canvas:
+    """A region of an image in cells, which is drawn cell by cell.
+
+    Attributes:
+        camera: the image's.
+        region: the region. The cells in the last row and column may go beyond it.
+        light: (down, h, across, w, 3) radiance in each pixel of each cell.
+    """
+
+    camera: Camera
+    region: PixelBox
+    light: Float32Array
+
+    @property
+    def corner_px(self) -> IntArray:
+        """(2,) position of the first pixel."""
+        return np.array([self.region.x0, self.region.y0])
+
+    @property
+    def cell_px(self) -> IntArray:
+        """(2,) width and height of a cell."""
+        return np.array([self.light.shape[3], self.light.shape[1]])
+
+    def draw(self, earth: EarthView, cells: IntArray, surface: Surface) -> None:
+        """Draw the ground in cells (n, 2) of the canvas, by row and column, of which ``surface`` has the
+        nodes and weights."""
+        lit = np.flatnonzero(surface.fields[Surface.LIGHT].max(axis=0).max(axis=1) > 0)
+        if not len(lit):
+            return
+        cells, fields = cells[lit], np.take(surface.fields, lit, axis=1)
+        longitudes = fields[Surface.LONGITUDES]
+        longitudes -= np.rint(longitudes - longitudes[..., :1])
+        sea = earth.is_open_sea(Surface(fields))
+        # Cells of one kind are drawn together, because that is quick.
+        first = Surface(fields[..., 0])
+        side = np.abs(first.drifted).argmax(axis=0)
+        order = np.lexsort((np.rint(first.log_footprint), 3 * sea + side))
+        for part in _parts(order, self.light.shape[1] * self.light.shape[3]):
+            chosen = Surface(np.take(fields, part, axis=1), surface.weights)
+            light = cv2.merge(list(earth.ground_light(chosen, bool(sea[part].all()))))
+            row, column = cells[part].T
+            self.light[row, :, column] = light.reshape(len(part), *self.light.shape[1::2], 3)
+
+    def refine(self, earth: EarthView, cells: IntArray) -> None:
+        """Draw cells (n, 2) in which the nodes must be closer to each other."""
+        steps = np.linspace(0, 1, _FINER + 1)
+        within_px = np.stack(np.meshgrid(steps, steps), axis=-1) * self.cell_px
+        nodes_px = (self.corner_px + cells[:, ::-1] * self.cell_px)[:, None, None] + within_px
+        nodes = _Nodes.at(earth, self.camera, nodes_px, 0)
+        width, height = self.cell_px
+        fine = _cells(nodes.usable)
+        rows, columns = (np.arange(side) * _FINER // side for side in (height, width))
+        fine = fine[:, rows[:, None], columns].reshape(len(cells), -1)
+        some = fine.any(axis=1)
+        fields = nodes.fields.reshape(Surface.COUNT, len(cells), -1)[:, some]
+        self.draw(earth, cells[some], Surface(fields, _weights(height, width, _FINER)))
+        v, u = self.pixels(cells)
+        self.trace(earth, v[~fine], u[~fine])
+
+    def pixels(self, cells: IntArray) -> tuple[IntArray, IntArray]:
+        """Rows and columns of all pixels in cells (n, 2): (n, h w) each."""
+        width, height = self.cell_px
+        v, u = (index.ravel() for index in np.indices((height, width)))
+        return cells[:, :1] * height + v, cells[:, 1:] * width + u
+
+    def trace(self, earth: EarthView, v: IntArray, u: IntArray) -> None:
+        """Compute everything in each of some pixels, of any shape."""
+        seen = (v < self.region.height) & (u < self.region.width)
+        v, u = v[seen], u[seen]
+        image = self.light.reshape(-1, self.light.shape[2] * self.light.shape[3], 3)
+        for part in _parts(np.arange(v.size), 1):
+            at_px = self.corner_px + np.stack([u[part], v[part]], axis=-1)
+            image[v[part], u[part]] = earth.light(self.camera.rays(at_px), self.camera.pixel_rad)
+
+
+def _parts(indices: IntArray, points_each: int) -> Iterator[IntArray]:
+    """Indices in parts of about _POINTS points."""
+    step = max(1, _POINTS // points_each)
+    return (indices[start : start + step] for start in range(0, len(indices), step))
+
+
+def _weights(height: int, width: int, finer: int) -> Float32Array:
+    """((finer + 1)², height width) shares of a cell's nodes in its pixels, of linear interpolation."""
+    hats = [
+        np.maximum(0, 1 - np.abs(np.arange(finer + 1)[:, None] - np.arange(side) * finer / side))
+        for side in (height, width)
+    ]
+    return np.kron(*hats).astype(np.float32)
 
 
 def _tiles(camera: Camera, earth: EarthView, first_row: int, rows: int) -> list[PixelBox]:
@@ -157,27 +235,48 @@ def _tiles(camera: Camera, earth: EarthView, first_row: int, rows: int) -> list[
     return [boxes[i] for i in np.flatnonzero(earth.touches(rays, reach_rad))]
 
 
-def _smooth(fields: Float32Array) -> BoolArray:
-    """(Surface.COUNT, t, m, n) at nodes → (t, m, n): whether what is around a node may be interpolated.
+def _smooth(fields: Float32Array, sun_w_m2: Float32Array) -> BoolArray:
+    """(Surface.COUNT, ..., m, n) at nodes, and (3,) sunlight → (..., m, n): whether what is around a
+    node may be interpolated.
 
     The error of linear interpolation is at most an eighth of the second difference, for each axis.
     """
-    off = np.zeros_like(fields)
-    for axis in (2, 3):
-        curved = np.abs(np.diff(fields, 2, axis=axis)) / 8
-        ends = [(0, 0)] * 4
-        ends[axis] = (1, 1)
-        off += np.pad(curved, ends, mode="edge")
-    surface, error = Surface(fields), Surface(off)
-    position = np.maximum(error.normal.max(axis=0), error.drifted.max(axis=0)) * np.float32(RADIUS_M)
-    fine = position <= TOLERANCE_PX * surface.footprint_m
-    fine &= error.footprint_m <= TOLERANCE_SHARE * surface.footprint_m
-    fine &= error.threshold <= TOLERANCE_SHARE
-    for light in (error.daylight, error.glitter, error.airlight):
-        fine &= light.max(axis=0) <= TOLERANCE
+    surface = Surface(fields)
+    turn = 2 * np.pi * np.sqrt(np.maximum(0, 1 - np.square(surface.normal[2])))
+    ground_radians = np.float32(TOLERANCE_PX / RADIUS_M) * np.exp2(surface.log_footprint)
+    fine = turn * _off(surface.longitude, turns=True) <= ground_radians
+    fine &= turn * _off(surface.drifted_longitude, turns=True) <= ground_radians
+    fine &= np.float32(np.pi) * _off(surface.latitude) <= ground_radians
+    for along in (*surface.normal, *surface.drifted):
+        fine &= _off(along) <= ground_radians
+    fine &= _off(surface.log_footprint) <= np.log2(1 + TOLERANCE_SHARE)
+    fine &= _off(surface.threshold) <= TOLERANCE_SHARE
+    fine &= _off(surface.relief) <= TOLERANCE_SHARE * surface.relief
+    for light in (surface.daylight, surface.sea, surface.airlight):
+        for band, sun in zip(light, sun_w_m2, strict=True):
+            fine &= _off(band) <= TOLERANCE * sun
     return np.asarray(fine)
 
 
+def _off(field: Float32Array, turns: bool = False) -> Float32Array:
+    """(..., m, n) at nodes → (..., m, n): how far linear interpolation around each may be off, at most.
+
+    turns: the field is the same again after a whole turn, 1.
+    """
+    off = np.zeros_like(field)
+    for along, error in ((field, off), (field.swapaxes(-2, -1), off.swapaxes(-2, -1))):
+        steps = along[..., 1:] - along[..., :-1]
+        if turns:
+            steps -= np.rint(steps)
+        curved = np.abs(steps[..., 1:] - steps[..., :-1])
+        error[..., 1:-1] += curved
+        error[..., 0] += curved[..., 0]
+        error[..., -1] += curved[..., -1]
+    off *= np.float32(1 / 8)
+    return off
+
+
 def _cells(nodes: BoolArray) -> BoolArray:
-    """(m, n) nodes → (m − 1, n − 1): whether all four nodes around a cell are true."""
-    return np.asarray(nodes[1:, 1:] & nodes[1:, :-1] & nodes[:-1, 1:] & nodes[:-1, :-1])
+    """(..., m, n) nodes → (..., m − 1, n − 1): whether all four nodes around a cell are true."""
+    across = nodes[..., 1:] & nodes[..., :-1]
+    return np.asarray(across[..., 1:, :] & across[..., :-1, :])

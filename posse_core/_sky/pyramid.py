@@ -22,6 +22,8 @@ def lookup(image: AnyArray, column: Float32Array, row: Float32Array) -> AnyArray
     """
     if column.ndim == 2 and max(column.shape) <= _MAX_SIDE:
         return _remapped(image, column, row)
+    if column.ndim == 1 and 0 < column.size <= _MAX_SIDE:
+        return np.asarray(_remapped(image, column[None], row[None])[0])
     # Positions of another shape are arranged in rows.
     count = column.size
     laid = np.zeros((2, -(-count // _ROW) * _ROW), dtype=np.float32)

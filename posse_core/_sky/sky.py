@@ -200,8 +200,13 @@ class _Image:
 
     def add(self, box: PixelBox, light: Float32Array) -> None:
         """Add the radiance ``light`` (h, w, 3) in a box."""
-        if not light.any():
+        if light.max() == 0:
             return
-        if self.radiance_rgb is None:
-            self.radiance_rgb = np.zeros(self._shape, dtype=np.float32)
-        self.radiance_rgb[box.slices] += light
+        if self.radiance_rgb is not None:
+            self.radiance_rgb[box.slices] += light
+            return
+        if light.shape == self._shape:
+            self.radiance_rgb = np.ascontiguousarray(light)
+            return
+        self.radiance_rgb = np.zeros(self._shape, dtype=np.float32)
+        self.radiance_rgb[box.slices] = light

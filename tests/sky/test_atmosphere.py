@@ -64,7 +64,7 @@ def test_the_earth_shadows_the_air_behind_it() -> None:
 
 def test_ground_irradiance_falls_and_reddens_with_the_sun_and_leaves_a_blue_twilight() -> None:
     mu = np.linspace(GROUND_MU_MIN, 1, GROUND_SUNS)
-    light = ground_irradiance()[0].astype(float)
+    light = ground_irradiance()[0, :, :3].astype(float)
     assert (np.diff(light[mu > -0.1], axis=0) >= -1e-6).all()
     noon, evening, twilight = (light[np.argmin(abs(mu - m))] for m in (1.0, 0.08, -0.06))
     assert (noon < 1).all()
@@ -79,7 +79,7 @@ def test_rays_from_space_are_attenuated_by_their_path_through_the_air() -> None:
     for row in (4, 20, 40):
         passing_m = TOP_M * (row / (LIMB_ROWS - 1)) ** 2
         expected = np.exp(-2 * _slant_depth(passing_m, 0.0))
-        assert tables.transmission[GROUND_ROWS + row, 0] == pytest.approx(expected, abs=0.02)
+        assert tables.passed[GROUND_ROWS + row, 0, :3] == pytest.approx(expected, abs=0.02)
 
 
 def test_the_glow_of_thin_air_is_single_scattering() -> None:
@@ -102,7 +102,7 @@ def test_the_glow_of_thin_air_is_single_scattering() -> None:
         if cosine < 0:
             continue  # away from the Sun the limb is in shadow
         phase = 3 / (16 * np.pi) * (1 + cosine**2)
-        assert tables.glow[GROUND_ROWS + row, column] == pytest.approx(
+        assert tables.light[GROUND_ROWS + row, column, :3] == pytest.approx(
             RAYLEIGH_DEPTH * depth * phase, rel=0.03
         )
-    assert tables.glow[GROUND_ROWS + row, 0, 2] > 3 * tables.glow[GROUND_ROWS + row, 0, 0]
+    assert tables.light[GROUND_ROWS + row, 0, 2] > 3 * tables.light[GROUND_ROWS + row, 0, 0]

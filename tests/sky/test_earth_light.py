@@ -12,7 +12,7 @@ from posse_core._sky import moon
 from posse_core._sky.clouds import drifted, make_clouds
 from posse_core._sky.earth import Earth
 from posse_core._sky.environment import environment_map
-from posse_core._sky.ground import WIND_M_S, Ground, blue_marble, glint_radiance
+from posse_core._sky.ground import WIND_M_S, Ground, blue_marble, glint_radiance, longitude_turns
 from posse_core._sky.pyramid import Pyramid
 from posse_core._sky.sky import Sky
 
@@ -36,12 +36,20 @@ def _normal(lat_deg, lon_deg) -> np.ndarray:
     return np.stack(np.broadcast_arrays(*position)).astype(np.float32)
 
 
+def _on_map(normal) -> tuple[np.ndarray, np.ndarray]:
+    """Positions on a plate carrée map, 0 … 1."""
+    return longitude_turns(normal), 0.5 - np.arcsin(normal[2]) / np.float32(np.pi)
+
+
+def _log(footprint_m: float, like) -> np.ndarray:
+    return np.full(np.shape(like), np.log2(footprint_m), np.float32)
+
+
 @pytest.mark.parametrize("name", SITES)
 def test_land_and_water_have_the_right_positions(name: str) -> None:
     lat, lon, wet, red = SITES[name]
-    land, water = blue_marble().at(
-        _normal([lat], [lon]), np.float32(np.deg2rad([lat])), np.float32([5000.0])
-    )
+    normal = _normal([lat], [lon])
+    land, water = blue_marble().at(normal, *_on_map(normal), _log(5000.0, [lat]))
     assert water[0] == pytest.approx(wet, abs=0.05)
     if red is not None:
         assert red[0] < land[0, 0] < red[1]
@@ -49,14 +57,12 @@ def test_land_and_water_have_the_right_positions(name: str) -> None:
 
 def test_no_seam_at_the_date_line() -> None:
     """Values a kilometre apart differ no more across the meridian of 180° than elsewhere."""
-    lat = np.float32(np.deg2rad(np.linspace(-75, 75, 400)))
+    lat = np.linspace(-75, 75, 400)
     clouds = make_clouds(3)
     steps = []
     for lon in (179.9999, 37.0):
-        a, b = (
-            clouds.at(_normal(np.rad2deg(lat), lon + step), lat, np.full(400, 40e3, np.float32))[0]
-            for step in (0.0, 0.01)
-        )
+        normals = [_normal(lat, lon + step) for step in (0.0, 0.01)]
+        a, b = (clouds.at(normal, *_on_map(normal), _log(40e3, lat))[0] for normal in normals)
         steps.append(np.abs(a - b).max())
     assert steps[0] < 2 * steps[1] + 0.05
 
@@ -64,10 +70,10 @@ def test_no_seam_at_the_date_line() -> None:
 def test_clouds_depend_on_the_seed_and_drift_with_the_wind() -> None:
     lat = np.zeros(500, np.float32)
     lon = np.linspace(-60, 60, 500)
-    footprint = np.full(500, 2000.0, np.float32)
 
     def row(clouds, t_s: float, shift_deg: float = 0.0) -> np.ndarray:
-        return clouds.at(drifted(_normal(0.0, lon + shift_deg), lat, t_s), lat, footprint)[0]
+        normal = drifted(_normal(0.0, lon + shift_deg), lat, t_s)
+        return clouds.at(normal, *_on_map(normal), _log(2000.0, lat))[0]
 
     one, other = make_clouds(0), make_clouds(3)
     make_clouds.cache_clear()
@@ -243,30 +249,43 @@ def test_the_moon_follows_its_phase_law(make_camera, make_state, phase_deg, magn
     assert lit.sum() == pytest.approx(camera.fx_px * 1.7374e6 / d * (1 + np.cos(phase)), abs=3)
 
 
+def _cells(at) -> np.ndarray:
+    """(m, n) at the points of a grid → ((m − 1) (n − 1), 4) at those around each of its cells."""
+    return np.lib.stride_tricks.sliding_window_view(at, (2, 2)).reshape(-1, 4)
+
+
 @pytest.mark.parametrize("apart_deg", [0.02, 0.1, 0.3])
 def test_open_sea_has_no_land_in_any_pixel(apart_deg: float) -> None:
-    """Grids all over the globe, against the map in every pixel between their points."""
+    """Cells all over the globe, against the map in every pixel between their points."""
     random = np.random.default_rng(1)
     sea, ground = 0, blue_marble()
     for _ in range(150):
         lat, lon = np.rad2deg(np.arcsin(random.uniform(-0.95, 0.95))), random.uniform(-180, 180)
         fine = np.meshgrid(*(at + apart_deg / 8 * np.arange(-32, 33) for at in (lon, lat)))
-        normal, lat_rad = _normal(fine[1], fine[0]), np.float32(np.deg2rad(fine[1]))
-        _, water = ground.at(normal, lat_rad, np.full_like(lat_rad, apart_deg / 8 * 111e3))
-        known = ground.is_open_sea(normal[:, ::8, ::8], lat_rad[::8, ::8])
-        assert not known or water.min() == 1
-        sea += known
-    assert sea > 50
+        normal = _normal(fine[1], fine[0])
+        place = _on_map(normal)
+        _, water = ground.at(normal, *place, _log(apart_deg / 8 * 111e3, fine[0]))
+        known = ground.is_open_sea(*(_cells(at[::8, ::8]) for at in place))
+        within = np.lib.stride_tricks.sliding_window_view(water, (9, 9))[::8, ::8]
+        assert (within.reshape(64, -1)[known] == 1).all()
+        sea += np.count_nonzero(known)
+    assert sea > 50 * 64
 
 
 def test_a_single_island_is_found() -> None:
     """Land in one pixel of the map, wherever it is among the points of a grid."""
     land = np.zeros((2048, 4096, 4), np.uint8)
     land[..., 3] = 255
-    lon, lat = np.meshgrid(np.linspace(9.0, 13.0, 33), np.linspace(-2.0, 2.0, 33))
-    grid = _normal(lat, lon), np.float32(np.deg2rad(lat))
-    assert Ground(Pyramid(land)).is_open_sea(*grid)
+    place = _on_map(_normal(*np.meshgrid(np.linspace(-2.0, 2.0, 33), np.linspace(9.0, 13.0, 33))))
+    grid = [_cells(at) for at in place]
+    assert Ground(Pyramid(land)).is_open_sea(*grid).all()
     for column, row in ((2170, 1024), (2153, 1010), (2191, 1039), (2167, 1033)):
         island = land.copy()
         island[row, column, 3] = 0
-        assert not Ground(Pyramid(island)).is_open_sea(*grid)
+        known = Ground(Pyramid(island)).is_open_sea(*grid)
+        x, y = (column + 0.5) / 4096, (row + 0.5) / 2048
+        around = (grid[0].min(axis=1) <= x) & (x <= grid[0].max(axis=1))
+        around &= (grid[1].min(axis=1) <= y) & (y <= grid[1].max(axis=1))
+        assert around.any()
+        assert not known[around].any()
+        assert known.mean() > 0.9

@@ -24,6 +24,9 @@ from posse_core._interfaces.detector import Detection, Detector, KeypointFinder,
 from posse_core._interfaces.trust import ANGLE_RAD, RANGE_SHARE
 from posse_core._model.label_line import BodyLabels, LabelLine
 
+_LEAST_FLUX_W_M2 = 1.0
+"""Sunlight below this flux is lost in any other light: it is 50 W/m² at Jupiter."""
+
 
 @dataclass(frozen=True)
 class PoseErrors:
@@ -173,8 +176,10 @@ def evaluate(
 
 def sun_direction_cam(labels: LabelLine) -> FloatArray | None:
     """(3,) where the target's labels say that the Sun is, camera axes; None where they do not, or the
-    target is in the Earth's shadow."""
+    Sun is not what lights the target: in the Earth's shadow, and between the lamps of a laboratory."""
     if not (labels.has("sun_direction_body") and labels.has("q_cam_from_body")):
+        return None
+    if labels.has("solar_flux_w_m2") and labels.solar_flux_w_m2 < _LEAST_FLUX_W_M2:
         return None
     if labels.has("sun_fraction_target") and labels.sun_fraction_target == 0:
         return None

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from posse_core._arrays import AnyArray, FloatArray
 from posse_core._detection.pnp import solve_pose
 from posse_core._detection.shapes import Shapes, Sighting
@@ -15,6 +17,13 @@ from posse_core._model.camera import Camera
 
 _GOOD_BOX = 0.8
 """A box that overlaps that of the mesh at the pose by more is good: intersection over union."""
+_WIDER = (1.0, 1.6, 2.5)
+"""Sides of the boxes that are looked at, over those of the detector's."""
+_LOOKS = 3
+"""How often a box is followed at most."""
+_SURE = 0.9
+"""Trust of a pose from which no wider box is looked at."""
+_APART_RAD = np.radians(20)
 _ENOUGH_OF_SCORE = 1 / 3
 """Share of the least score that is enough where the pose is trusted."""
 _ONE = 0.7
@@ -54,13 +63,14 @@ def sightings_of(
     ]
     looks.sort(key=lambda each: not _is_trusted(each[2]))  # stable
     seen: list[Sighting] = []
-    for detection, found, pose in looks:
-        if detection.score < least_score and not _is_trusted(pose):
+    for detection, found, poses in looks:
+        if detection.score < least_score and not _is_trusted(poses):
             dropped.append(detection)
             continue
+        pose = next(iter(poses), None)
         sighting = Sighting(found, pose, start=pose)
         if shapes is not None:
-            sighting = shapes.seen(image, found, pose, camera, sun_direction_cam)
+            sighting = shapes.seen(image, found, poses, camera, sun_direction_cam)
         if any(_is_same(sighting.detection, other.detection) for other in seen):
             dropped.append(detection)
         else:
@@ -68,8 +78,9 @@ def sightings_of(
     return seen, dropped
 
 
-def _is_trusted(pose: PoseEstimate | None) -> bool:
-    return pose is not None and pose.trust >= TRUSTED
+def _is_trusted(poses: Sequence[PoseEstimate]) -> bool:
+    """Whether the first of the poses is, which is trusted most."""
+    return bool(poses) and poses[0].trust >= TRUSTED
 
 
 def _is_same(one: Detection, other: Detection) -> bool:
@@ -78,11 +89,12 @@ def _is_same(one: Detection, other: Detection) -> bool:
 
 def look(
     finder: KeypointFinder, image: AnyArray, detection: Detection, camera: Camera, shapes: Shapes | None
-) -> tuple[Detection, PoseEstimate | None]:
-    """Find the keypoints of a detection, and the pose that they agree on.
+) -> tuple[Detection, list[PoseEstimate]]:
+    """Find the keypoints of a detection, and the poses that they may agree on.
 
     Keypoints are found in a square around the box. Where the mesh at the pose has another box, they are
-    found again around that one, and the pose with more trust is taken.
+    found again around that one. Unless the pose is then almost sure, wider squares are looked at in the
+    same way: of a spacecraft that is lit in part, detectors often find that part.
 
     Args:
         finder: of the keypoints.
@@ -92,14 +104,46 @@ def look(
         shapes: the spacecraft of which meshes are known, or None.
 
     Returns:
-        The detection with keypoints; and the pose, or None if fewer than four keypoints agree on one.
+        The detection with the keypoints of the pose that is trusted most; and the poses that clearly
+        differ, most trusted first, none where no four keypoints agree on one.
     """
-    first, pose = _found(finder, image, detection, camera)
-    mesh_px = None if pose is None or shapes is None else shapes.box_px(first.label, pose, camera)
-    if pose is None or mesh_px is None or float(box_iou(mesh_px, first.box_px)) > _GOOD_BOX:
-        return first, pose
-    second, again = _found(finder, image, replace(detection, box_px=mesh_px), camera)
-    return (second, again) if again is not None and again.trust > pose.trust else (first, pose)
+    seen: list[tuple[Detection, PoseEstimate | None]] = []
+    for wider in _WIDER:
+        seen += _followed(finder, image, _widened(detection, wider), camera, shapes)
+        if any(pose is not None and pose.trust >= _SURE for _, pose in seen):
+            break
+    poses: list[PoseEstimate] = []
+    for pose in sorted((pose for _, pose in seen if pose), key=lambda pose: -pose.trust):
+        if all(_turn_rad(pose, other) > _APART_RAD for other in poses):
+            poses.append(pose)
+    return (poses[0].detection or seen[0][0] if poses else seen[0][0]), poses
+
+
+def _followed(
+    finder: KeypointFinder, image: AnyArray, detection: Detection, camera: Camera, shapes: Shapes | None
+) -> list[tuple[Detection, PoseEstimate | None]]:
+    """Look around a box, and around the boxes that the mesh has at what is found."""
+    seen = []
+    for _ in range(_LOOKS):
+        found, pose = _found(finder, image, detection, camera)
+        seen.append((found, pose))
+        mesh_px = None if pose is None or shapes is None else shapes.box_px(found.label, pose, camera)
+        if mesh_px is None or float(box_iou(mesh_px, detection.box_px)) > _GOOD_BOX:
+            break
+        detection = replace(detection, box_px=mesh_px)
+    return seen
+
+
+def _widened(detection: Detection, factor: float) -> Detection:
+    x, y, width, height = detection.box_px
+    more_px = np.array([width, height]) * (factor - 1) / 2
+    box_px = np.array([x - more_px[0], y - more_px[1], factor * width, factor * height])
+    return replace(detection, box_px=box_px)
+
+
+def _turn_rad(one: PoseEstimate, other: PoseEstimate) -> float:
+    turn = one.R_cam_from_body.T @ other.R_cam_from_body
+    return float(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1)))
 
 
 def _found(

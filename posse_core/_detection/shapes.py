@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -58,7 +58,7 @@ class Shapes:
         self,
         image: AnyArray,
         detection: Detection,
-        pose: PoseEstimate | None,
+        poses: Sequence[PoseEstimate],
         camera: Camera,
         sun_direction_cam: FloatArray | None = None,
     ) -> Sighting:
@@ -68,16 +68,19 @@ class Shapes:
         the refinement was accepted.
 
         Args:
-            pose: from the detection's keypoints.
+            poses: that the detection's keypoints may agree on, most trusted first; the refiner chooses.
             sun_direction_cam: as of :meth:`posse_core.Refiner.refine`.
         """
-        if pose is None or detection.label not in self._crafts:
+        if not poses or detection.label not in self._crafts:
+            pose = next(iter(poses), None)
             return Sighting(detection, pose, start=pose)
-        refinement, start = None, pose
+        refinement, start = None, poses[0]
+        pose = start
         if self._refiner is not None:
             refiner = self._opened(self._refiner, detection.label, camera)
-            refinement = refiner.refine(image, [pose], sun_direction_cam)
-            pose = refinement.pose
+            refinement = refiner.refine(image, poses, sun_direction_cam)
+            # A start that the refiner chose and could not improve says nothing for itself.
+            pose = refinement.pose if refinement.is_better else start
         box_px = self.box_px(detection.label, pose, camera)
         least = 0.0 if refinement is not None and refinement.is_better else LEAST_OVERLAP
         if box_px is not None and float(box_iou(box_px, detection.box_px)) > least:

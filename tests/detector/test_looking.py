@@ -1,5 +1,6 @@
 """A second look at a spacecraft whose box was poor."""
 
+import itertools
 from dataclasses import replace
 from typing import ClassVar
 
@@ -51,7 +52,7 @@ def poor():
 
 def test_a_poor_box_is_told_by_the_pose_and_mended():
     finder = Sees()
-    found, pose = look(finder, IMAGE, poor(), cuboid.CAMERA, SHAPES)
+    found, (pose,) = look(finder, IMAGE, poor(), cuboid.CAMERA, SHAPES)
     assert len(finder.looks) == 2
     assert float(box_iou(found.box_px, TRUE_PX)) > 0.8
     np.testing.assert_allclose(pose.t_body_cam_m, T, atol=1e-6)
@@ -59,11 +60,16 @@ def test_a_poor_box_is_told_by_the_pose_and_mended():
 
 
 @pytest.mark.parametrize("shapes", [None, Shapes({})])
-def test_without_a_mesh_there_is_one_look(shapes):
+def test_without_a_mesh_wider_boxes_are_looked_at_but_not_followed(shapes):
     finder = Sees()
-    found, pose = look(finder, IMAGE, poor(), cuboid.CAMERA, shapes)
-    assert len(finder.looks) == 1
-    np.testing.assert_array_equal(found.box_px, poor().box_px)
+    _, (pose,) = look(finder, IMAGE, poor(), cuboid.CAMERA, shapes)
+    assert len(finder.looks) == 3
+    first, *wider = np.array(finder.looks)
+    np.testing.assert_array_equal(first, poor().box_px)
+    for box in wider:
+        np.testing.assert_allclose(box[:2] + box[2:] / 2, first[:2] + first[2:] / 2)
+        assert box[2] / first[2] == pytest.approx(box[3] / first[3])
+        assert box[2] > 1.5 * first[2]
     assert pose.t_body_cam_m != pytest.approx(T, abs=1e-3)
 
 
@@ -74,12 +80,36 @@ def test_a_good_box_needs_no_second_look():
     assert len(finder.looks) == 1
 
 
-def test_a_second_look_that_is_less_certain_does_not_count():
+def test_looks_that_are_less_certain_do_not_count():
     finder = Sees(good_sigma_px=40.0)
-    found, pose = look(finder, IMAGE, poor(), cuboid.CAMERA, SHAPES)
-    assert len(finder.looks) == 2
-    np.testing.assert_array_equal(found.box_px, poor().box_px)
+    found, (pose,) = look(finder, IMAGE, poor(), cuboid.CAMERA, SHAPES)
+    middles_px = [box[:2] + box[2:] / 2 for box in (found.box_px, poor().box_px)]
+    np.testing.assert_allclose(*middles_px)  # of the detection's box, or one that is wider
     assert pose.t_body_cam_m != pytest.approx(T, abs=1e-3)
+
+
+class Blinkered(Sees):
+    """Sees nothing but what is in the square around a box."""
+
+    def find(self, image, detections):
+        (detection,) = detections
+        square = posse.Square.around(detection.box_px, 192)
+        into = square.points_in(cuboid.CAMERA.project(CORNERS @ R.T + T))
+        if np.all((into > 0) & (into < 191)):
+            return super().find(image, [replace(detection, box_px=TRUE_PX)])
+        squeezed = square.points_out(np.clip(into, 0, 191))
+        return [replace(detection, keypoints_px=squeezed, keypoints_sigma_px=np.full(8, 6.0))]
+
+
+@pytest.mark.parametrize("corner", [(0, 0), (0, 1), (1, 0), (1, 1)])
+def test_a_box_around_a_part_of_the_spacecraft_is_widened(corner):
+    """Half of it, as if the Sun lit that part alone."""
+    half_px = TRUE_PX[2:] / 2
+    part_px = np.concatenate([TRUE_PX[:2] + corner * half_px, half_px])
+    _, poses = look(Blinkered(), IMAGE, posse.Detection("brick", 0.9, part_px), cuboid.CAMERA, SHAPES)
+    np.testing.assert_allclose(poses[0].t_body_cam_m, T, atol=1e-5)
+    np.testing.assert_allclose(poses[0].R_cam_from_body, R, atol=1e-5)
+    assert all(one.trust >= other.trust for one, other in itertools.pairwise(poses))
 
 
 ELSEWHERE_PX = np.array([2.0, 2.0, 30.0, 30.0])

@@ -77,14 +77,14 @@ def test_the_meshs_box_counts_where_it_agrees_with_the_nets() -> None:
     shapes, true = Shapes(CRAFTS), true_box(R, t).astype(float)
     near = posse.Detection("brick", 0.9, true + np.array([3.0, 2.0, -2.0, 3.0]))
     far = posse.Detection("brick", 0.9, true + np.array([30.0, 0.0, 0.0, 0.0]))
-    seen = shapes.seen(IMAGE, near, pose(R, t), cuboid.CAMERA)
+    seen = shapes.seen(IMAGE, near, [pose(R, t)], cuboid.CAMERA)
     np.testing.assert_array_equal(seen.detection.box_px, true)
     assert seen.pose is not None
     assert seen.pose.detection is seen.detection
-    assert shapes.seen(IMAGE, far, pose(R, t), cuboid.CAMERA).detection is far
+    assert shapes.seen(IMAGE, far, [pose(R, t)], cuboid.CAMERA).detection is far
     unknown = replace(near, label="drum")
-    assert shapes.seen(IMAGE, unknown, pose(R, t), cuboid.CAMERA).detection is unknown
-    assert shapes.seen(IMAGE, near, None, cuboid.CAMERA).pose is None
+    assert shapes.seen(IMAGE, unknown, [pose(R, t)], cuboid.CAMERA).detection is unknown
+    assert shapes.seen(IMAGE, near, [], cuboid.CAMERA).pose is None
 
 
 class Exact(posse.Refiner):
@@ -120,7 +120,7 @@ def test_a_refined_pose_counts_if_it_was_accepted(*, accepts: bool) -> None:
     shapes = Shapes(CRAFTS, lambda craft, camera: refiner)
     off = pose(R, t + np.array([0.9, 0.0, 0.0]))
     net = posse.Detection("brick", 0.9, true_box(R, t) + np.array([-18.0, 0.0, 0.0, 0.0]))
-    seen = shapes.seen(IMAGE, net, off, cuboid.CAMERA, np.array([0.0, 0.0, -1.0]))
+    seen = shapes.seen(IMAGE, net, [off], cuboid.CAMERA, np.array([0.0, 0.0, -1.0]))
     assert seen.start is off
     assert seen.refinement is not None
     assert seen.refinement.is_better is accepts
@@ -145,7 +145,7 @@ def test_a_refiner_is_kept_open_while_the_camera_is_the_same() -> None:
     shapes, net = Shapes(CRAFTS, opener), posse.Detection("brick", 0.9, true_box(R, t))
     other = replace(cuboid.CAMERA, fx_px=151.0)
     for camera in (cuboid.CAMERA, cuboid.CAMERA, other):
-        shapes.seen(IMAGE, net, pose(R, t), camera)
+        shapes.seen(IMAGE, net, [pose(R, t)], camera)
     assert [each.is_closed for each in opened] == [True, False]
 
 
@@ -190,10 +190,13 @@ def test_what_refinement_changed_is_measured(dataset) -> None:
     assert min(body.pose.e_t for j in judged for body in j.bodies) < 1e-9
 
 
-def test_the_sun_is_not_known_in_shadow_and_without_labels(dataset) -> None:
+def test_the_sun_is_not_known_in_shadow_between_lamps_and_without_labels(dataset) -> None:
     line = dataset[0]
     assert sun_direction_cam(line) is not None
     keys = {"q_cam_from_body": line.q_cam_from_body, "sun_direction_body": line.sun_direction_body}
     assert sun_direction_cam(posse.LabelLine(index=0, **keys)) is not None
     assert sun_direction_cam(posse.LabelLine(index=0, **keys, sun_fraction_target=0.0)) is None
+    assert sun_direction_cam(posse.LabelLine(index=0, **keys, solar_flux_w_m2=50.0)) is not None
+    in_a_laboratory = posse.LabelLine(index=0, **keys, solar_flux_w_m2=1e-3)
+    assert sun_direction_cam(in_a_laboratory) is None
     assert sun_direction_cam(posse.LabelLine(index=0)) is None

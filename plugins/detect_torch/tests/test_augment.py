@@ -32,7 +32,7 @@ def test_a_box_goes_where_its_pixels_go(seed):
 @given(seeds)
 def test_a_point_goes_where_its_pixels_go(seed):
     random = np.random.default_rng(seed)
-    view = augment.random_view(random, SIZE, (0.8, 1.2), 0.05, random.uniform(0, 2 * np.pi))
+    view = augment.random_view(random, SIZE, (0.45, 1.2), 0.05, random.uniform(0, 2 * np.pi))
     v, u = np.mgrid[:SIZE, :SIZE]
     point = random.uniform(36, 60, 2)
     spot = np.exp(-((u + 0.5 - point[0]) ** 2 + (v + 0.5 - point[1]) ** 2) / 18).astype(np.float32)
@@ -57,6 +57,18 @@ def test_what_is_covered_keeps_its_shape_in_front_of_another_background(seed, li
     assert 0.25 <= made[covered == 1][0] / light <= 2.001
     assert np.ptp(made[covered == 0]) < 1e-6
     assert 0.23 <= made[covered == 0][0] / behind <= 2.1  # eight bits resolve 5 % of so little light
+
+
+@given(seeds)
+def test_what_covers_the_whole_square_leaves_no_light_below_nothing(seed):
+    """Averages of shares of 1 may round to more, and a network takes the root of light."""
+    random = np.random.default_rng(seed)
+    view = augment.random_view(random, SIZE, (0.4, 0.7), 0.0, random.uniform(0, 2 * np.pi))
+    covered = augment.warp(np.ones((3 * SIZE, 3 * SIZE), np.float32), view / 3, SIZE)
+    dark, bright = np.zeros((SIZE, SIZE), np.float32), np.full((1, 40, 40), 255, np.uint8)
+    for _ in range(4):
+        made = augment.in_front_of_some(dark, covered, bright, random)
+        assert 0 <= made.min() <= made.max() <= 1
 
 
 def test_a_share_of_the_spacecraft_is_put_in_front_of_another_background():

@@ -17,6 +17,8 @@ Random = np.random.Generator
 _COMPOSED = 0.5
 """Share of the spacecraft that are put in front of another background."""
 _BACKGROUND_ZOOM = (0.35, 2.0)
+_AVERAGED = 0.75
+"""Zoom below which interpolation alone would skip pixels."""
 
 
 def random_view(
@@ -34,20 +36,22 @@ def random_view(
         random: the random generator.
         size_px: side of the square.
         zoom: smallest and largest zoom; the logarithm of the zoom is drawn uniformly.
-        shift: largest shift, as a share of the square's side.
+        shift: largest shift, as a share of the square's side. A picture that becomes smaller may be
+            shifted farther by as much as leaves it in the square.
         angle_rad: angle of rotation; boxes stay tight at multiples of 90°.
     """
     scale = np.exp(random.uniform(*np.log(zoom)))
     cosine, sine = scale * np.cos(angle_rad), scale * np.sin(angle_rad)
     A = np.array([[cosine, -sine], [sine, cosine]])
     middle = np.full(2, size_px / 2)
-    return np.column_stack([A, middle - A @ middle + random.uniform(-shift, shift, 2) * size_px])
+    most = shift + max(0.0, (1 - scale) / 2)
+    return np.column_stack([A, middle - A @ middle + random.uniform(-most, most, 2) * size_px])
 
 
 def warp(
     picture: Float32Array, view: FloatArray, size_px: int, border: int = cv2.BORDER_CONSTANT
 ) -> Float32Array:
-    """Apply an affine map to a square picture.
+    """Apply an affine map to a square picture. What becomes clearly smaller is averaged over areas.
 
     Args:
         picture: (S, S).
@@ -56,6 +60,11 @@ def warp(
         border: what OpenCV puts outside the picture; black by default.
     """
     A, b = view[:, :2], view[:, 2]
+    scale = float(np.sqrt(abs(np.linalg.det(A))))
+    if scale < _AVERAGED:
+        few = max(round(scale * len(picture)), 1)
+        A = A * (len(picture) / few)
+        picture = np.asarray(cv2.resize(picture, (few, few), interpolation=cv2.INTER_AREA))
     centres = np.column_stack([A, b + A @ [0.5, 0.5] - 0.5])  # OpenCV has pixel centres at integers
     size = (size_px, size_px)
     return np.asarray(cv2.warpAffine(picture, centres, size, flags=cv2.INTER_LINEAR, borderMode=border))
@@ -107,7 +116,8 @@ def in_front_of_some(
     behind = np.clip(mean + contrast * (behind - mean), 0, 1)
     craft_gain, background_gain = (np.float32(2 ** random.uniform(-2, 1)) for _ in range(2))
     whole = coverage * craft_gain * picture + (1 - coverage) * background_gain * behind
-    return np.asarray(np.minimum(whole, 1), np.float32)
+    # Averages of shares round to slightly more than 1, and what is left to slightly less than 0.
+    return np.asarray(np.clip(whole, 0, 1), np.float32)
 
 
 def exposure(picture: Float32Array, random: Random) -> Float32Array:

@@ -49,12 +49,14 @@ from posse_detect_torch.options import HeatmapOptions, trained_with
 from posse_detect_torch.pictures import Cut, Pictures, cut_backgrounds, cut_pictures
 
 OUTPUTS = ("points", "sigma", "raw")
-_ZOOM, _SHIFT = (0.8, 1.2), 0.08  # the range of errors of a detector's boxes
+_ZOOM, _SHIFT = (0.45, 1.25), 0.08
+"""The range of errors of a detector's boxes: where only a part of a spacecraft is lit, a box is often
+around that part alone, and the whole is found in a square that is wider."""
 _COARSE = 1 / 3
 """Share of the pictures that are coarsened."""
-_ROOM = 0.15
+_ROOM = 0.5
 """What cached squares have beyond the network's on each side, as a share of its side: little of a
-picture that is turned and shifted is empty then."""
+picture that is turned, made smaller and shifted is empty then."""
 
 
 class HeatmapLesson(Lesson):

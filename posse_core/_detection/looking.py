@@ -17,10 +17,10 @@ from posse_core._model.camera import Camera
 
 _GOOD_BOX = 0.8
 """A box that overlaps that of the mesh at the pose by more is good: intersection over union."""
-_WIDER = (1.0, 1.6, 2.5)
-"""Sides of the boxes that are looked at, over those of the detector's."""
-_LOOKS = 3
-"""How often a box is followed at most."""
+_WIDER = (1.6, 2.5)
+"""Sides of the boxes that are looked at where the detector's gives no sure pose, over those of that."""
+_LOOKS = 2
+"""How often the mesh's box is followed at most."""
 _SURE = 0.9
 """Trust of a pose from which no wider box is looked at."""
 _APART_RAD = np.radians(20)
@@ -107,38 +107,60 @@ def look(
         The detection with the keypoints of the pose that is trusted most; and the poses that clearly
         differ, most trusted first, none where no four keypoints agree on one.
     """
-    seen: list[tuple[Detection, PoseEstimate | None]] = []
+    found, first = _found(finder, image, detection, camera)
+    seen = [] if first is None else [first]
+    seen += _followed(finder, image, first, camera, shapes)
     for wider in _WIDER:
-        seen += _followed(finder, image, _widened(detection, wider), camera, shapes)
-        if any(pose is not None and pose.trust >= _SURE for _, pose in seen):
+        if any(pose.trust >= _SURE for pose in seen):
             break
+        wide, pose = _found(finder, image, replace(detection, box_px=_wider(detection, wider)), camera)
+        others = _followed(finder, image, pose, camera, shapes)
+        if pose is not None:
+            others.append(replace(pose, detection=replace(wide, box_px=detection.box_px)))
+        seen += [other for other in others if _is_of(detection, other, camera, shapes)]
     poses: list[PoseEstimate] = []
-    for pose in sorted((pose for _, pose in seen if pose), key=lambda pose: -pose.trust):
+    for pose in sorted(seen, key=lambda pose: -pose.trust):
         if all(_turn_rad(pose, other) > _APART_RAD for other in poses):
             poses.append(pose)
-    return (poses[0].detection or seen[0][0] if poses else seen[0][0]), poses
+    return (poses[0].detection or found if poses else found), poses
 
 
 def _followed(
-    finder: KeypointFinder, image: AnyArray, detection: Detection, camera: Camera, shapes: Shapes | None
-) -> list[tuple[Detection, PoseEstimate | None]]:
-    """Look around a box, and around the boxes that the mesh has at what is found."""
-    seen = []
-    for _ in range(_LOOKS):
-        found, pose = _found(finder, image, detection, camera)
-        seen.append((found, pose))
-        mesh_px = None if pose is None or shapes is None else shapes.box_px(found.label, pose, camera)
-        if mesh_px is None or float(box_iou(mesh_px, detection.box_px)) > _GOOD_BOX:
+    finder: KeypointFinder,
+    image: AnyArray,
+    pose: PoseEstimate | None,
+    camera: Camera,
+    shapes: Shapes | None,
+) -> list[PoseEstimate]:
+    """Look around the box that the mesh has at a pose, while it is another than was looked at."""
+    seen: list[PoseEstimate] = []
+    while pose is not None and pose.detection is not None and shapes is not None and len(seen) < _LOOKS:
+        mesh_px = shapes.box_px(pose.detection.label, pose, camera)
+        if mesh_px is None or float(box_iou(mesh_px, pose.detection.box_px)) > _GOOD_BOX:
             break
-        detection = replace(detection, box_px=mesh_px)
+        _, pose = _found(finder, image, replace(pose.detection, box_px=mesh_px), camera)
+        if pose is not None:
+            seen.append(pose)
     return seen
 
 
-def _widened(detection: Detection, factor: float) -> Detection:
+def _wider(detection: Detection, factor: float) -> FloatArray:
     x, y, width, height = detection.box_px
-    more_px = np.array([width, height]) * (factor - 1) / 2
-    box_px = np.array([x - more_px[0], y - more_px[1], factor * width, factor * height])
-    return replace(detection, box_px=box_px)
+    x, y = x - (factor - 1) * width / 2, y - (factor - 1) * height / 2
+    return np.array([x, y, factor * width, factor * height])
+
+
+def _is_of(detection: Detection, pose: PoseEstimate, camera: Camera, shapes: Shapes | None) -> bool:
+    """Whether a pose that was found in a wider square is of what was detected, and of no neighbour:
+    whether the middle of the detection's box is in that of the mesh or else of the keypoints."""
+    around_px = None if shapes is None else shapes.box_px(detection.label, pose, camera)
+    if around_px is None:
+        assert pose.detection is not None
+        assert pose.detection.keypoints_px is not None
+        points_px = pose.detection.keypoints_px[pose.inliers]
+        around_px = np.concatenate([points_px.min(axis=0), np.ptp(points_px, axis=0)])
+    inside = (detection.box_px[:2] + detection.box_px[2:] / 2 - around_px[:2]) / around_px[2:]
+    return bool(np.all((inside >= 0) & (inside <= 1)))
 
 
 def _turn_rad(one: PoseEstimate, other: PoseEstimate) -> float:

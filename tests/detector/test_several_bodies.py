@@ -13,7 +13,7 @@ from posse_core._detection.evaluate import evaluate, frames_of
 from posse_core._detection.groups import groups
 from posse_core._detection.page import make_page
 from posse_core._detection.pnp import solve_pose
-from posse_core._evaluation.metrics import seen_bodies, true_boxes
+from posse_core._evaluation.metrics import box_iou, seen_bodies, true_box, true_boxes
 from posse_core._interfaces.detector import Detection, Detector, KeypointFinder
 
 pytest.importorskip("faster_coco_eval")
@@ -59,8 +59,9 @@ class Points(KeypointFinder):
     def find(self, image, detections):
         line, found = self.lines[image.tobytes()], []
         for detection in detections:
-            (body,) = (
-                b for b in seen_bodies(line).values() if (b.box_visible_px == detection.box_px).all()
+            body = max(
+                (b for b in seen_bodies(line).values() if b.spacecraft == detection.label),
+                key=lambda b: float(box_iou(true_box(b).box_px, detection.box_px)),
             )
             points = np.array([p[:2] for p in body.keypoints.values()])
             sigma = np.ones(len(points))

@@ -76,7 +76,8 @@ class RenderCompare(Refiner[RenderCompareOptions]):
             lambda: time.perf_counter() < end_s,
         )
         firsts = [Placement.of(start) for start in starts]
-        lit = search.lit(firsts, self.options.least_agreement)
+        trusts = [start.trust for start in starts]
+        lit = search.lit(firsts, trusts, self.options.least_agreement)
         if lit is not None and lit.agreement >= self.options.least_agreement:
             return self._made(lit, starts, is_better=_has_fallen(lit.before, lit.agreement))
         # Where the Sun is known, a right pose agrees in brightness.
@@ -84,7 +85,7 @@ class RenderCompare(Refiner[RenderCompareOptions]):
         if shape is None:
             outcome = lit
         elif lit is None or _is_plausible(shape, firsts[0]):
-            again = search.lit([shape.found.placement], self.options.least_agreement)
+            again = search.lit([shape.found.placement], trusts[:1], self.options.least_agreement)
             if again is not None and again.agreement >= self.options.least_agreement:
                 before = lit.before if lit is not None else 0.0
                 outcome = replace(again, start=0, before=before)

@@ -32,6 +32,8 @@ _HOPE = 0.15
 """How far the agreement may rise at finer scales."""
 _MARGIN = 0.04
 """By how much the agreement of a pose turned by half a turn must be greater."""
+_PRIOR = 0.2
+"""How much agreement the trust in a start is worth: what looks alike may agree better by chance."""
 _JITTER_RAD = np.radians(8)
 _KEPT = 3
 """How many of the other poses are followed."""
@@ -104,10 +106,13 @@ class Search:
         self._codings = [Picture(grey, setting.camera, is_linear=linear) for linear in (False, True)]
         self._picture = self._codings[0]
 
-    def lit(self, firsts: Sequence[Placement], least_agreement: float) -> Outcome | None:
+    def lit(
+        self, firsts: Sequence[Placement], trusts: Sequence[float], least_agreement: float
+    ) -> Outcome | None:
         """The pose by brightness; None where no start shows the spacecraft in the image.
 
         Args:
+            trusts: how likely each start is.
             least_agreement: what is far below it at the coarsest scale is not followed.
         """
         trails = []
@@ -117,11 +122,11 @@ class Search:
                 trails.append(trail)
         if not trails:
             return None
-        best = max(trails, key=lambda trail: trail.agreement)
+        best = max(trails, key=lambda trail: trail.agreement + _PRIOR * trusts[trail.start])
         # Light that was found by a pose that is wrong says nothing of other poses.
         is_worth_it = self._sun is not None or best.agreement > least_agreement - _HOPE
         if best.agreement < _SURE and is_worth_it and self._has_time():
-            best = self._resembling(best, firsts[best.start])
+            best = self._resembling(best, firsts[best.start], trusts[best.start])
         for scale in self._scales(best.found.placement)[1:]:
             if not self._has_time() or best.agreement < least_agreement - _HOPE:
                 break
@@ -168,9 +173,9 @@ class Search:
         assert crop is not None
         return self._lit_at(crop, first, sun, _BLUR_PX, number, is_first=True)
 
-    def _resembling(self, best: _Trail, first: Placement) -> _Trail:
+    def _resembling(self, best: _Trail, first: Placement, trust: float) -> _Trail:
         """The best of a trail and of those from poses that look alike or are not far."""
-        turns = [(_MARGIN, R_about(axis, np.pi)) for axis in np.eye(3)]
+        turns = [(_MARGIN + _PRIOR * trust, R_about(axis, np.pi)) for axis in np.eye(3)]
         turns += [(0.0, R_about(axis, sign * _JITTER_RAD)) for axis in np.eye(3) for sign in (-1, 1)]
         sun = best.sun_direction_cam
         tried: list[tuple[float, float, Crop, Placement]] = []

@@ -12,11 +12,12 @@ import scipy
 from scipy.ndimage import map_coordinates
 from scipy.special import ndtri
 
-from posse_core import _frames
+from posse_core import _frames, _randomness
 from posse_core._arrays import Float32Array
 from posse_core._files.cache import cached_array
 from posse_core._frames import rotated
 from posse_core._randomness import random_generator
+from posse_core._sky import pyramid as pyramids
 from posse_core._sky.atmosphere import RADIUS_M
 from posse_core._sky.detail import Detail, make_detail
 from posse_core._sky.pyramid import Pyramid, lookup
@@ -159,13 +160,19 @@ def drift_rad_s(latitude_rad: Float32Array) -> Float32Array:
 def make_clouds(seed: int) -> Clouds:
     """The clouds for a seed. Those of the last seed are in the user's cache."""
     versions = (np.__version__, scipy.__version__, cv2.__version__)
-    sources = (Path(__file__).read_bytes(), Path(_frames.__file__).read_bytes())
-    recipe = (*sources, repr((seed, versions)).encode())
-    base = cached_array("clouds", recipe, lambda: _base(random_generator(seed, -1, "clouds")))
+    files = (__file__, _frames.__file__, _randomness.__file__, pyramids.__file__)
+    recipe = (*(Path(file).read_bytes() for file in files), repr((seed, versions)).encode())
+    sheet = cached_array("clouds", recipe, lambda: Pyramid(_map(seed)).sheet)
+    return Clouds(Pyramid.kept(sheet, (MAP_WIDTH // 2, MAP_WIDTH, 3)), make_detail(seed))
+
+
+def _map(seed: int) -> Float32Array:
+    """(MAP_WIDTH / 2, MAP_WIDTH, 3) map as :class:`Clouds` has it."""
+    base = _base(random_generator(seed, -1, "clouds"))
     # Where the fine structure is strong is decided by another part of the map, without its own details.
     broken = np.clip(0.9 + 0.5 * np.roll(_enlarged(base, 256), 97, axis=1), 0.25, 1.7)
     strength = np.float32(np.sqrt(DETAIL_SHARE)) * _enlarged(broken, MAP_WIDTH)
-    return Clouds(Pyramid(np.dstack([base, base * base, strength])), make_detail(seed))
+    return np.dstack([base, base * base, strength])
 
 
 def _base(random: np.random.Generator) -> Float32Array:

@@ -5,11 +5,15 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+from posse_core import _randomness
 from posse_core._arrays import Float32Array
+from posse_core._files.cache import cached_array
 from posse_core._randomness import random_generator
+from posse_core._sky import pyramid as pyramids
 from posse_core._sky.atmosphere import RADIUS_M
 from posse_core._sky.pyramid import Pyramid
 
@@ -87,7 +91,17 @@ def _projections(normal: Float32Array) -> Iterator[tuple[int, Float32Array | Non
 
 @functools.lru_cache(maxsize=2)
 def make_detail(seed: int) -> Detail:
-    """The fine structure for a seed."""
+    """The fine structure for a seed. That of seed 0, which the ground has, and the last other one are in
+    the user's cache."""
+    name = "detail" if seed else "ground-detail"
+    files = (__file__, _randomness.__file__, pyramids.__file__)
+    recipe = (*(Path(file).read_bytes() for file in files), repr((seed, np.__version__)).encode())
+    sheet = cached_array(name, recipe, lambda: Pyramid(_tile(seed), tiles=True).sheet)
+    return Detail(Pyramid.kept(sheet, (TILE_PX, TILE_PX, 4)))
+
+
+def _tile(seed: int) -> Float32Array:
+    """(TILE_PX, TILE_PX, 4) tile as :class:`Detail` has it."""
     random = random_generator(seed, -1, "detail")
     k = np.fft.fftfreq(TILE_PX) * TILE_PX
     norm = np.hypot(k[:, None], k[None, : TILE_PX // 2 + 1])
@@ -104,6 +118,4 @@ def make_detail(seed: int) -> Detail:
     noise /= noise.std()
     right = (np.roll(noise, -1, axis=1) - np.roll(noise, 1, axis=1)) / (2e-3 * TEXEL_M)
     down = (np.roll(noise, -1, axis=0) - np.roll(noise, 1, axis=0)) / (2e-3 * TEXEL_M)
-    return Detail(
-        Pyramid(np.stack([noise, right, down, noise**2], axis=-1).astype(np.float32), tiles=True)
-    )
+    return np.stack([noise, right, down, noise**2], axis=-1).astype(np.float32)

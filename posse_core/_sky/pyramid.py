@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 
 import cv2
@@ -44,6 +45,40 @@ def area_mean(image: AnyArray) -> AnyArray:
     return np.asarray(cv2.resize(image, (w // 2, h // 2), interpolation=cv2.INTER_AREA))
 
 
+def _layout(
+    shape: tuple[int, ...],
+) -> tuple[list[tuple[int, int]], list[tuple[int, int]], tuple[int, int]]:
+    """Shape of an image → (height, width) of its levels, their (x, y) on the sheet, and the sheet's
+    height and width.
+
+    Level 0 is at the top, and all others are in a row below it, each with a border of a pixel.
+    """
+    sizes = [(shape[0], shape[1])]
+    while min(sizes[-1]) >= 32 and len(sizes) < MAX_LEVELS:
+        sizes.append((sizes[-1][0] // 2, sizes[-1][1] // 2))
+    beside = [0, *itertools.accumulate(width + 2 for _, width in sizes[1:])]
+    corners = [(0, 0), *((x, sizes[0][0] + 2) for x in beside[:-1])]
+    lower = sizes[1][0] + 2 if len(sizes) > 1 else 0
+    return sizes, corners, (sizes[0][0] + 2 + lower, max(sizes[0][1] + 2, beside[-1]))
+
+
+def _sheet(image: AnyArray, tiles: bool, halved: Callable[[AnyArray], AnyArray]) -> AnyArray:
+    """The sheet of an image with all its levels."""
+    sizes, corners, whole = _layout(image.shape)
+    if image.ndim == 3 and image.shape[2] == 3:  # of four OpenCV takes samples in half the time
+        image = np.concatenate([image, np.zeros_like(image[..., :1])], axis=2)
+    sheet = np.zeros((*whole, *image.shape[2:]), dtype=image.dtype)
+    for (x0, y0), (h, w) in zip(corners, sizes, strict=True):
+        framed = sheet[y0 : y0 + h + 2, x0 : x0 + w + 2]
+        framed[1:-1, 1:-1] = image
+        framed[:, 0], framed[:, -1] = framed[:, -2], framed[:, 1]
+        above, below = (-2, 1) if tiles else (1, -2)
+        framed[0], framed[-1] = framed[above], framed[below]
+        if (h, w) != sizes[-1]:
+            image = halved(image)
+    return sheet
+
+
 class Pyramid:
     """An image and its coarser levels, each of half the resolution of the one before.
 
@@ -59,28 +94,29 @@ class Pyramid:
     ) -> None:
         """image: (h, w) or (h, w, c) with up to 4 channels, uint8 or float32. ``halved`` makes the next
         level of one: half as high and wide, with what a pixel of that size sees."""
-        self._channels = image.shape[2] if image.ndim == 3 else 0
-        if self._channels == 3:  # of four OpenCV takes samples in half the time
-            image = np.concatenate([image, np.zeros_like(image[..., :1])], axis=2)
-        levels = [image]
-        while min(levels[-1].shape[:2]) >= 32 and len(levels) < MAX_LEVELS:
-            levels.append(halved(levels[-1]))
-        # Level 0 is at the top, and all others are in a row below it, each with a border of a pixel.
-        sizes = [np.array(level.shape[:2]) + 2 for level in levels]
-        beside = np.cumsum([0, *(width for _, width in sizes[1:])])
-        corners = [(0, 0), *((int(x), int(sizes[0][0])) for x in beside[:-1])]
-        height = int(sizes[0][0] + sizes[1][0])
-        width = max(int(sizes[0][1]), int(beside[-1]))
-        self._sheet = np.zeros((height, width, *image.shape[2:]), dtype=image.dtype)
-        for (x0, y0), (h, w), level in zip(corners, sizes, levels, strict=True):
-            framed = self._sheet[y0 : y0 + h, x0 : x0 + w]
-            framed[1:-1, 1:-1] = level
-            framed[:, 0], framed[:, -1] = framed[:, -2], framed[:, 1]
-            above, below = (-2, 1) if tiles else (1, -2)
-            framed[0], framed[-1] = framed[above], framed[below]
+        self._lay_out(_sheet(image, tiles, halved), image.shape)
+
+    @classmethod
+    def kept(cls, sheet: AnyArray, shape: tuple[int, ...]) -> Pyramid:
+        """The pyramid of an image of a shape from the ``sheet`` of one like it, as a cache has it.
+
+        Raises:
+            ValueError: the sheet is not of such an image.
+        """
+        pyramid = cls.__new__(cls)
+        pyramid._lay_out(sheet, shape)
+        return pyramid
+
+    def _lay_out(self, sheet: AnyArray, shape: tuple[int, ...]) -> None:
+        """Find the levels on the sheet of an image of a shape."""
+        sizes, corners, whole = _layout(shape)
+        if sheet.shape[:2] != whole:
+            raise ValueError(f"the sheet has the shape {sheet.shape[:2]} instead of {whole}")
+        self.sheet = sheet
+        self._channels = shape[2] if len(shape) == 3 else 0
         # By axis and level.
         self._origin = np.array(corners, dtype=np.float32).T.copy() + np.float32(0.5)
-        self._size = np.array([level.shape[1::-1] for level in levels], dtype=np.float32).T.copy()
+        self._size = np.array(sizes, dtype=np.float32).T[::-1].copy()
         self._origin_step, self._size_step = np.diff(self._origin), np.diff(self._size)
 
     @property
@@ -101,7 +137,7 @@ class Pyramid:
                 size[axis] = size[axis] + coarser * self._size_step[axis, finer]
         column = origin[0] + x * size[0]
         row = origin[1] + y * size[1]
-        found = lookup(self._sheet, column, row)
+        found = lookup(self.sheet, column, row)
         if self._channels:
             found = np.moveaxis(found, -1, 0)[: self._channels]
         return np.ascontiguousarray(found, dtype=np.float32)

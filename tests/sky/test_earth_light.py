@@ -289,3 +289,20 @@ def test_a_single_island_is_found() -> None:
         assert around.any()
         assert not known[around].any()
         assert known.mean() > 0.9
+
+
+def test_a_kept_sheet_gives_the_samples_of_its_image() -> None:
+    """At every level, and not for an image of another shape."""
+    random = np.random.default_rng(5)
+    image = random.random((75, 150, 3), dtype=np.float32)
+    made = Pyramid(image)
+    kept = Pyramid.kept(made.sheet, image.shape)
+    x, y = random.random((2, 500), dtype=np.float32)
+    level = (4 * random.random(500)).astype(np.float32)
+    np.testing.assert_array_equal(kept.between(x, y, level), made.between(x, y, level))
+    at = (np.array([[10, 149], [0, 74]]) + 0.5) / np.array([[150], [75]])
+    np.testing.assert_allclose(
+        kept.at(*at.astype(np.float32), np.zeros(2, np.float32)).T, image[[0, 74], [10, 149]], rtol=1e-4
+    )
+    with pytest.raises(ValueError, match="instead of"):
+        Pyramid.kept(made.sheet, (64, 128, 3))

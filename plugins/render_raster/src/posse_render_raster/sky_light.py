@@ -75,16 +75,17 @@ def _weights() -> Float32Array:
     theta, seen = _directions(MAP_HEIGHT)
     _, about = _directions(LOBE_HEIGHT)
     cosine = np.clip(about @ seen.T, -1.0, 1.0).astype(np.float32)
-    lit = np.maximum(cosine, 0)
-    solid_angle = np.sin(theta).astype(np.float32)
+    weight = np.maximum(cosine, 0) * np.sin(theta).astype(np.float32)
     n_h2 = (1 + cosine) / 2  # for a view along the normal, h bisects n and l
-    lobes = []
-    for roughness in LOBE_ROUGHNESS:
-        a2 = np.float32(roughness**4)
-        lobes.append(lit * solid_angle / (n_h2 * (a2 - 1) + 1) ** 2)
-    lobes.append(lit * solid_angle)
-    rows = np.concatenate(lobes)
-    return np.asarray(rows / rows.sum(axis=1, keepdims=True), dtype=np.float32)
+    lobes = np.empty((len(LOBE_ROUGHNESS) + 1, *weight.shape), dtype=np.float32)
+    for lobe, roughness in zip(lobes, LOBE_ROUGHNESS, strict=False):
+        np.multiply(n_h2, np.float32(roughness**4) - 1, out=lobe)
+        lobe += 1
+        np.square(lobe, out=lobe)
+        np.divide(weight, lobe, out=lobe)
+    lobes[-1] = weight
+    lobes /= lobes.sum(axis=2, keepdims=True)
+    return lobes.reshape(-1, weight.shape[1])
 
 
 def _directions(height: int) -> tuple[FloatArray, FloatArray]:

@@ -50,6 +50,8 @@ class PoseEstimate:
         inliers: (K,) points within three standard deviations.
         residual: root mean square of the inliers' residuals, in standard deviations.
         detection: the detection that the keypoints belong to, if they were found in an image.
+        certainty: probability that this is no other pose which looks alike, 0 … 1; the covariance knows
+            nothing of those.
     """
 
     R_cam_from_body: FloatArray
@@ -58,6 +60,7 @@ class PoseEstimate:
     inliers: BoolArray
     residual: float
     detection: Detection | None = None
+    certainty: float = 1.0
 
     @property
     def q_cam_from_body(self) -> FloatArray:
@@ -71,9 +74,10 @@ class PoseEstimate:
 
     @property
     def trust(self) -> float:
-        """Probability, by the covariance, that the position is wrong by less than 5 % of the range, and
-        the attitude by less than 5°: 0 … 1. An image without a spacecraft gives poses near 0."""
-        return trust(self.t_body_cam_m, self.covariance)
+        """Probability, by the covariance and the certainty, that the position is wrong by less than 5 %
+        of the range, and the attitude by less than 5°: 0 … 1. An image without a spacecraft gives poses
+        near 0."""
+        return self.certainty * trust(self.t_body_cam_m, self.covariance)
 
     def __repr__(self) -> str:
         of = "" if self.detection is None else f" of {self.detection.label}"

@@ -92,6 +92,8 @@ def _fault(made: object, starts: Sequence[PoseEstimate]) -> str | None:
         fault = array_fault(getattr(pose, name), shape, "floating")
         if fault is not None:
             return f"{name} {fault}"
+    if not 0 <= pose.certainty <= 1:
+        return f"certainty is {pose.certainty!r}, and must be within 0 … 1"
     R, C = pose.R_cam_from_body, pose.covariance
     if np.abs(R @ R.T - np.eye(3)).max() > _ORTHONORMAL or np.linalg.det(R) < 0:
         return "R_cam_from_body is no rotation"

@@ -1,5 +1,7 @@
 """The trust of a pose: the probability that it is right."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -34,6 +36,14 @@ def test_it_is_the_share_of_drawn_errors_that_are_small(size, seed, is_needle):
 def test_nothing_is_known_without_a_covariance():
     assert estimate([0, 0, 5.0], np.full((6, 6), np.inf)).trust == 0
     assert estimate([0, 0, 5.0], np.zeros((6, 6))).trust == 1
+
+
+@given(st.floats(0, 1))
+def test_a_pose_that_may_be_another_is_trusted_as_much_less(certainty):
+    certain = estimate([0, 0, 5.0], np.eye(6) * 1e-3)
+    assert certain.certainty == 1
+    assert 0.01 < certain.trust < 0.99
+    assert replace(certain, certainty=certainty).trust == pytest.approx(certainty * certain.trust)
 
 
 def test_so_many_of_the_poses_from_noisy_points_are_right():

@@ -128,6 +128,31 @@ def test_without_a_known_sun_the_light_is_found() -> None:
     assert np.linalg.norm(off[3:]) < 0.01 * t[2]
 
 
+def test_a_pose_is_as_certain_as_its_start_or_as_what_agrees() -> None:
+    R, t = TRUTHS[0]
+    given = start(R, t, 4, 0.02, 1)
+    made = [
+        opened().refine(image(R, t, 0), [replace(given, certainty=certainty)], SUN).pose
+        for certainty in (0.0, 1.0)
+    ]
+    assert 0.5 < made[0].certainty < 1
+    assert made[1].certainty >= given.trust
+    for pose in made:
+        assert pose.trust <= pose.certainty <= 1
+
+
+@pytest.mark.parametrize("number", [1, 2])
+def test_outlines_alone_make_no_pose_more_certain_than_its_start(number: int) -> None:
+    """A negative: dark where light of any direction is bright."""
+    R, t = TRUTHS[number]
+    given = replace(start(R, t, 2, 0.01, 1), certainty=0.3)
+    made = opened().refine(255 - image(R, t, 0), [given])
+    assert made.is_better
+    assert np.degrees(np.linalg.norm(errors(R, t, made.pose)[:3])) < 5
+    assert made.pose.certainty == pytest.approx(given.trust)
+    assert made.pose.trust <= given.trust
+
+
 def test_with_hardly_any_time_the_start_or_something_better_comes_back() -> None:
     R, t = TRUTHS[0]
     given = start(R, t, 5, 0.02, 0)

@@ -240,6 +240,13 @@ def R_eci_from_perifocal(raan_rad: float, i_rad: float, argp_rad: float) -> Floa
     return np.asarray(third @ first @ inner)
 
 
+def turn_rad(R_a: FloatArray, R_b: FloatArray) -> float:
+    """The angle of the turn between two rotations (3, 3), 0 … π rad."""
+    R = np.asarray(R_a).T @ np.asarray(R_b)
+    sine = np.linalg.norm([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    return float(np.arctan2(sine, np.trace(R) - 1))
+
+
 def R_about(axis: ArrayLike, angle_rad: float) -> FloatArray:
     """Rotation (3, 3) about an axis (3,) by the right-hand rule."""
     direction = unit(np.asarray(axis, dtype=np.float64))

@@ -11,6 +11,7 @@ from posse_core._arrays import AnyArray, FloatArray
 from posse_core._detection.pnp import solve_pose
 from posse_core._detection.shapes import Shapes, Sighting
 from posse_core._evaluation.metrics import box_iou
+from posse_core._frames import turn_rad
 from posse_core._interfaces.detector import Detection, KeypointFinder, PoseEstimate
 from posse_core._interfaces.trust import TRUSTED
 from posse_core._model.camera import Camera
@@ -120,7 +121,8 @@ def look(
         seen += [other for other in others if _is_of(detection, other, camera, shapes)]
     poses: list[PoseEstimate] = []
     for pose in sorted(seen, key=lambda pose: -pose.trust):
-        if all(_turn_rad(pose, other) > _APART_RAD for other in poses):
+        R = pose.R_cam_from_body
+        if all(turn_rad(R, other.R_cam_from_body) > _APART_RAD for other in poses):
             poses.append(pose)
     return (poses[0].detection or found if poses else found), poses
 
@@ -161,11 +163,6 @@ def _is_of(detection: Detection, pose: PoseEstimate, camera: Camera, shapes: Sha
         around_px = np.concatenate([points_px.min(axis=0), np.ptp(points_px, axis=0)])
     inside = (detection.box_px[:2] + detection.box_px[2:] / 2 - around_px[:2]) / around_px[2:]
     return bool(np.all((inside >= 0) & (inside <= 1)))
-
-
-def _turn_rad(one: PoseEstimate, other: PoseEstimate) -> float:
-    turn = one.R_cam_from_body.T @ other.R_cam_from_body
-    return float(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1)))
 
 
 def _found(

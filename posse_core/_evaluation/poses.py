@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from posse_core._arrays import FloatArray
-from posse_core._frames import rotation_vector_from_matrix
+from posse_core._frames import rotation_vector_from_matrix, turn_rad
 
 SpeedVersion = Literal["2019", "2021", "2023"]
 _POSITION_FLOOR_SHARE = 0.002173  # of the range: the error of the testbed's own truth in SPEED+
@@ -36,13 +36,7 @@ def pose_errors(
     t = np.asarray(t_body_cam_m, np.float64)
     e_t = float(np.linalg.norm(t - t_found_m) / np.linalg.norm(t))
     turns = [np.eye(3), *symmetries]
-    return e_t, min(_angle(R_cam_from_body @ S, R_found) for S in turns)
-
-
-def _angle(R_a: FloatArray, R_b: FloatArray) -> float:
-    R = np.asarray(R_a).T @ np.asarray(R_b)
-    sine = np.linalg.norm([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    return float(np.arctan2(sine, np.trace(R) - 1))
+    return e_t, min(turn_rad(R_cam_from_body @ S, R_found) for S in turns)
 
 
 def nees(
@@ -63,7 +57,7 @@ def nees(
         covariance: (6, 6) of a small rotation in camera axes (rad) and of the position (m).
     """
     turns = [np.eye(3), *symmetries]
-    nearest = min((R_cam_from_body @ S for S in turns), key=lambda R: _angle(R, R_found))
+    nearest = min((R_cam_from_body @ S for S in turns), key=lambda R: turn_rad(R, R_found))
     away = rotation_vector_from_matrix(R_found @ nearest.T)
     error = np.concatenate([away, np.asarray(t_found_m, np.float64) - t_body_cam_m])
     return float(error @ np.linalg.pinv(covariance) @ error)

@@ -10,6 +10,7 @@ import numpy as np
 
 from posse_core._arrays import FloatArray
 from posse_core._detection.pnp import MIN_POINTS, solve_pose
+from posse_core._frames import turn_rad
 from posse_core._interfaces.detector import PoseEstimate
 from posse_core._model.camera import Camera
 from posse_core._model.spacecraft import Spacecraft
@@ -176,7 +177,7 @@ def _two_attitudes(body_m: FloatArray, points_px: FloatArray, sigma_px: float, c
         away_px = camera.project(np.asarray(own_m @ R.T + t_m[:, 0])) - points_px
         squares.append(float(np.sum(away_px**2)) / sigma_px**2)
         attitudes.append(R)
-    angle_rad = np.arccos(np.clip((np.trace(attitudes[0].T @ attitudes[1]) - 1) / 2, -1, 1))
+    angle_rad = turn_rad(*attitudes)
     best, other = sorted(squares)
     # Not so, if the second is NaN since it puts a point behind the camera.
     if angle_rad < MOST_ATTITUDE_RAD or not other - best < _SURE:

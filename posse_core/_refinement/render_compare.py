@@ -10,6 +10,7 @@ import numpy as np
 
 from posse_core._arrays import AnyArray, FloatArray
 from posse_core._errors import ComponentError, InputError
+from posse_core._frames import turn_rad
 from posse_core._imaging.grey import to_grey
 from posse_core._interfaces.detector import PoseEstimate
 from posse_core._interfaces.refiner import Refinement, Refiner, RefinerSetting
@@ -125,11 +126,10 @@ def _has_fallen(before: float, after: float) -> bool:
 def _is_plausible(shape: Outcome, first: Placement) -> bool:
     """Whether a pose that was found by outlines alone may be better than the start."""
     R, t = shape.found.placement
-    turn_rad = np.arccos(np.clip((np.trace(R.T @ first.R_cam_from_body) - 1) / 2, -1, 1))
     share = np.linalg.norm(t - first.t_body_cam_m) / np.linalg.norm(first.t_body_cam_m)
     return bool(
         shape.agreement >= _LEAST_SHAPE
         and shape.agreement > shape.before + _SHAPE_RISE
-        and turn_rad < _LARGEST_TURN_RAD
+        and turn_rad(R, first.R_cam_from_body) < _LARGEST_TURN_RAD
         and share < _LARGEST_SHARE
     )

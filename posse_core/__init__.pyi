@@ -5,6 +5,7 @@ from ._api import detector as detector
 from ._api import fly as fly
 from ._api import open as open
 from ._api import pose as pose
+from ._api import poses as poses
 from ._api import run as run
 from ._api import track as track
 from ._arrays import AnyArray as AnyArray
@@ -58,6 +59,7 @@ from ._interfaces.controller import Waypoint as Waypoint
 from ._interfaces.detector import Detection as Detection
 from ._interfaces.detector import Detector as Detector
 from ._interfaces.detector import KeypointFinder as KeypointFinder
+from ._interfaces.detector import KeypointPlaces as KeypointPlaces
 from ._interfaces.detector import Model as Model
 from ._interfaces.detector import PoseEstimate as PoseEstimate
 from ._interfaces.executor import Executor as Executor

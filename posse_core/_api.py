@@ -11,12 +11,13 @@ from numpy.typing import ArrayLike
 
 from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.layout import SCENARIO
+from posse_core._detection.hypotheses import poses_of
 from posse_core._detection.known import built_in_shapes, target_shapes
 from posse_core._detection.models import open_models
 from posse_core._detection.pnp import solve_pose
 from posse_core._detection.pose_detector import LEAST_SCORE, PoseDetector
 from posse_core._errors import ComponentError, InputError
-from posse_core._interfaces.detector import PoseEstimate
+from posse_core._interfaces.detector import Detection, PoseEstimate
 from posse_core._model.camera import Camera
 from posse_core._model.flight_record import FlightRecord
 from posse_core._plugins.kinds import KINDS
@@ -254,6 +255,34 @@ def pose(
     if not (np.isfinite(body_m).all() and np.isfinite(px).all() and (sigma > 0).all()):
         raise InputError("pose: a point is not finite, or a standard deviation not above 0")
     return solve_pose(body_m, px, sigma, camera)
+
+
+def poses(points_body_m: ArrayLike, found: Detection, camera: Camera) -> list[PoseEstimate]:
+    """The poses on which the keypoints of a detection may agree, most likely first.
+
+    There are several where the spacecraft looks alike from several sides, and its keypoints may each be
+    at several places. Poses of three keypoints at a time (P3P, Ke and Roumeliotis 2017) are compared by
+    the likelihood of all places, and those that clearly differ are fitted by weighted least squares.
+
+    Args:
+        points_body_m: (K, 3) metres, body frame; NaN where a keypoint has no fixed place.
+        found: with keypoints, as of :meth:`posse_core.KeypointFinder.find`.
+        camera: that sees them, with its lens.
+
+    Returns:
+        The poses, each with the keypoints that fit it as its ``detection``; none where fewer than four
+        keypoints agree on one. Their ``certainty`` is the probability of each among them.
+
+    Raises:
+        InputError: shapes that do not fit.
+    """
+    body_m, px = np.asarray(points_body_m, np.float64), found.keypoints_px
+    if px is None or body_m.shape != (len(px), 3):
+        raise InputError(
+            f"poses: points_body_m is {body_m.shape}, and the detection has"
+            f" {'no' if px is None else len(px)} keypoints; one point for each is needed"
+        )
+    return poses_of(body_m, found, camera)
 
 
 def create(kind: str, name: str, **options: Any) -> Any:

@@ -8,10 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from posse_core._arrays import AnyArray, FloatArray
-from posse_core._detection.pnp import solve_pose
+from posse_core._detection.hypotheses import is_known, poses_of, weighed
 from posse_core._detection.shapes import Shapes, Sighting
 from posse_core._evaluation.metrics import box_iou
-from posse_core._frames import turn_rad
 from posse_core._interfaces.detector import Detection, KeypointFinder, PoseEstimate
 from posse_core._interfaces.trust import TRUSTED
 from posse_core._model.camera import Camera
@@ -24,7 +23,6 @@ _LOOKS = 2
 """How often the mesh's box is followed at most."""
 _SURE = 0.9
 """Trust of a pose from which no wider box is looked at."""
-_APART_RAD = np.radians(20)
 _ENOUGH_OF_SCORE = 1 / 3
 """Share of the least score that is enough where the pose is trusted."""
 _ONE = 0.7
@@ -108,42 +106,58 @@ def look(
         The detection with the keypoints of the pose that is trusted most; and the poses that clearly
         differ, most trusted first, none where no four keypoints agree on one.
     """
-    found, first = _found(finder, image, detection, camera)
-    seen = [] if first is None else [first]
-    seen += _followed(finder, image, first, camera, shapes)
+    looks = _followed(finder, image, detection, camera, shapes)
+    seen = [pose for _, poses in looks for pose in poses]
     for wider in _WIDER:
         if any(pose.trust >= _SURE for pose in seen):
             break
-        wide, pose = _found(finder, image, replace(detection, box_px=_wider(detection, wider)), camera)
-        others = _followed(finder, image, pose, camera, shapes)
-        if pose is not None:
-            others.append(replace(pose, detection=replace(wide, box_px=detection.box_px)))
-        seen += [other for other in others if _is_of(detection, other, camera, shapes)]
-    poses: list[PoseEstimate] = []
+        wide = replace(detection, box_px=_wider(detection, wider))
+        (first, poses), *others = _followed(finder, image, wide, camera, shapes)
+        # The box that was widened stays that of the detection.
+        unmoved = [replace(pose, detection=_with_box_of(detection, pose)) for pose in poses]
+        there = [*unmoved, *(pose for _, poses in others for pose in poses)]
+        seen += [pose for pose in there if _is_of(detection, pose, camera, shapes)]
+        looks += [(first, poses), *others]
+    different: list[PoseEstimate] = []
     for pose in sorted(seen, key=lambda pose: -pose.trust):
-        R = pose.R_cam_from_body
-        if all(turn_rad(R, other.R_cam_from_body) > _APART_RAD for other in poses):
-            poses.append(pose)
-    return (poses[0].detection or found if poses else found), poses
+        if not is_known(pose.R_cam_from_body, different):
+            different.append(pose)
+    found = looks[0][0]
+    points_body_m = finder.keypoints_body_m[found.label]
+    told = weighed(different, points_body_m, [look for look, _ in looks], camera)
+    told.sort(key=lambda pose: -pose.trust)
+    return (told[0].detection or found if told else found), told
 
 
 def _followed(
     finder: KeypointFinder,
     image: AnyArray,
-    pose: PoseEstimate | None,
+    detection: Detection,
     camera: Camera,
     shapes: Shapes | None,
-) -> list[PoseEstimate]:
-    """Look around the box that the mesh has at a pose, while it is another than was looked at."""
-    seen: list[PoseEstimate] = []
-    while pose is not None and pose.detection is not None and shapes is not None and len(seen) < _LOOKS:
-        mesh_px = shapes.box_px(pose.detection.label, pose, camera)
-        if mesh_px is None or float(box_iou(mesh_px, pose.detection.box_px)) > _GOOD_BOX:
+) -> list[tuple[Detection, list[PoseEstimate]]]:
+    """Look around a box, and then around that of the mesh at the first pose, while that is another.
+
+    Returns:
+        What was found at each look: keypoints, and the poses that they may agree on.
+    """
+    looks: list[tuple[Detection, list[PoseEstimate]]] = []
+    while len(looks) <= _LOOKS:
+        (found,) = finder.find(image, [detection])
+        poses = poses_of(finder.keypoints_body_m[found.label], found, camera)
+        looks.append((found, poses))
+        if not poses or shapes is None:
             break
-        _, pose = _found(finder, image, replace(pose.detection, box_px=mesh_px), camera)
-        if pose is not None:
-            seen.append(pose)
-    return seen
+        mesh_px = shapes.box_px(found.label, poses[0], camera)
+        if mesh_px is None or float(box_iou(mesh_px, found.box_px)) > _GOOD_BOX:
+            break
+        detection = replace(detection, box_px=mesh_px)
+    return looks
+
+
+def _with_box_of(detection: Detection, pose: PoseEstimate) -> Detection:
+    assert pose.detection is not None  # as poses_of gives it
+    return replace(pose.detection, box_px=detection.box_px)
 
 
 def _wider(detection: Detection, factor: float) -> FloatArray:
@@ -163,14 +177,3 @@ def _is_of(detection: Detection, pose: PoseEstimate, camera: Camera, shapes: Sha
         around_px = np.concatenate([points_px.min(axis=0), np.ptp(points_px, axis=0)])
     inside = (detection.box_px[:2] + detection.box_px[2:] / 2 - around_px[:2]) / around_px[2:]
     return bool(np.all((inside >= 0) & (inside <= 1)))
-
-
-def _found(
-    finder: KeypointFinder, image: AnyArray, detection: Detection, camera: Camera
-) -> tuple[Detection, PoseEstimate | None]:
-    (found,) = finder.find(image, [detection])
-    if found.keypoints_px is None or found.keypoints_sigma_px is None:
-        return found, None
-    points_body_m = finder.keypoints_body_m[found.label]
-    pose = solve_pose(points_body_m, found.keypoints_px, found.keypoints_sigma_px, camera)
-    return found, None if pose is None else replace(pose, detection=found)

@@ -10,7 +10,7 @@ from posse_core._detection.card import ModelCard
 from posse_core._errors import ComponentError, InputError
 from posse_core._interfaces.detector import Detector, KeypointFinder, Model
 from posse_core._plugins.registry import Registry
-from posse_core._simulator.returned import CheckedDetector, CheckedKeypointFinder
+from posse_core._simulator.returned_detections import CheckedDetector, CheckedKeypointFinder
 
 ONNX = ".onnx"
 ENDINGS = ("model.safetensors", ONNX, ".safetensors")
@@ -107,8 +107,9 @@ def _opened(path: Path, task: str, registry: Registry, options: Mapping[str, Any
 
 
 def _shipped(task: str, wanted: Collection[str], registry: Registry) -> Path:
-    """The shipped model that knows all spacecraft that are wanted; the first where none is."""
-    known: dict[str, Path] = {}
+    """The shipped model of the fewest spacecraft that knows all that are wanted; the first where none
+    is."""
+    known: dict[tuple[str, ...], Path] = {}
     for spec in registry.specs("detector"):
         if {"shipped", task} <= spec.capabilities:
             model: Model = registry.create(
@@ -123,14 +124,13 @@ def _shipped(task: str, wanted: Collection[str], registry: Registry) -> Path:
         raise InputError(
             "no trained model is installed; give one with --model, or pip install posse-detect-onnx"
         )
-    files = {known.get(name) for name in wanted} or {next(iter(known.values()))}
-    file = files.pop()
-    if file is None or files:
+    able = [names for names in known if set(wanted) <= set(names)]
+    if not able:
         raise InputError(
             f"no shipped model finds {' and '.join(sorted(wanted))}; there are models of"
-            f" {', '.join(known)}; name a model of your own"
+            f" {', '.join(' and '.join(names) for names in known)}; name a model of your own"
         )
-    return file
+    return known[min(able, key=len) if wanted else able[0]]
 
 
 def _onnx_reader(path: Path, task: str, registry: Registry) -> str:

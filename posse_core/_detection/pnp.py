@@ -39,9 +39,30 @@ def solve_pose(
     points_body_m = np.asarray(points_body_m, np.float64)
     points_px, sigma_px = np.asarray(points_px, np.float64), np.asarray(sigma_px, np.float64)
     start = _start(points_body_m, points_px, sigma_px, camera)
-    if start is None:
-        return None
-    R, t, agree = start
+    return None if start is None else fitted_pose(*start, points_body_m, points_px, sigma_px, camera)
+
+
+def fitted_pose(
+    R_cam_from_body: FloatArray,
+    t_body_cam_m: FloatArray,
+    agree: BoolArray,
+    points_body_m: FloatArray,
+    points_px: FloatArray,
+    sigma_px: FloatArray,
+    camera: Camera,
+) -> PoseEstimate | None:
+    """Minimise the residuals of points that agree on a pose; see :func:`solve_pose`.
+
+    Args:
+        R_cam_from_body, t_body_cam_m: (3, 3) and (3,) the pose to start from.
+        agree: (K,) the points whose residuals count; four or more.
+        points_body_m, points_px, sigma_px: (K, 3), (K, 2) and (K,) all points.
+        camera: the camera.
+
+    Returns:
+        The pose, or None if fewer than four points are near their projections.
+    """
+    R, t = R_cam_from_body, t_body_cam_m
     everything = points_body_m, points_px, sigma_px
     points_body_m, points_px, sigma_px = (a[agree] for a in everything)
     damping = 1e-4
@@ -76,7 +97,7 @@ def _start(
     points_body_m: FloatArray, points_px: FloatArray, sigma_px: FloatArray, camera: Camera
 ) -> tuple[FloatArray, FloatArray, BoolArray] | None:
     """Return an initial attitude and position, and which points (K,) agree with them."""
-    straight_px, largest = _through_a_pinhole(points_px, camera)
+    straight_px, largest = through_a_pinhole(points_px, camera)
     seen = np.flatnonzero(
         (np.isfinite(straight_px).all(axis=1)) & np.isfinite(points_body_m).all(axis=1)
     )
@@ -113,7 +134,7 @@ def _start(
     return (R, t, agree) if agree.sum() >= MIN_POINTS else None
 
 
-def _through_a_pinhole(points_px: FloatArray, camera: Camera) -> tuple[FloatArray, float]:
+def through_a_pinhole(points_px: FloatArray, camera: Camera) -> tuple[FloatArray, float]:
     """Return the positions (K, 2) at which a pinhole with the camera's matrix images what the camera
     images at the points, and by how much a pixel is enlarged there at most.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +20,25 @@ if TYPE_CHECKING:  # at run time this import would slow down every command that 
 
 
 @dataclass(frozen=True)
+class KeypointPlaces:
+    """Where each keypoint of a spacecraft may be in an image: M places for each of K keypoints.
+
+    Where a spacecraft looks alike from several sides, a keypoint may be at one place or at another; the
+    places on which all keypoints agree are those of a pose.
+
+    Attributes:
+        points_px: (K, M, 2) u, v, the most likely place first.
+        sigma_px: (K, M) standard deviation of each coordinate, if the keypoint is there.
+        share: (K, M) probability that it is there, 0 for a place that does not count. What is left of
+            each row's sum to 1 is the probability that it is anywhere.
+    """
+
+    points_px: FloatArray
+    sigma_px: FloatArray
+    share: FloatArray
+
+
+@dataclass(frozen=True)
 class Detection:
     """One detected spacecraft.
 
@@ -29,6 +48,7 @@ class Detection:
         box_px: (4,) x, y, width, height; x and y are the indices of the first pixel column and row.
         keypoints_px: (K, 2) u, v in the order of the class's keypoints, or None if none were sought.
         keypoints_sigma_px: (K,) standard deviation of each coordinate, or None.
+        places: where else the keypoints may be; None if the finder knows one place of each.
     """
 
     label: str
@@ -36,6 +56,16 @@ class Detection:
     box_px: FloatArray
     keypoints_px: FloatArray | None = None
     keypoints_sigma_px: FloatArray | None = None
+    places: KeypointPlaces | None = None
+
+    def with_places(self, places: KeypointPlaces) -> Detection:
+        """The same with the places where its keypoints may be, each being at the first of its own."""
+        return replace(
+            self,
+            keypoints_px=np.ascontiguousarray(places.points_px[:, 0]),
+            keypoints_sigma_px=np.ascontiguousarray(places.sigma_px[:, 0]),
+            places=places,
+        )
 
 
 @dataclass(frozen=True)
@@ -88,9 +118,10 @@ class PoseEstimate:
 class Model(Component[OptionsT]):
     """A network that is trained, or read from a file. Its capabilities say what it can do."""
 
-    shipped: Mapping[str, Path] = {}
-    """The trained networks that the plugin ships: name of a spacecraft → the model file that knows it.
-    Where no spacecraft is asked for, the first is taken."""
+    shipped: Mapping[tuple[str, ...], Path] = {}
+    """The trained networks that the plugin ships: names of spacecraft → the model file that knows these.
+    Of those that know all that are asked for, the one of the fewest is taken; the first, where none is
+    asked for."""
 
     classes: Sequence[str] = ()
     """The classes that it can find, available after :meth:`load`."""

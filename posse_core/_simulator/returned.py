@@ -8,20 +8,19 @@ names the component and says what is wrong. A propagator's motion is checked by
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from math import isfinite
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 import numpy as np
 
-from posse_core._arrays import AnyArray, Float32Array, FloatArray, array_fault
+from posse_core._arrays import AnyArray, Float32Array
 from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.layout import MANIFEST, inside
 from posse_core._errors import ComponentError
 from posse_core._files.atomic import atomic_folder
-from posse_core._interfaces.detector import Detection, Detector, KeypointFinder
 from posse_core._interfaces.renderer import Renderer
 from posse_core._interfaces.scene import SceneSource
 from posse_core._interfaces.writer import Writer
@@ -32,8 +31,7 @@ from posse_core._model.scene import Radiance, RenderRequest, Scene
 from posse_core._model.spacecraft import Material, Part, Spacecraft
 from posse_core._plugins.component import failures_named
 from posse_core._simulator.returned_joints import check_joints
-
-T = TypeVar("T")
+from posse_core._simulator.returned_types import check, floats, of_type, type_of
 
 FILL: Final[Mapping[str, float | int | bool]] = {"f": np.nan, "i": -1, "u": 0, "b": False}
 """Kind of an annotator's array (``dtype.kind``) → its value where the view's box does not reach."""
@@ -76,15 +74,15 @@ class CheckedRenderer(Renderer):
 
 def checked_radiance(made: object, request: RenderRequest, name: str) -> Radiance:
     """What a renderer returned for a request: of its box, float32, finite and not negative."""
-    light = _of_type(made, Radiance, f"renderer {name!r}")
+    light = of_type(made, Radiance, f"renderer {name!r}")
     box = request.box
     if light.box != box:
         raise ComponentError(f"renderer {name!r} returned the box {light.box}, and was asked for {box}")
     shape = (box.height, box.width)
-    _check(light.radiance_rgb, (*shape, 3), "float32", f"renderer {name!r}: radiance_rgb", finite=False)
-    _check(light.coverage, shape, "float32", f"renderer {name!r}: coverage", finite=False)
+    check(light.radiance_rgb, (*shape, 3), "float32", f"renderer {name!r}: radiance_rgb", finite=False)
+    check(light.coverage, shape, "float32", f"renderer {name!r}: coverage", finite=False)
     if light.depth_m is not None:
-        _check(light.depth_m, shape, "float32", f"renderer {name!r}: depth_m", finite=False)
+        check(light.depth_m, shape, "float32", f"renderer {name!r}: depth_m", finite=False)
     for array, low, high, words in (
         (light.radiance_rgb, 0.0, _LARGEST, "radiance_rgb has numbers that are negative or not finite"),
         (light.coverage, -_ROUNDING, 1 + _ROUNDING, "coverage has numbers outside of 0 … 1"),
@@ -99,7 +97,7 @@ def checked_labels(made: object, name: str, view: View) -> Labels:
 
     NumPy's numbers and arrays, and tuples, become numbers and lists.
     """
-    labels = _of_type(made, Labels, f"annotator {name!r}")
+    labels = of_type(made, Labels, f"annotator {name!r}")
     who = f"annotator {name!r}"
     if not isinstance(labels.values, Mapping) or not isinstance(labels.arrays, Mapping):
         raise ComponentError(f"{who}: values and arrays of its Labels must be mappings")
@@ -113,7 +111,7 @@ def checked_labels(made: object, name: str, view: View) -> Labels:
 def checked_reading(made: object, name: str, camera: Camera | None) -> Reading:
     """What a sensor returned, its labels as plain JSON types; ``camera`` is the sensor's."""
     who = f"sensor {name!r}"
-    reading = _of_type(made, Reading, who)
+    reading = of_type(made, Reading, who)
     for what in ("labels", "arrays", "files"):
         if not isinstance(getattr(reading, what), Mapping):
             raise ComponentError(f"{who}: {what} of its Reading must be a mapping")
@@ -130,7 +128,7 @@ def checked_reading(made: object, name: str, camera: Camera | None) -> Reading:
         if ending in (".png", ".npz"):
             raise ComponentError(f"{who}: {ending} files are for image and arrays of its Reading")
         if not isinstance(content, bytes):
-            raise ComponentError(f"{who}: the file {ending!r} is {_type_of(content)}, not bytes")
+            raise ComponentError(f"{who}: the file {ending!r} is {type_of(content)}, not bytes")
     image = reading.image
     if image is not None:
         kinds = isinstance(image, np.ndarray) and image.dtype in (np.uint8, np.uint16)
@@ -160,7 +158,7 @@ def built(source: SceneSource, name: str) -> Spacecraft:
 def checked_spacecraft(made: object, name: str) -> Spacecraft:
     """What a scene source built: arrays of the right shapes, whose indices and names exist."""
     who = f"scene {name!r}"
-    craft = _of_type(made, Spacecraft, who)
+    craft = of_type(made, Spacecraft, who)
     if not isinstance(craft.name, str) or not _FILE_NAME.fullmatch(craft.name):
         raise ComponentError(
             f"{who}: the name {craft.name!r} cannot be a file's; take letters, digits, _"
@@ -171,15 +169,15 @@ def checked_spacecraft(made: object, name: str) -> Spacecraft:
     if len(set(names)) < len(names):
         raise ComponentError(f"{who}: two parts have one name ({', '.join(sorted(names))})")
     for key, material in craft.materials.items():
-        _check_textures(_of_type(material, Material, f"{who}: the material {key!r}"), f"{who}: {key!r}")
+        _check_textures(of_type(material, Material, f"{who}: the material {key!r}"), f"{who}: {key!r}")
     for key, point in craft.keypoints_body_m.items():
-        _floats(point, (3,), f"{who}: the keypoint {key!r}")
+        floats(point, (3,), f"{who}: the keypoint {key!r}")
     for pair in craft.skeleton:
         unknown = [key for key in pair if key not in craft.keypoints_body_m]
         if unknown or len(pair) != 2:
             raise ComponentError(f"{who}: the skeleton has {tuple(pair)!r}, not two of its keypoints")
     for R in craft.symmetries:
-        _floats(R, (3, 3), f"{who}: a symmetry")
+        floats(R, (3, 3), f"{who}: a symmetry")
     check_joints(craft, who)
     return craft
 
@@ -188,7 +186,7 @@ def checked_paths(made: object, name: str, folder: Path) -> list[Path]:
     """What a writer returned: files and folders that exist, all within ``folder``."""
     who = f"writer {name!r}"
     if not isinstance(made, Iterable) or isinstance(made, str | bytes):
-        raise ComponentError(f"{who} returned {_type_of(made)}, and must return paths")
+        raise ComponentError(f"{who} returned {type_of(made)}, and must return paths")
     paths = []
     home = folder.resolve()
     for path in made:
@@ -221,93 +219,14 @@ def written(writer: Writer, name: str, dataset: Dataset, folder: Path) -> list[P
     return [folder / path for path in paths]
 
 
-class CheckedDetector(Detector):
-    """A detector whose detections are checked."""
-
-    def __init__(self, detector: Detector, name: str) -> None:
-        super().__init__(detector.options)
-        self._detector = detector
-        self._name = name
-        self.classes = detector.classes
-
-    def load(self, path: Path) -> None:
-        self._detector.load(path)
-        self.classes = self._detector.classes
-
-    def predict(self, images: Sequence[AnyArray]) -> list[list[Detection]]:
-        who = f"detector {self._name!r}"
-        with failures_named("detector", self._name):
-            made = self._detector.predict(images)
-        by_image = _sequence(made, who, "a list of detections for each image")
-        if len(by_image) != len(images):
-            raise ComponentError(f"{who} returned {len(by_image)} lists for {len(images)} images")
-        return [
-            [_checked_detection(each, who) for each in _sequence(found, who, "a list of detections")]
-            for found in by_image
-        ]
-
-
-class CheckedKeypointFinder(KeypointFinder):
-    """A finder of keypoints whose keypoints are checked."""
-
-    def __init__(self, finder: KeypointFinder, name: str) -> None:
-        super().__init__(finder.options)
-        self._finder = finder
-        self._name = name
-        self._take_card()
-
-    def _take_card(self) -> None:
-        self.classes = self._finder.classes
-        self.keypoints_body_m = getattr(self._finder, "keypoints_body_m", {})
-
-    def load(self, path: Path) -> None:
-        self._finder.load(path)
-        self._take_card()
-
-    def find(self, image: AnyArray, detections: Sequence[Detection]) -> list[Detection]:
-        who = f"detector {self._name!r}"
-        with failures_named("detector", self._name):
-            made = self._finder.find(image, detections)
-        found = [_checked_detection(each, who) for each in _sequence(made, who, "detections")]
-        if [each.label for each in found] != [each.label for each in detections]:
-            raise ComponentError(f"{who} returned other detections than it was given")
-        for each in found:
-            wanted = len(self.keypoints_body_m.get(each.label, ()))
-            if each.keypoints_px is None or len(each.keypoints_px) != wanted:
-                raise ComponentError(f"{who} did not return the keypoints of {each.label!r}")
-        return found
-
-
-def _checked_detection(made: object, who: str) -> Detection:
-    found = _of_type(made, Detection, who)
-    if not isinstance(found.label, str):
-        raise ComponentError(f"{who}: the label {found.label!r} of a detection is not a string")
-    score = _number(found.score)
-    if score is None or not 0 <= score <= 1:
-        raise ComponentError(f"{who}: the score {found.score!r} of a detection is not within 0 … 1")
-    points, sigma = found.keypoints_px, found.keypoints_sigma_px
-    if points is not None:
-        points = _floats(points, (None, 2), f"{who}: keypoints_px")
-    if sigma is not None:
-        count = None if points is None else len(points)
-        sigma = _floats(sigma, (count,), f"{who}: keypoints_sigma_px")
-    return replace(
-        found,
-        score=score,
-        box_px=_floats(found.box_px, (4,), f"{who}: box_px"),
-        keypoints_px=points,
-        keypoints_sigma_px=sigma,
-    )
-
-
 def _checked_part(part: object, craft: Spacecraft, who: str) -> Part:
-    mesh = _of_type(part, Part, f"{who}: a part")
+    mesh = of_type(part, Part, f"{who}: a part")
     at = f"{who}: {mesh.name!r}"
-    _check(mesh.vertices_body_m, (None, 3), "floating", f"{at}: vertices_body_m")
-    _check(mesh.faces, (None, 3), "integer", f"{at}: faces")
+    check(mesh.vertices_body_m, (None, 3), "floating", f"{at}: vertices_body_m")
+    check(mesh.faces, (None, 3), "integer", f"{at}: faces")
     count = len(mesh.vertices_body_m)
-    _check(mesh.normals_body, (count, 3), "floating", f"{at}: normals_body")
-    _check(mesh.uv, (count, 2), "floating", f"{at}: uv")
+    check(mesh.normals_body, (count, 3), "floating", f"{at}: normals_body")
+    check(mesh.uv, (count, 2), "floating", f"{at}: uv")
     if not len(mesh.faces) or mesh.faces.min() < 0 or mesh.faces.max() >= count:
         raise ComponentError(f"{at}: has no faces, or faces of other than its {count} vertices")
     if mesh.material not in craft.materials:
@@ -323,13 +242,13 @@ def _check_textures(material: Material, at: str) -> None:
     ):
         texture = getattr(material, key)
         if texture is not None:
-            _check(texture, (None, None, channels), "uint8", f"{at}: {key}")
+            check(texture, (None, None, channels), "uint8", f"{at}: {key}")
 
 
 def _check_over_box(array: object, view: View, what: str) -> None:
     box = view.part_id.shape
     if not isinstance(array, np.ndarray):
-        raise ComponentError(f"{what} is {_type_of(array)}, and must be a NumPy array")
+        raise ComponentError(f"{what} is {type_of(array)}, and must be a NumPy array")
     found = f"{array.dtype} of shape {array.shape}"
     if array.shape[:2] != box:
         raise ComponentError(f"{what} is {found}; its first two sides must be the view's box, {box}")
@@ -362,39 +281,9 @@ def _plain(value: object, who: str, key: str) -> Any:
         before = f"{key}." if key else ""
         return {name: _plain(item, who, before + name) for name, item in value.items()}
     raise ComponentError(
-        f"{who}: the label {key!r} is {_type_of(value)}, which JSON does not have; give numbers,"
+        f"{who}: the label {key!r} is {type_of(value)}, which JSON does not have; give numbers,"
         " strings, booleans, None, or lists and mappings of them"
     )
-
-
-def _of_type(made: object, wanted: type[T], who: str) -> T:
-    if not isinstance(made, wanted):
-        raise ComponentError(f"{who} returned {_type_of(made)}, and must return {wanted.__name__}")
-    return made
-
-
-def _type_of(value: object) -> str:
-    return "None" if value is None else f"a value of type {type(value).__name__}"
-
-
-def _sequence(made: object, who: str, wanted: str) -> Sequence[Any]:
-    if not isinstance(made, Sequence) or isinstance(made, str):
-        raise ComponentError(f"{who} returned {_type_of(made)}, and must return {wanted}")
-    return made
-
-
-def _number(value: object) -> float | None:
-    return float(value) if isinstance(value, int | float | np.floating | np.integer) else None
-
-
-def _floats(value: object, shape: tuple[int | None, ...], what: str) -> FloatArray:
-    """(shape) float64 of an array or of nested lists."""
-    try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ComponentError(f"{what} is {_type_of(value)}, and must be an array of numbers") from None
-    _check(array, shape, "floating", what)
-    return array
 
 
 def _within(array: Float32Array, low: float, high: float) -> bool:
@@ -408,16 +297,3 @@ def _within(array: Float32Array, low: float, high: float) -> bool:
     if bits.max() <= np.float32(high).view(np.uint32):
         return True
     return bool(array.min() >= low and array.max() <= high)
-
-
-def _check(
-    array: object,
-    shape: tuple[int | None, ...],
-    kind: str,
-    what: str,
-    *,
-    finite: bool = True,
-) -> None:
-    fault = array_fault(array, shape, kind, finite=finite)
-    if fault is not None:
-        raise ComponentError(f"{what} {fault}")

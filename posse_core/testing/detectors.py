@@ -15,7 +15,7 @@ import numpy as np
 from posse_core._arrays import AnyArray
 from posse_core._errors import InputError
 from posse_core._interfaces.detector import Detection, Detector, KeypointFinder, Model
-from posse_core._simulator.returned import CheckedDetector, CheckedKeypointFinder
+from posse_core._simulator.returned_detections import CheckedDetector, CheckedKeypointFinder
 from posse_core.testing.conformance import Conformance
 
 _SAME_PX, _SAME_SCORE = 0.5, 0.01
@@ -53,8 +53,9 @@ class DetectorConformance(Conformance):
                 )
         if "shipped" in self.capabilities:
             assert kind.shipped, "it claims 'shipped' and names no model file in `shipped`"
-            for name, path in kind.shipped.items():
-                assert path.is_file(), f"{path} for {name} is not there; is it left out of the wheel?"
+            for names, path in kind.shipped.items():
+                assert isinstance(names, tuple), f"{names!r} is no tuple of the names that it knows"
+                assert path.is_file(), f"{path} is not there; is it left out of the wheel?"
 
     def test_it_knows_its_classes(self) -> None:
         """After a model was loaded."""

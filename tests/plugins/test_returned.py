@@ -24,6 +24,7 @@ from posse_core import (
     Detection,
     Detector,
     KeypointFinder,
+    KeypointPlaces,
     Labels,
     NoOptions,
     PixelBox,
@@ -34,14 +35,8 @@ from posse_core import (
 from posse_core._plugins.loading import Plugins
 from posse_core._run.plan import make_plan
 from posse_core._scenario.load import load_scenario
-from posse_core._simulator.returned import (
-    CheckedDetector,
-    CheckedKeypointFinder,
-    checked_labels,
-    checked_radiance,
-    full_size,
-    written,
-)
+from posse_core._simulator.returned import checked_labels, checked_radiance, full_size, written
+from posse_core._simulator.returned_detections import CheckedDetector, CheckedKeypointFinder
 from posse_core.testing import scenes
 
 PACKAGES = Path(__file__).parents[1] / "packages"
@@ -239,6 +234,8 @@ class Fixed(Detector):
 
 
 FOUND = Detection("craft", 0.9, np.array([0.0, 0.0, 4.0, 3.0]))
+PLACES = KeypointPlaces(np.zeros((2, 3, 2)), np.ones((2, 3)), np.full((2, 3), 0.3))
+PLACED = FOUND.with_places(PLACES)
 
 
 @pytest.mark.parametrize(
@@ -259,6 +256,19 @@ FOUND = Detection("craft", 0.9, np.array([0.0, 0.0, 4.0, 3.0]))
             [[replace(FOUND, keypoints_px=np.zeros((2, 2)), keypoints_sigma_px=np.zeros(3))]],
             "keypoints_sigma_px is",
         ),
+        ([[replace(FOUND, places=PLACES)]], "has places, but no keypoints_px"),
+        ([[replace(PLACED, places=(1, 2))]], "type tuple, and must return KeypointPlaces"),
+        (
+            [[replace(PLACED, places=replace(PLACES, points_px=np.zeros((3, 3, 2))))]],
+            "places.points_px is float64 of shape (3, 3, 2)",
+        ),
+        (
+            [[replace(PLACED, places=replace(PLACES, share=np.zeros((2, 2))))]],
+            "places.share is float64 of shape (2, 2)",
+        ),
+        ([[replace(PLACED, places=replace(PLACES, share=np.full((2, 3), 0.4)))]], "more than 1"),
+        ([[replace(PLACED, places=replace(PLACES, share=np.full((2, 3), -0.1)))]], "below 0"),
+        ([[replace(PLACED, places=replace(PLACES, sigma_px=np.zeros((2, 3))))]], "deviations of 0"),
     ],
 )
 def test_wrong_detections_are_refused(made, words: str) -> None:
@@ -291,6 +301,8 @@ def test_wrong_keypoints_are_refused() -> None:
     image = np.zeros((8, 8), np.uint8)
     finder.made = [replace(FOUND, keypoints_px=np.zeros((2, 2)))]
     assert len(checked.find(image, [FOUND])) == 1
+    finder.made = [PLACED]
+    assert checked.find(image, [FOUND])[0].places.share.sum() == pytest.approx(1.8)
     for made in ([], [FOUND], [replace(FOUND, keypoints_px=np.zeros((3, 2)))], None, "found"):
         finder.made = made
         with pytest.raises(ComponentError, match="detector 'net'"):

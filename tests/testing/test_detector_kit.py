@@ -57,6 +57,7 @@ BOXES = {
     "claims training": {CAPABLE: "claims 'train' and has no method"},
     "claims a model": {CAPABLE: "names no model file"},
     "ships a model that is not there": {CAPABLE: "left out of the wheel"},
+    "ships a model by a name alone": {CAPABLE: "no tuple of the names"},
     "claims nothing": {CAPABLE: "neither 'boxes' nor 'keypoints'"},
 }
 KEYPOINTS = {
@@ -74,6 +75,7 @@ CLAIMS = {
     "claims training": {"boxes", "train"},
     "claims a model": {"boxes", "shipped"},
     "ships a model that is not there": {"boxes", "shipped"},
+    "ships a model by a name alone": {"boxes", "shipped"},
     "claims nothing": set(),
 }
 MADE = [0]
@@ -193,6 +195,8 @@ def check(make: Callable[[], Model], claims: set[str], caught: dict[str, str]) -
 @pytest.mark.parametrize("wrong", BOXES)
 def test_a_wrong_detector_fails_for_its_own_reason(wrong: str, monkeypatch: pytest.MonkeyPatch) -> None:
     if wrong == "ships a model that is not there":
+        monkeypatch.setattr(Bright, "shipped", {("aqua",): Path("/nowhere/boxes.onnx")})
+    if wrong == "ships a model by a name alone":
         monkeypatch.setattr(Bright, "shipped", {"aqua": Path("/nowhere/boxes.onnx")})
     check(lambda: Bright(wrong), CLAIMS.get(wrong, {"boxes"}), BOXES[wrong])
 

@@ -12,7 +12,7 @@ class TestBoxes(DetectorConformance):
 
     def detector(self) -> OnnxDetector:
         detector = OnnxDetector(OnnxOptions())
-        detector.load(OnnxDetector.shipped["aqua"])
+        detector.load(OnnxDetector.shipped["aqua", "cluster"])
         return detector
 
 
@@ -21,5 +21,5 @@ class TestKeypoints(DetectorConformance):
 
     def detector(self) -> OnnxKeypoints:
         finder = OnnxKeypoints(OnnxOptions())
-        finder.load(OnnxKeypoints.shipped["aqua"])
+        finder.load(OnnxKeypoints.shipped["aqua", "cluster"])
         return finder

@@ -74,10 +74,14 @@ def test_boxes_come_back_in_the_image_best_first(tmp_path):
 
 
 def test_keypoints_are_those_of_the_class_in_the_image(tmp_path):
-    points = np.array([[[1, 1], [31.5, 31.5], [0, 63]]], np.float32)
-    path = write_model(
-        tmp_path / "k.onnx", "keypoints", {"points": points, "sigma": np.array([[1, 2, 3]], np.float32)}
-    )
+    first = np.array([[1, 1], [31.5, 31.5], [0, 63]], np.float32)
+    second = np.array([[3, 3], [0, 63], [31.5, 31.5]], np.float32)
+    outputs = {
+        "points": np.stack([first, second], axis=1)[None],
+        "sigma": np.array([[[1, 9], [2, 4], [3, 6]]], np.float32),
+        "share": np.array([[[1, 0], [0.75, 0.25], [0.5, 0.25]]], np.float32),
+    }
+    path = write_model(tmp_path / "k.onnx", "keypoints", outputs)
     finder = OnnxKeypoints(OnnxOptions())
     finder.load(path)
     np.testing.assert_allclose(finder.keypoints_body_m["plate"], list(CORNERS.values()))
@@ -89,6 +93,21 @@ def test_keypoints_are_those_of_the_class_in_the_image(tmp_path):
     np.testing.assert_allclose(
         corner, [35 - 0.5 + 0.5 * 130 / 64, 145 - 0.5 - 0.5 * 130 / 64], atol=1e-4
     )
+    np.testing.assert_allclose(found.keypoints_sigma_px, np.array([2, 3]) * 130 / 64)
+    np.testing.assert_allclose(found.places.points_px, [[middle, corner], [corner, middle]])
+    np.testing.assert_allclose(found.places.sigma_px, np.array([[2, 4], [3, 6]]) * 130 / 64)
+    np.testing.assert_array_equal(found.places.share, [[0.75, 0.25], [0.5, 0.25]])
+
+
+def test_a_network_that_knows_one_place_of_each_keypoint_tells_no_others(tmp_path):
+    points = np.array([[[1, 1], [31.5, 31.5], [0, 63]]], np.float32)
+    outputs = {"points": points, "sigma": np.array([[1, 2, 3]], np.float32)}
+    finder = OnnxKeypoints(OnnxOptions())
+    finder.load(write_model(tmp_path / "k.onnx", "keypoints", outputs))
+    box = Detection("plate", 1.0, np.array([50.0, 60, 100, 40]))
+    (found,) = finder.find(np.zeros((300, 300), np.uint8), [box])
+    assert found.places is None
+    np.testing.assert_allclose(found.keypoints_px[0], [99.5, 79.5], atol=1e-4)
     np.testing.assert_allclose(found.keypoints_sigma_px, np.array([2, 3]) * 130 / 64)
 
 

@@ -49,16 +49,17 @@ def normal(place_px, sigma_px, share=1.0):
 def test_a_normal_distribution_is_read_back(sigma_px, x, y):
     """What is told is the truth's own spread and that of not knowing it."""
     points, spread, share = read(normal((x, y), np.hypot(sigma_px, SPREAD_PX)).log())
-    np.testing.assert_allclose(points[0, 0], [x, y], atol=0.05)
-    assert float(spread) == pytest.approx(sigma_px, rel=0.1, abs=0.1)
-    assert float(share) > 0.99
+    np.testing.assert_allclose(points[0, 0, 0], [x, y], atol=0.05)
+    assert float(spread[0, 0, 0]) == pytest.approx(sigma_px, rel=0.1, abs=0.1)
+    assert float(share[0, 0, 0]) > 0.99
+    assert float(share[0, 0, 1:].sum()) < 0.01
 
 
 def test_a_second_place_takes_its_share_and_draws_nothing_away():
     two = normal((50.3, 61.7), SPREAD_PX, 0.7) + normal((120.0, 100.0), SPREAD_PX, 0.3)
     points, _, share = read(two.clamp(min=1e-30).log())
-    np.testing.assert_allclose(points[0, 0], [50.3, 61.7], atol=0.01)
-    assert float(share) == pytest.approx(0.7, abs=1e-3)
+    np.testing.assert_allclose(points[0, 0, :2], [[50.3, 61.7], [120.0, 100.0]], atol=0.01)
+    np.testing.assert_allclose(share[0, 0], [0.7, 0.3, 0, 0], atol=1e-3)
 
 
 def test_the_truth_costs_nothing_and_other_points_do_not_count():

@@ -18,6 +18,7 @@ from posse_core import (
     FloatArray,
     InputError,
     KeypointFinder,
+    KeypointPlaces,
     ModelCard,
     Square,
     to_grey,
@@ -26,16 +27,19 @@ from posse_detect_onnx.options import OnnxOptions
 
 _BOXES, _KEYPOINTS = ["boxes", "scores", "labels"], ["points", "sigma"]
 """Names of the outputs of the two tasks' graphs."""
-_NETS = {"aqua": "aqua-cluster", "cluster": "aqua-cluster", "tango": "tango"}
-"""Name of a spacecraft → folder of the networks that know it."""
+_SHARE = "share"
+"""Output of graphs that know several places of each keypoint: their points are (B, P, M, 2), their
+standard deviations and shares (B, P, M). Others give points (B, P, 2) and standard deviations (B, P)."""
+_NETS = {("aqua", "cluster"): "aqua-cluster", ("tango",): "tango"}
+"""Names of spacecraft → folder of the networks that know them."""
 _BEFORE_REASON = re.compile(r"^.*? failed:(/\S+:\d+ .*?\) (?=[A-Z]))?")
 """What onnxruntime writes before the reason: its code, the file, and the line of its own source."""
 
 
-def _shipped(task: str) -> Mapping[str, Path]:
+def _shipped(task: str) -> Mapping[tuple[str, ...], Path]:
     """The shipped models of a task by the spacecraft that they know."""
     nets = Path(__file__).parent / "nets"
-    return {craft: nets / folder / f"{task}.onnx" for craft, folder in _NETS.items()}
+    return {names: nets / folder / f"{task}.onnx" for names, folder in _NETS.items()}
 
 
 def _open(
@@ -99,6 +103,8 @@ class OnnxKeypoints(KeypointFinder[OnnxOptions]):
 
     def load(self, path: Path) -> None:
         self._session, self._card = _open(path, "keypoints", _KEYPOINTS, self.options.threads)
+        given = {entry.name for entry in self._session.get_outputs()}
+        self._outputs = [*_KEYPOINTS, *(name for name in [_SHARE] if name in given)]
         self.classes = self._card.classes
         self.keypoints_body_m: Mapping[str, FloatArray] = self._card.keypoint_arrays_m
 
@@ -107,15 +113,15 @@ class OnnxKeypoints(KeypointFinder[OnnxOptions]):
         ranges = self._card.keypoint_outputs
         for detection in detections:
             square = Square.around(detection.box_px, self._card.input_px)
-            pixels, sigma = self._session.run(_KEYPOINTS, {"picture": _picture(image, square)})
-            mine = ranges[detection.label]
-            found.append(
-                replace(
-                    detection,
-                    keypoints_px=square.points_out(pixels[0, mine]),
-                    keypoints_sigma_px=np.asarray(sigma[0, mine], np.float64) / square.scale,
-                )
+            outputs = self._session.run(self._outputs, {"picture": _picture(image, square)})
+            points, sigma, *share = (
+                np.asarray(output[0, ranges[detection.label]], np.float64) for output in outputs
             )
+            points_px, sigma_px = square.points_out(points), sigma / square.scale
+            if share:
+                found.append(detection.with_places(KeypointPlaces(points_px, sigma_px, *share)))
+            else:
+                found.append(replace(detection, keypoints_px=points_px, keypoints_sigma_px=sigma_px))
         return found
 
 

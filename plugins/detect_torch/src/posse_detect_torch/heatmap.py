@@ -2,9 +2,9 @@
 
 The network's input is a square around a box. A residual network with a feature pyramid
 (:mod:`posse_detect_torch.features`) computes, for each keypoint, a map of stride 4 whose softmax is the
-distribution of its place. The coordinate is the mean of the distribution around its highest cell, so
-that a second place where the keypoint may be does not draw it away; what that second place takes from
-the first makes the point less certain. The network predicts the keypoints of all classes; those of the
+distribution of its place. A coordinate is the mean of the distribution around a high cell, so that a
+second place where the keypoint may be does not draw it away; it is read too, and is less certain by what
+the first takes of the distribution. The network predicts the keypoints of all classes; those of the
 box's class are used.
 """
 
@@ -25,6 +25,9 @@ _WINDOW = 4
 """The coordinate is read from the highest cell and as many on each side of it: four standard deviations
 of the targets."""
 _LEAST_VARIANCE_PX2 = 0.01
+PLACES = 4
+"""Number M of places that are read from each distribution."""
+_LEAST_SHARE = 1e-6
 
 
 class HeatMaps(nn.Module):
@@ -62,19 +65,31 @@ def cell_centres(count: int, device: torch.device) -> Tensor:
 def read(logits: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """Read the distributions around their highest cells: (B, P, s, s) → points, spread and share.
 
+    A distribution is read around its highest cell, then around the highest of what is left, and so on,
+    :data:`PLACES` times.
+
     Returns:
-        (B, P, 2) coordinates x, y in pixels of the square; (B, P) standard deviation there, beyond that
-        of the training targets, in pixels; (B, P) share of the distribution there, 0 … 1.
+        (B, P, M, 2) coordinates x, y in pixels of the square; (B, P, M) standard deviation there, beyond
+        that of the training targets, in pixels; (B, P, M) share of the distribution there, 0 … 1.
     """
-    size = logits.shape[-1]
-    share = torch.softmax(logits.flatten(2), dim=-1)
-    highest = share.argmax(dim=-1, keepdim=True)
-    number = torch.arange(size, device=logits.device)
-    near_x = ((number - highest % size).abs() <= _WINDOW).to(share.dtype)  # (B, P, s)
-    near_y = ((number - highest // size).abs() <= _WINDOW).to(share.dtype)
-    around = share.reshape(logits.shape) * near_x[..., None, :] * near_y[..., :, None]
-    there = around.sum(dim=(-2, -1))
-    at = cell_centres(size, logits.device)
+    left = torch.softmax(logits.flatten(2), dim=-1).reshape(logits.shape)
+    number = torch.arange(logits.shape[-1], device=logits.device)
+    found = []
+    for _ in range(PLACES):
+        highest = left.flatten(2).argmax(dim=-1, keepdim=True)
+        near_x = ((number - highest % len(number)).abs() <= _WINDOW).to(left.dtype)  # (B, P, s)
+        near_y = ((number - highest // len(number)).abs() <= _WINDOW).to(left.dtype)
+        around = left * near_x[..., None, :] * near_y[..., :, None]
+        found.append(_moments(around))
+        left = left - around
+    points, spread, share = (torch.stack(values, dim=2) for values in zip(*found, strict=True))
+    return points, spread, share
+
+
+def _moments(around: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Mean (B, P, 2), spread (B, P) and sum (B, P) of a part (B, P, s, s) of the distributions."""
+    at = cell_centres(around.shape[-1], around.device)
+    there = around.sum(dim=(-2, -1)).clamp(min=_LEAST_SHARE)
     means, variances = [], []
     for axis in (-2, -1):  # sums over rows leave columns, and so x
         along = around.sum(dim=axis) / there[..., None]
@@ -89,19 +104,19 @@ def read(logits: Tensor) -> tuple[Tensor, Tensor, Tensor]:
 class Decoded(nn.Module):
     """The network with its decoding, as it is exported.
 
-    Squares (B, 1, S, S) → points (B, P, 2) and standard deviations (B, P) in pixels of the square, and
-    raw (B, P, S/4, S/4).
+    Squares (B, 1, S, S) → points (B, P, M, 2), standard deviations (B, P, M), both in pixels of the
+    square, shares (B, P, M), and raw (B, P, S/4, S/4).
     """
 
     def __init__(self, net: HeatMaps) -> None:
         super().__init__()
         self.net = net
 
-    def forward(self, picture: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    def forward(self, picture: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         logits = self.net(picture)
         points, spread, share = read(logits)
         a, b, c = self.net.calibration
-        return points, torch.exp(a + b * spread.log() + c * share.log()), logits
+        return points, torch.exp(a + b * spread.log() + c * share.log()), share, logits
 
 
 def losses(logits: Tensor, points: Tensor, weights: Tensor) -> dict[str, Tensor]:

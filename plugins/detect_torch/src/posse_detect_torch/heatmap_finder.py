@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -22,11 +21,12 @@ from posse_core import (
     FloatArray,
     InputError,
     KeypointFinder,
+    KeypointPlaces,
     LabelledImages,
     ModelCard,
     Square,
     nees,
-    pose,
+    poses,
     seen_bodies,
     to_grey,
     true_box,
@@ -42,18 +42,20 @@ from posse_detect_torch.augment import (
 from posse_detect_torch.calibration import calibrate, widening
 from posse_detect_torch.checkpoint import read_weights
 from posse_detect_torch.export import Outputs, difference, export, raw_difference
-from posse_detect_torch.heatmap import Decoded, HeatMaps, losses, read
+from posse_detect_torch.heatmap import PLACES, Decoded, HeatMaps, losses, read
 from posse_detect_torch.int8 import write_int8
 from posse_detect_torch.learn import Batch, Lesson, device_of, first_net, learn
 from posse_detect_torch.options import HeatmapOptions, trained_with
 from posse_detect_torch.pictures import Cut, Pictures, cut_backgrounds, cut_pictures
 
-OUTPUTS = ("points", "sigma", "raw")
+OUTPUTS = ("points", "sigma", "share", "raw")
 _ZOOM, _SHIFT = (0.45, 1.25), 0.08
 """The range of errors of a detector's boxes: where only a part of a spacecraft is lit, a box is often
 around that part alone, and the whole is found in a square that is wider."""
 _COARSE = 1 / 3
 """Share of the pictures that are coarsened."""
+_COUNTS = 0.05
+"""Least share of a place of a keypoint, of those that the true one may be at."""
 _ROOM = 0.5
 """What cached squares have beyond the network's on each side, as a share of its side: little of a
 picture that is turned, made smaller and shifted is empty then."""
@@ -158,36 +160,39 @@ class HeatmapLesson(Lesson):
         assert isinstance(net, HeatMaps)
         net.eval()
         device, size = next(net.parameters()).device, self.options.input_px
-        count = len(self._valid)
-        points, away = np.zeros((count, self._points, 2)), np.full((count, self._points, 2), np.nan)
-        spread, share = (np.zeros((count, self._points)) for _ in range(2))
-        for position in range(count):
+        shape = len(self._valid), self._points, PLACES
+        points, away = np.zeros((*shape, 2)), np.full((*shape, 2), np.nan)
+        spread, share = np.zeros(shape), np.zeros(shape)
+        for position in range(len(self._valid)):
             picture, true = self._seen(self._valid, position, np.eye(2, 3))
             inside = np.all((true > -0.5) & (true < size - 0.5), axis=1)
             found = read(net(torch.from_numpy(picture)[None, None].to(device)))
             points[position], spread[position], share[position] = (x[0].cpu().numpy() for x in found)
-            away[position][inside] = (points[position] - true)[inside]
-        known = np.isfinite(away[..., 0])
-        fitted = calibrate(away[known], spread[known], share[known])
+            away[position][inside] = (points[position] - true[:, None])[inside]
+        known = np.isfinite(away[..., 0, 0])
+        # A keypoint is as far off as its place that is nearest: which one it is at, the pose tells.
+        distance = np.linalg.norm(away[known], axis=-1)
+        nearest = np.argmin(np.where(share[known] > _COUNTS, distance, np.inf), axis=-1)[:, None]
+        off_px = np.take_along_axis(away[known], nearest[..., None], axis=1)[:, 0]
+        spread_px, part = (np.take_along_axis(x[known], nearest, axis=1)[:, 0] for x in (spread, share))
+        fitted = calibrate(off_px, spread_px, part)
         sigma_px = np.exp(fitted[0] + fitted[1] * np.log(spread) + fitted[2] * np.log(share))
-        within = self._nees(points, sigma_px)
+        within = self._nees(points, sigma_px, share)
         factor = widening(within)
         fitted[0] += np.log(factor)
         net.calibration.copy_(torch.from_numpy(fitted))
-        distance = np.linalg.norm(away[known], axis=1)
+        told_px = factor * np.take_along_axis(sigma_px[known], nearest, axis=1)
         told = {
-            "valid median error, %": 100 * float(np.median(distance)) / size,
-            "valid within sigma": float(
-                np.mean(np.abs(away[known]) < factor * sigma_px[known][:, None])
-            ),
+            "valid median error, %": 100 * float(np.median(distance[:, 0])) / size,
+            "valid within sigma": float(np.mean(np.abs(off_px) < told_px)),
         }
         if len(within):
             told["valid poses in 95 %"] = float(np.mean(within / factor**2 < chi2.ppf(0.95, 6)))
         return told
 
-    def _nees(self, points: FloatArray, sigma_px: FloatArray) -> FloatArray:
-        """Return the normalised errors squared of the poses from keypoints (N, P, 2) of the valid part,
-        where labels and keypoints give poses."""
+    def _nees(self, points: FloatArray, sigma_px: FloatArray, share: FloatArray) -> FloatArray:
+        """Return the normalised errors squared of the poses from keypoints (N, P, M, 2) of the valid
+        part, where labels and keypoints give poses."""
         found = []
         for position, body in enumerate(self._valid.labels):
             if self._camera is None or not body.has("q_cam_from_body"):
@@ -195,11 +200,13 @@ class HeatmapLesson(Lesson):
             square = Square.around(true_box(body).box_px, self.options.input_px)
             mine = self._ranges[body.spacecraft]
             known_m = self._points_body_m[body.spacecraft]
-            fixed = np.isfinite(known_m).all(axis=1)  # not carried by a joint
-            seen_px = square.points_out(points[position, mine])[fixed]
-            each_px = sigma_px[position, mine][fixed] / square.scale
-            estimate = pose(known_m[fixed], seen_px, self._camera, each_px)
-            if estimate is not None:
+            places = KeypointPlaces(
+                square.points_out(points[position, mine]),
+                sigma_px[position, mine] / square.scale,
+                share[position, mine],
+            )
+            seen = Detection(body.spacecraft, 1.0, true_box(body).box_px).with_places(places)
+            for estimate in poses(known_m, seen, self._camera)[:1]:
                 R = Rotation.from_quat(np.roll(body.q_cam_from_body, -1)).as_matrix()
                 t, symmetries = np.array(body.t_body_cam_m), self._symmetries[body.spacecraft]
                 place = estimate.R_cam_from_body, estimate.t_body_cam_m
@@ -247,11 +254,10 @@ class HeatmapFinder(KeypointFinder[HeatmapOptions]):
             square = Square.around(detection.box_px, self._card.input_px)
             with torch.inference_mode():
                 outputs = self._decoded(torch.from_numpy(_picture(image, square))[None].to(device))
-            points, sigma = (value[0].double().cpu().numpy() for value in outputs[:2])
             mine = ranges[detection.label]
-            pixels = square.points_out(points[mine])
-            sigma_px = sigma[mine] / square.scale
-            found.append(replace(detection, keypoints_px=pixels, keypoints_sigma_px=sigma_px))
+            points, sigma, share = (value[0, mine].double().cpu().numpy() for value in outputs[:3])
+            places = KeypointPlaces(square.points_out(points), sigma / square.scale, share)
+            found.append(detection.with_places(places))
         return found
 
     def export_onnx(self, path: Path, images: Sequence[AnyArray]) -> Mapping[str, float]:
@@ -306,8 +312,11 @@ def _picture(image: AnyArray, square: Square) -> Float32Array:
 
 
 def _compare(ours: Outputs, theirs: Outputs) -> dict[str, tuple[float, float]]:
+    """Compare the raw tensors, and what is read around the highest cells: rounding may decide which of
+    two lower ones is the higher."""
     return {
         "raw": (raw_difference(ours["raw"], theirs["raw"]), 1e-4),
-        "points, px": (difference(ours["points"], theirs["points"]), 0.1),
-        "sigma, px": (difference(ours["sigma"], theirs["sigma"]), 0.1),
+        "points, px": (difference(ours["points"][:, :, 0], theirs["points"][:, :, 0]), 0.1),
+        "sigma, px": (difference(ours["sigma"][:, :, 0], theirs["sigma"][:, :, 0]), 0.1),
+        "share": (difference(ours["share"][:, :, 0], theirs["share"][:, :, 0]), 1e-3),
     }

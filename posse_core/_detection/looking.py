@@ -23,6 +23,8 @@ _LOOKS = 2
 """How often the mesh's box is followed at most."""
 _SURE = 0.9
 """Trust of a pose from which no wider box is looked at."""
+_MOST = 6
+"""So many poses are told at most: each is one from which refinement starts."""
 _ENOUGH_OF_SCORE = 1 / 3
 """Share of the least score that is enough where the pose is trusted."""
 _ONE = 0.7
@@ -125,7 +127,7 @@ def look(
     found = looks[0][0]
     points_body_m = finder.keypoints_body_m[found.label]
     told = weighed(different, points_body_m, [look for look, _ in looks], camera)
-    told.sort(key=lambda pose: -pose.trust)
+    told = sorted(told, key=lambda pose: -pose.trust)[:_MOST]
     return (told[0].detection or found if told else found), told
 
 

@@ -24,6 +24,8 @@ def open_models(
     registry: Registry,
     options: Mapping[str, Any],
     wanted: Collection[str] = (),
+    *,
+    in_flight: bool = False,
 ) -> tuple[Detector, KeypointFinder | None]:
     """Open a detector, and a finder of keypoints in its boxes.
 
@@ -33,14 +35,17 @@ def open_models(
         registry: the installed components.
         options: see :func:`open_detector`.
         wanted: names of the spacecraft that a shipped model should know.
+        in_flight: take the first shipped model that knows them, to whose errors the defaults of
+            navigators fit, and not the one of the fewest spacecraft.
 
     Raises:
         InputError: See :func:`open_detector`; or no installed plugin ships a model, or none that knows
             all that is wanted.
     """
     if boxes is None and keypoints is None:
-        keypoints = _shipped("keypoints", wanted, registry)
-    detector = open_detector(boxes or _shipped("boxes", wanted, registry), registry, options)
+        keypoints = _shipped("keypoints", wanted, registry, in_flight)
+    boxes = boxes or _shipped("boxes", wanted, registry, in_flight)
+    detector = open_detector(boxes, registry, options)
     if keypoints is None:
         return detector, None
     return detector, open_keypoint_finder(keypoints, registry, options)
@@ -106,9 +111,9 @@ def _opened(path: Path, task: str, registry: Registry, options: Mapping[str, Any
     return name, model
 
 
-def _shipped(task: str, wanted: Collection[str], registry: Registry) -> Path:
+def _shipped(task: str, wanted: Collection[str], registry: Registry, in_flight: bool) -> Path:
     """The shipped model of the fewest spacecraft that knows all that are wanted; the first where none
-    is."""
+    is, and in flight."""
     known: dict[tuple[str, ...], Path] = {}
     for spec in registry.specs("detector"):
         if {"shipped", task} <= spec.capabilities:
@@ -130,7 +135,7 @@ def _shipped(task: str, wanted: Collection[str], registry: Registry) -> Path:
             f"no shipped model finds {' and '.join(sorted(wanted))}; there are models of"
             f" {', '.join(' and '.join(names) for names in known)}; name a model of your own"
         )
-    return known[min(able, key=len) if wanted else able[0]]
+    return known[min(able, key=len) if wanted and not in_flight else able[0]]
 
 
 def _onnx_reader(path: Path, task: str, registry: Registry) -> str:

@@ -220,7 +220,9 @@ def open_eye(
     if config.source == "truth":
         return TrueEye(config, craft, camera, seed)
     try:
-        detector, finder = open_models(config.boxes, config.keypoints, registry, {}, [craft.name])
+        detector, finder = open_models(
+            config.boxes, config.keypoints, registry, {}, [craft.name], in_flight=True
+        )
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
     if craft.name not in detector.classes:

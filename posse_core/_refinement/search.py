@@ -34,6 +34,9 @@ _MARGIN = 0.04
 """By how much the agreement of a pose turned by half a turn must be greater."""
 _PRIOR = 0.2
 """How much agreement the trust in a start is worth: what looks alike may agree better by chance."""
+_CLOSE, _RIVALS = 0.15, 2
+"""Other starts whose weighted agreement is so near to that of the best are followed too, at most so
+many."""
 _JITTER_RAD = np.radians(8)
 _KEPT = 3
 """How many of the other poses are followed."""
@@ -122,20 +125,34 @@ class Search:
                 trails.append(trail)
         if not trails:
             return None
-        best = max(trails, key=lambda trail: trail.agreement + _PRIOR * trusts[trail.start])
+
+        def weight(trail: _Trail) -> float:
+            return trail.agreement + _PRIOR * trusts[trail.start]
+
+        trails.sort(key=weight, reverse=True)
+        best = trails[0]
         # Light that was found by a pose that is wrong says nothing of other poses.
         is_worth_it = self._sun is not None or best.agreement > least_agreement - _HOPE
         if best.agreement < _SURE and is_worth_it and self._has_time():
             best = self._resembling(best, firsts[best.start], trusts[best.start])
-        for scale in self._scales(best.found.placement)[1:]:
-            if not self._has_time() or best.agreement < least_agreement - _HOPE:
-                break
-            finer = self._followed(best, scale)
-            if finer is None:
-                break
-            best = finer
+        # What looks alike when it is coarse may not when it is fine.
+        rivals = [trail for trail in trails[1:] if weight(trail) > weight(best) - _CLOSE][:_RIVALS]
+        best = max(
+            (self._to_the_finest(trail, least_agreement) for trail in (best, *rivals)), key=weight
+        )
         before = best.comparer.compare(firsts[best.start]).agreement
         return Outcome(best.found, before, best.start)
+
+    def _to_the_finest(self, trail: _Trail, least_agreement: float) -> _Trail:
+        """A trail through the scales, while its agreement may still become enough."""
+        for scale in self._scales(trail.found.placement)[1:]:
+            if not self._has_time() or trail.agreement < least_agreement - _HOPE:
+                break
+            finer = self._followed(trail, scale)
+            if finer is None:
+                break
+            trail = finer
+        return trail
 
     def shape(self, first: Placement) -> Outcome | None:
         """The pose by outlines and creases, whatever the light; None where the start does not show the

@@ -155,6 +155,10 @@ def test_the_shipped_nets_are_taken_where_none_is_named(tmp_path):
     detector, finder = open_models(None, None, registry, {}, ["tango"])
     assert finder is not None
     assert tuple(detector.classes) == tuple(finder.classes) == ("tango",)
+    for in_flight, classes in ((False, ("aqua",)), (True, ("aqua", "cluster"))):
+        detector, finder = open_models(None, None, registry, {}, ["aqua"], in_flight=in_flight)
+        assert finder is not None
+        assert tuple(detector.classes) == tuple(finder.classes) == classes
     for wanted, told in ((["cubesat"], "cubesat"), (["tango", "aqua"], "aqua and tango")):
         with pytest.raises(InputError, match=f"no shipped model finds {told}; there are models of aqua"):
             open_models(None, None, registry, {}, wanted)

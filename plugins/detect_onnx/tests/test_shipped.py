@@ -68,3 +68,30 @@ def test_they_find_what_they_have_not_seen(
     assert len(overlaps) > 0.7 * len(sunlit)
     assert np.median(overlaps) > 0.6
     assert abs(np.median(ranges) - 1) < range_error
+
+
+@pytest.mark.parametrize("name", ["aqua", "cluster"])
+def test_they_are_known_in_any_attitude(opengl: None, name: str, tmp_path: Path) -> None:
+    """By their own nets, at random attitudes, which differ by 126° in the median; before refinement."""
+    attitude = ("-o", "attitude.target={law: random}", "-o", "sky.stars.gain=10000")
+    overrides = [word for option in OPTIONS for word in ("-o", option)]
+    scenario = f"posse-{name}-earth"
+    run = ("run", scenario, "--renderer", "raster", "--frames", 40, "--out", tmp_path / "d")
+    posse_run(*run, *overrides, *attitude)
+    dataset = Dataset(tmp_path / "d")
+    camera = dataset.folder / "camera.json"
+    detect = ("detect", dataset.folder / "images", "--target", name, "--camera", camera, "--json")
+    turns_deg = []
+    for line, row in zip(dataset, json.loads(posse_run(*detect)), strict=True):
+        if line.sun_fraction_target < 0.5 or line.fraction_lit < 0.05:
+            continue
+        found = row["detections"][:1]
+        q = found[0]["pose"]["q_cam_from_body"] if found and found[0].get("pose") else None
+        turns_deg.append(180.0 if q is None else turn_deg(q, line.q_cam_from_body))
+    assert len(turns_deg) >= 5
+    assert np.median(turns_deg) < 30
+
+
+def turn_deg(one: Sequence[float], other: Sequence[float]) -> float:
+    """The angle between two attitudes."""
+    return float(np.degrees(2 * np.arccos(min(1.0, abs(float(np.dot(one, other)))))))

@@ -30,7 +30,12 @@ _BOXES, _KEYPOINTS = ["boxes", "scores", "labels"], ["points", "sigma"]
 _SHARE = "share"
 """Output of graphs that know several places of each keypoint: their points are (B, P, M, 2), their
 standard deviations and shares (B, P, M). Others give points (B, P, 2) and standard deviations (B, P)."""
-_NETS = {("aqua", "cluster"): "aqua-cluster", ("tango",): "tango"}
+_NETS = {
+    ("aqua", "cluster"): "aqua-cluster",
+    ("aqua",): "aqua",
+    ("cluster",): "cluster",
+    ("tango",): "tango",
+}
 """Names of spacecraft → folder of the networks that know them."""
 _BEFORE_REASON = re.compile(r"^.*? failed:(/\S+:\d+ .*?\) (?=[A-Z]))?")
 """What onnxruntime writes before the reason: its code, the file, and the line of its own source."""

@@ -23,7 +23,7 @@ _LOOKS = 2
 """How often the mesh's box is followed at most."""
 _SURE = 0.9
 """Trust of a pose from which no wider box is looked at."""
-_MOST = 6
+_MOST = 16
 """So many poses are told at most: each is one from which refinement starts."""
 _ENOUGH_OF_SCORE = 1 / 3
 """Share of the least score that is enough where the pose is trusted."""

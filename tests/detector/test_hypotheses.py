@@ -28,6 +28,14 @@ def a_pose(random, near=None):
     return near[0] @ flip, near[1] + random.normal(0, 0.05, 3)
 
 
+def seen_two_ways(seed, count):
+    """Random numbers, keypoints (count, 3), and two poses that are half a turn apart."""
+    random = np.random.default_rng(seed)
+    X = random.uniform(-2, 2, (count, 3))
+    one = a_pose(random)
+    return random, X, one, a_pose(random, near=one)
+
+
 def places_of(X, poses, shares, camera, sigma_px=1.0, noise=None):
     """Each keypoint at its projections by all poses, the likeliest first."""
     px = np.stack([camera.project(X @ R.T + t) for R, t in poses], axis=1)
@@ -53,10 +61,7 @@ def is_pose(estimate, pose, within=1e-3):
 @given(SEEDS)
 def test_keypoints_that_are_each_at_one_of_two_places_give_both_poses(camera, seed):
     """Which place is likelier is random for each keypoint, so that the likeliest ones fit no pose."""
-    random = np.random.default_rng(seed)
-    X = random.uniform(-2, 2, (12, 3))
-    one = a_pose(random)
-    other = a_pose(random, near=one)
+    random, X, one, other = seen_two_ways(seed, 12)
     first = random.permutation(12) < 6
     shares = np.where(first[:, None], [0.6, 0.35], [0.35, 0.6])
     poses = posse.poses(X, found(places_of(X, [one, other], shares, camera)), camera)
@@ -68,10 +73,7 @@ def test_keypoints_that_are_each_at_one_of_two_places_give_both_poses(camera, se
 
 @given(SEEDS)
 def test_the_pose_whose_places_are_likelier_comes_first(seed):
-    random = np.random.default_rng(seed)
-    X = random.uniform(-2, 2, (10, 3))
-    one = a_pose(random)
-    other = a_pose(random, near=one)
+    _, X, one, other = seen_two_ways(seed, 10)
     shares = np.tile([0.2, 0.7], (10, 1))
     poses = posse.poses(X, found(places_of(X, [one, other], shares, CAMERA)), CAMERA)
     assert is_pose(poses[0], other)
@@ -80,10 +82,7 @@ def test_the_pose_whose_places_are_likelier_comes_first(seed):
 
 @given(SEEDS)
 def test_the_keypoints_of_a_pose_are_at_the_places_that_fit_it(seed):
-    random = np.random.default_rng(seed)
-    X = random.uniform(-2, 2, (10, 3))
-    one = a_pose(random)
-    other = a_pose(random, near=one)
+    _, X, one, other = seen_two_ways(seed, 10)
     shares = np.tile([0.5, 0.4], (10, 1))
     for estimate in posse.poses(X, found(places_of(X, [one, other], shares, CAMERA)), CAMERA)[:2]:
         projected = CAMERA.project(X @ estimate.R_cam_from_body.T + estimate.t_body_cam_m)
@@ -95,12 +94,9 @@ def test_the_keypoints_of_a_pose_are_at_the_places_that_fit_it(seed):
 def test_errors_follow_the_covariance():
     squared = []
     for seed in range(100):
-        random = np.random.default_rng(seed)
-        X = random.uniform(-2, 2, (14, 3))
-        one = a_pose(random)
+        random, X, one, other = seen_two_ways(seed, 14)
         shares = np.tile([0.6, 0.3], (14, 1))
-        poses = [one, a_pose(random, near=one)]
-        places = places_of(X, poses, shares, CAMERA, sigma_px=1.5, noise=random)
+        places = places_of(X, [one, other], shares, CAMERA, sigma_px=1.5, noise=random)
         estimate = posse.poses(X, found(places), CAMERA)[0]
         turn = Rotation.from_matrix(estimate.R_cam_from_body @ one[0].T).as_rotvec()
         error = np.concatenate([turn, estimate.t_body_cam_m - one[1]])
@@ -140,10 +136,8 @@ def test_too_few_keypoints_give_no_pose_and_wrong_shapes_one_line():
 
 
 def test_the_same_places_give_the_same_poses():
-    random = np.random.default_rng(2)
-    X = random.uniform(-2, 2, (12, 3))
-    one = a_pose(random)
+    random, X, one, other = seen_two_ways(2, 12)
     shares = np.tile([0.5, 0.4], (12, 1))
-    told = found(places_of(X, [one, a_pose(random, near=one)], shares, CAMERA, 1.0, random))
+    told = found(places_of(X, [one, other], shares, CAMERA, 1.0, random))
     first, again = (posse.poses(X, told, CAMERA) for _ in range(2))
     assert [pose.t_body_cam_m.tolist() for pose in first] == [p.t_body_cam_m.tolist() for p in again]

@@ -7,12 +7,13 @@ import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from command import run_posse
 
-from posse_core import Dataset
+from posse_core import Dataset, LabelLine
 
 FRAMES = 25
 SCENARIOS = {"aqua": "posse-v2", "cluster": "posse-v1"}
@@ -44,28 +45,34 @@ def overlap(*boxes_px: Sequence[float]) -> float:
     return float(common / (size.prod(axis=1).sum() - common))
 
 
-@pytest.mark.parametrize(("name", "range_error"), [("aqua", 0.6), ("cluster", 0.1)])
-def test_they_find_what_they_have_not_seen(
-    opengl: None, name: str, range_error: float, tmp_path: Path
-) -> None:
-    overrides = [word for option in OPTIONS for word in ("-o", option)]
-    run = ("run", SCENARIOS[name], "--renderer", "raster", "--frames", FRAMES, "--out", tmp_path / "d")
-    posse_run(*run, *overrides)
-    dataset = Dataset(tmp_path / "d")
-    camera = dataset.folder / "camera.json"
-    told = json.loads(posse_run("detect", dataset.folder / "images", "--camera", camera, "--json"))
-    sunlit = [
+def sunlit(
+    scenario: str, frames: int, folder: Path, run: Sequence[str] = (), detect: Sequence[str] = ()
+) -> list[tuple[LabelLine, list[dict[str, Any]]]]:
+    """The labels of a scenario's frames that are lit, each with what the shipped nets detect there."""
+    overrides = [word for option in (*OPTIONS, *run) for word in ("-o", option)]
+    posse_run("run", scenario, "--renderer", "raster", "--frames", frames, "--out", folder, *overrides)
+    dataset = Dataset(folder)
+    images, camera = folder / "images", folder / "camera.json"
+    told = json.loads(posse_run("detect", images, *detect, "--camera", camera, "--json"))
+    return [
         (line, row["detections"])
         for line, row in zip(dataset, told, strict=True)
         if line.sun_fraction_target > 0.5 and line.fraction_lit > 0.05
     ]
-    assert len(sunlit) >= 3
+
+
+@pytest.mark.parametrize(("name", "range_error"), [("aqua", 0.6), ("cluster", 0.1)])
+def test_they_find_what_they_have_not_seen(
+    opengl: None, name: str, range_error: float, tmp_path: Path
+) -> None:
+    lit = sunlit(SCENARIOS[name], FRAMES, tmp_path / "d")
+    assert len(lit) >= 3
     overlaps, ranges = [], []
-    for line, found in sunlit:
+    for line, found in lit:
         if found and found[0]["label"] == name:
             overlaps.append(overlap(found[0]["box_px"], line.box_visible_px))
             ranges.append(np.linalg.norm(found[0]["pose"]["t_body_cam_m"]) / line.range_m)
-    assert len(overlaps) > 0.7 * len(sunlit)
+    assert len(overlaps) > 0.7 * len(lit)
     assert np.median(overlaps) > 0.6
     assert abs(np.median(ranges) - 1) < range_error
 
@@ -73,19 +80,10 @@ def test_they_find_what_they_have_not_seen(
 @pytest.mark.parametrize("name", ["aqua", "cluster"])
 def test_they_are_known_in_any_attitude(opengl: None, name: str, tmp_path: Path) -> None:
     """By their own nets, at random attitudes, which differ by 126° in the median; before refinement."""
-    attitude = ("-o", "attitude.target={law: random}", "-o", "sky.stars.gain=10000")
-    overrides = [word for option in OPTIONS for word in ("-o", option)]
-    scenario = f"posse-{name}-earth"
-    run = ("run", scenario, "--renderer", "raster", "--frames", 40, "--out", tmp_path / "d")
-    posse_run(*run, *overrides, *attitude)
-    dataset = Dataset(tmp_path / "d")
-    camera = dataset.folder / "camera.json"
-    detect = ("detect", dataset.folder / "images", "--target", name, "--camera", camera, "--json")
+    run = ("attitude.target={law: random}", "sky.stars.gain=10000")
+    lit = sunlit(f"posse-{name}-earth", 40, tmp_path / "d", run, ("--target", name))
     turns_deg = []
-    for line, row in zip(dataset, json.loads(posse_run(*detect)), strict=True):
-        if line.sun_fraction_target < 0.5 or line.fraction_lit < 0.05:
-            continue
-        found = row["detections"][:1]
+    for line, found in lit:
         q = found[0]["pose"]["q_cam_from_body"] if found and found[0].get("pose") else None
         turns_deg.append(180.0 if q is None else turn_deg(q, line.q_cam_from_body))
     assert len(turns_deg) >= 5

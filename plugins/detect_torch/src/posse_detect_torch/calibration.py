@@ -41,12 +41,12 @@ def calibrate(away_px: FloatArray, spread_px: FloatArray, share: FloatArray) -> 
     """Find how the standard deviation of a coordinate follows from what a network says of a point.
 
     The logarithm of the standard deviation is a + b log(spread) + c log(share). The three are those of
-    greatest likelihood by Student's distribution, whose tails give little weight to keypoints that were
-    taken for others (Lange et al. 1989); RANSAC, which follows, drops these.
+    greatest likelihood by Student's distribution, whose tails give little weight to keypoints that are
+    at none of their places (Lange et al. 1989); the poses, which follow, leave these out.
 
     Args:
-        away_px: (N, 2) errors of the points.
-        spread_px: (N,) spread of the network's distribution around its highest cell.
+        away_px: (N, 2) errors of the points, each at the place that is nearest to the true one.
+        spread_px: (N,) spread of the network's distribution there.
         share: (N,) share of the distribution that is there, 0 … 1.
 
     Returns:

@@ -22,7 +22,7 @@ STRIDE = 4
 SPREAD_PX = float(STRIDE)
 """Standard deviation of the target distributions, in pixels."""
 _WINDOW = 4
-"""The coordinate is read from the highest cell and as many on each side of it: four standard deviations
+"""A coordinate is read from the highest cell and as many on each side of it: four standard deviations
 of the targets."""
 _LEAST_VARIANCE_PX2 = 0.01
 PLACES = 4
@@ -41,7 +41,7 @@ class HeatMaps(nn.Module):
 
     Attributes:
         calibration: (3,) a, b and c of the logarithm of a point's standard deviation, a + b log s +
-            c log m, where s is the spread of the distribution around its highest cell, in pixels, and m
+            c log m, where s is the spread of the distribution at one of its places, in pixels, and m
             the share that is there (:func:`read`).
     """
 

@@ -11,6 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from posse_core._arrays import AnyArray, BoolArray, FloatArray
+from posse_core._detection.hypotheses import poses_of
 from posse_core._detection.models import open_models
 from posse_core._detection.pnp import MIN_POINTS, solve_pose
 from posse_core._detection.pose_detector import PoseDetector
@@ -146,28 +147,45 @@ class NetEye(Eye):
     ) -> None:
         super().__init__(config, craft, camera, seed)
         self._detector = detector
+        body_m = np.array(list(craft.keypoints_body_m.values()))
+        self._points_body_m = np.where(_fixed(craft)[:, None], body_m, np.nan)
 
     def _look(self, labels: LabelLine, image: AnyArray) -> _Seen | None:
         for detection in self._detector.detect(image):
-            if detection.label == self._craft.name and self._is_sure(detection):
-                return _Seen(self._keypoints(detection), np.asarray(detection.box_px, np.float64))
+            if detection.label != self._craft.name:
+                continue
+            sure, box_px = self._sure(detection), np.asarray(detection.box_px, np.float64)
+            if sure is not None:
+                return _Seen(self._keypoints(sure), box_px)
+            if detection.keypoints_px is None and self._config.use == "line-of-sight":
+                return _Seen(None, box_px)
         return None
 
-    def _is_sure(self, detection: Detection) -> bool:
-        """Whether the reported standard deviations are those of a spacecraft."""
-        if detection.keypoints_sigma_px is None:
-            return self._config.use == "line-of-sight"
-        side_px = float(np.max(detection.box_px[2:]))
-        return float(np.mean(detection.keypoints_sigma_px)) <= self._config.largest_sigma * side_px
-
-    def _keypoints(self, detection: Detection) -> KeypointReading | None:
-        if detection.keypoints_px is None or detection.keypoints_sigma_px is None:
+    def _sure(self, detection: Detection) -> PoseEstimate | None:
+        """The pose of a detection's keypoints; None where the net is not sure enough of them."""
+        poses = poses_of(self._points_body_m, detection, self._camera)
+        if not poses:
             return None
-        fixed = _fixed(self._craft)
+        if detection.places is not None:
+            return poses[0] if poses[0].trust >= self._config.least_trust else None
+        side_px = float(np.max(detection.box_px[2:]))
+        sigma_px = float(np.mean(np.asarray(detection.keypoints_sigma_px)))
+        return poses[0] if sigma_px <= self._config.largest_sigma * side_px else None
+
+    def _keypoints(self, pose: PoseEstimate) -> KeypointReading:
+        """The keypoints of a pose: of a net that tells several places of each, those that agree with it,
+        since the others may be far off."""
+        detection = pose.detection
+        assert detection is not None  # as poses_of gives it
+        assert detection.keypoints_px is not None
+        assert detection.keypoints_sigma_px is not None
+        read = _fixed(self._craft)
+        if detection.places is not None:
+            read = read & pose.inliers
         return KeypointReading(
-            np.array(list(self._craft.keypoints_body_m.values()))[fixed],
-            np.asarray(detection.keypoints_px, np.float64)[fixed],
-            np.hypot(np.asarray(detection.keypoints_sigma_px, np.float64), self._config.sigma_px)[fixed],
+            self._points_body_m[read],
+            np.asarray(detection.keypoints_px, np.float64)[read],
+            np.hypot(np.asarray(detection.keypoints_sigma_px, np.float64), self._config.sigma_px)[read],
         )
 
 

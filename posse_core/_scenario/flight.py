@@ -85,8 +85,15 @@ class MeasurementConfig(Options):
     largest_sigma: float = Field(
         0.02,
         gt=0,
-        description="a detection is ignored if the mean standard deviation that the net reports is above"
-        " this share of the box's larger side",
+        description="with a net that tells one place of each keypoint: a detection is ignored if the"
+        " mean standard deviation is above this share of the box's larger side",
+    )
+    least_trust: float = Field(
+        0.5,
+        ge=0,
+        le=1,
+        description="with a net that tells several places of each keypoint: a detection is ignored if"
+        " the probability that its pose is right within 5 % and 5 degrees is lower",
     )
     correction: ComponentChoice | None = Field(
         None,

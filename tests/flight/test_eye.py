@@ -150,6 +150,38 @@ def test_detections_of_another_class_or_without_certainty_are_ignored(label, sig
         np.testing.assert_allclose(readings.keypoints.sigma_px, np.hypot(sigma_px, 1.2))
 
 
+class FindsPlaces(Finds):
+    """Finds two places of each keypoint: of the first five the likelier one is elsewhere, and of the
+    last one both are."""
+
+    def __init__(self, sigma_px):
+        super().__init__("box", sigma_px)
+        elsewhere_px = np.random.default_rng(4).uniform([200, 150], [300, 230], (12, 2))
+        places_px = np.stack([TRUE_PX, elsewhere_px], axis=1)
+        places_px[:5] = places_px[:5, ::-1]
+        places_px[-1] = [[20.0, 20.0], [30.0, 30.0]]
+        share = np.broadcast_to([0.55, 0.45], (12, 2))
+        self.found = self.found.with_places(
+            posse.KeypointPlaces(places_px, np.full((12, 2), sigma_px), share)
+        )
+
+
+def test_keypoints_are_read_at_the_places_that_agree_on_a_pose():
+    eye = NetEye(MeasurementConfig(sigma_px=0.5), CRAFT, CAMERA, 0, FindsPlaces(0.3))
+    readings = eye.read(labels(), IMAGE, Q)
+    np.testing.assert_array_equal(readings.keypoints.points_body_m, POINTS_BODY_M[:-1])
+    np.testing.assert_allclose(readings.keypoints.points_px, TRUE_PX[:-1])
+    np.testing.assert_allclose(readings.pose.t_body_cam_m, T_BODY_CAM_M, atol=1e-3)
+
+
+@pytest.mark.parametrize(("least_trust", "read"), [(0.0, True), (0.999999, False)])
+def test_places_whose_pose_is_not_trusted_are_ignored(least_trust, read):
+    """Their standard deviations are a twentieth of the box, which a net of one place could not have."""
+    config = MeasurementConfig(least_trust=least_trust)
+    readings = NetEye(config, CRAFT, CAMERA, 0, FindsPlaces(5.0)).read(labels(), IMAGE, Q)
+    assert (readings.keypoints is not None) == read
+
+
 class Errs:
     """Finds keypoints with an error of its own that is the same in every image of nearly one view."""
 

@@ -36,6 +36,9 @@ METRICS: Final[Mapping[str, str]] = {
     "e_t median": "position error divided by the range, median of the estimated poses",
     "e_q median, deg": "attitude error to the nearest of the spacecraft's symmetries, median of the"
     " estimated poses",
+    "e_t 90th percentile": "position error divided by the range that a tenth of the estimated poses"
+    " exceeds",
+    "e_q 90th percentile, deg": "attitude error that a tenth of the estimated poses exceeds",
     "NEES median": "squared error in standard deviations of the estimated poses, by their own covariance"
     " (six degrees of freedom): the median, 5.35 if the covariances are right, more if too small",
     "in 95 % region": "share of the estimated poses whose error is inside the ellipsoid that their"

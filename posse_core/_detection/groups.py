@@ -86,6 +86,8 @@ def _pose_metrics(shown: Sequence[JudgedBody]) -> dict[str, float]:
         "ADI median, d": float(np.median([pose.adi for pose in found])),
         "e_t median": float(np.median(e_t)),
         "e_q median, deg": float(np.rad2deg(np.median(e_q))),
+        "e_t 90th percentile": float(np.percentile(e_t, 90)),
+        "e_q 90th percentile, deg": float(np.rad2deg(np.percentile(e_q, 90))),
         "NEES median": float(np.median([pose.nees for pose in found])),
         "in 95 % region": float(np.mean([pose.nees < _CHI_SQUARED_95 for pose in found])),
         "SPEED 2019": speed_score(e_t, e_q, "2019"),

@@ -20,7 +20,9 @@ _SMALLEST = 0.02
 _TRIES = 3
 _LEAST_DISTANCE = 0.3
 """Poses nearer than this share of the spacecraft's radius are not tried."""
-_EXCESS, _LARGEST_EXCESS = 400.0, 9.0
+_LEAST_EXCESS, _EXCESS, _LARGEST_EXCESS = 7.0, 200.0, 40.0
+"""By how much the covariance is larger than the residuals alone say: always, with what is left of the
+disagreement, and at most."""
 _BLOCK_PX, _BLOCKS = 8, 8
 """Residuals are correlated within blocks: their least side, and how many stand side by side."""
 
@@ -89,9 +91,9 @@ def covariance(comparison: Comparison, placement: Placement, radius_m: float) ->
     """(6, 6) covariance of the pose, of a small rotation (rad) and of the position (m), camera axes.
 
     The inverse of the Hessian, with the residuals as they are: they are correlated within blocks, which
-    count as independent of each other (the sandwich of Huber 1967, by clusters). Where more than noise
-    is left, the drawing itself is wrong, which pulls all blocks alike; so the covariance grows with what
-    is left, up to ninefold, as errors were measured to do (docs/refining.md).
+    count as independent of each other (the sandwich of Huber 1967, by clusters). Where the drawing
+    itself is wrong, all blocks are pulled alike; so the covariance is several times larger, and grows
+    with what is left of the disagreement, as errors were measured to do (docs/refining.md).
     """
     unit = units(placement, radius_m, max(radius_m, 1e-6) / placement.t_body_cam_m[2] * 1e3)
     spread = _spread(comparison)
@@ -107,7 +109,7 @@ def covariance(comparison: Comparison, placement: Placement, radius_m: float) ->
     sums = sums[sums.any(axis=1)]
     correction = len(sums) / max(len(sums) - 6, 1)
     inverse = np.linalg.pinv(H, hermitian=True)
-    correction *= min(_LARGEST_EXCESS, 1 + _EXCESS * (1 - comparison.agreement))
+    correction *= min(_LARGEST_EXCESS, _LEAST_EXCESS * (1 + _EXCESS * (1 - comparison.agreement)))
     return np.asarray(correction * (inverse @ (sums.T @ sums) @ inverse) * np.outer(unit, unit))
 
 

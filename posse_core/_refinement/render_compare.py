@@ -29,8 +29,6 @@ _LARGEST_TURN_RAD = np.radians(30)
 _LARGEST_SHARE = 0.3
 """A pose found by outlines alone that is farther from its start is not accepted: the turn, and the share
 of the range."""
-_CERTAIN = 0.8
-"""Share of the poses accepted by brightness that are right, whatever their starts (docs/refining.md)."""
 
 
 class RenderCompare(Refiner[RenderCompareOptions]):
@@ -82,9 +80,9 @@ class RenderCompare(Refiner[RenderCompareOptions]):
         trusts = [start.trust for start in starts]
         lit = search.lit(firsts, trusts, self.options.least_agreement)
         if lit is not None and lit.agreement >= self.options.least_agreement:
-            return self._made(lit, starts, _CERTAIN, is_better=_has_fallen(lit.before, lit.agreement))
+            return self._made(lit, starts, is_better=_has_fallen(lit.before, lit.agreement))
         # Where the Sun is known, a right pose agrees in brightness.
-        shape = search.shape(firsts[0]) if sun_direction_cam is None else None
+        shape = search.shape(firsts[0], trusts[0]) if sun_direction_cam is None else None
         if shape is None:
             outcome = lit
         elif lit is None or _is_plausible(shape, firsts[0]):
@@ -93,27 +91,23 @@ class RenderCompare(Refiner[RenderCompareOptions]):
                 before = lit.before if lit is not None else 0.0
                 outcome = replace(again, start=0, before=before)
                 is_better = _has_fallen(before, again.agreement)
-                return self._made(outcome, starts, _CERTAIN, is_better=is_better)
-            # Outlines are much the same from several sides: the start alone says which it is.
-            return self._made(shape, starts, 0.0, is_better=_is_plausible(shape, firsts[0]))
+                return self._made(outcome, starts, is_better=is_better)
+            return self._made(shape, starts, is_better=_is_plausible(shape, firsts[0]))
         else:
             outcome = lit
         if outcome is None:
             return Refinement(starts[0], False, 0.0, 0.0)
-        return self._made(outcome, starts, 0.0, is_better=False)
+        return self._made(outcome, starts, is_better=False)
 
-    def _made(
-        self, outcome: Outcome, starts: Sequence[PoseEstimate], certainty: float, *, is_better: bool
-    ) -> Refinement:
-        """The outcome as it is returned; ``certainty`` is what agreement alone gives the pose."""
+    def _made(self, outcome: Outcome, starts: Sequence[PoseEstimate], *, is_better: bool) -> Refinement:
+        """The outcome as it is returned."""
         assert self._setting is not None
         pose = starts[outcome.start]
         if is_better:
-            R, t = outcome.found.placement
-            C = covariance(
-                outcome.found.comparison, outcome.found.placement, self._setting.spacecraft.radius_m
-            )
-            certainty = max(certainty, pose.trust)
+            found, radius_m = outcome.found, self._setting.spacecraft.radius_m
+            R, t = found.placement
+            C = covariance(found.comparison, found.placement, radius_m)
+            certainty = outcome.certainty
             pose = replace(pose, R_cam_from_body=R, t_body_cam_m=t, covariance=C, certainty=certainty)
         return Refinement(pose, is_better, float(outcome.agreement), float(outcome.before))
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from posse_core._arrays import Float32Array, FloatArray
+from posse_core._evaluation.poses import pose_errors
 from posse_core._frames import R_about
 from posse_core._interfaces.refiner import RefinerSetting
 from posse_core._refinement.compare import Comparer, LitComparer, ShapeComparer, sharpest
@@ -27,19 +28,23 @@ _COARSE_PX = (48.0, 96.0)
 _BLUR_PX = 0.7
 """Blur of an image, until it is measured: that of POSSE's cameras by default."""
 _SURE = 0.93
-"""With this agreement at the coarsest scale nothing else is tried."""
+"""With this agreement at the coarsest scale, poses nearby are not tried."""
 _HOPE = 0.15
 """How far the agreement may rise at finer scales."""
-_MARGIN = 0.04
-"""By how much the agreement of a pose turned by half a turn must be greater."""
-_PRIOR = 0.2
-"""How much agreement the trust in a start is worth: what looks alike may agree better by chance."""
-_CLOSE, _RIVALS = 0.15, 2
-"""Other starts whose weighted agreement is so near to that of the best are followed too, at most so
+_LEAST_TRUST, _POWER = 0.01, 0.25
+"""The chance of a pose rises with this power of its trust, which is often too sure."""
+_TURNED = 0.3
+"""A pose turned by half a turn is trusted by so much of its start's trust."""
+_UNSEEN = 16.0
+"""The chance of all poses that were not tried."""
+_RIVAL, _FOLLOWED = 50.0, 5
+"""Poses whose chance is less by at most this factor are followed to the finest scale, and at most so
 many."""
+_SAME_RAD, _SAME_SHARE = np.radians(5), 0.05
+"""Poses that differ by less, in attitude and in position as a share of the range, are the same."""
 _JITTER_RAD = np.radians(8)
-_KEPT = 3
-"""How many of the other poses are followed."""
+_NEARBY = 3
+"""How many of the poses nearby are followed at the coarsest scale."""
 
 
 @dataclass(frozen=True)
@@ -50,11 +55,13 @@ class Outcome:
         found: the pose and the comparison at it.
         before: agreement at the start, compared alike.
         start: index of the start.
+        certainty: probability that no other pose is the right one, 0 … 1.
     """
 
     found: Found
     before: float
     start: int
+    certainty: float
 
     @property
     def agreement(self) -> float:
@@ -71,6 +78,7 @@ class _Trail:
         sun_direction_cam: (3,) where the light comes from.
         blur_px: of the image.
         start: index of the start.
+        trust: how likely the pose is before the image is compared.
     """
 
     found: Found
@@ -78,10 +86,16 @@ class _Trail:
     sun_direction_cam: FloatArray
     blur_px: float
     start: int
+    trust: float
 
     @property
     def agreement(self) -> float:
         return self.found.comparison.agreement
+
+    @property
+    def chance(self) -> float:
+        """How likely the pose is among others; see :func:`_chance`."""
+        return _chance(self.agreement, self.trust)
 
 
 class Search:
@@ -105,6 +119,7 @@ class Search:
         self._studio, self._sun, self._has_time = studio, sun_direction_cam, has_time
         self._vertices_m = np.concatenate([part.vertices_body_m for part in setting.spacecraft.parts])
         self._radius_m = setting.spacecraft.radius_m
+        self._symmetries = setting.spacecraft.symmetries
         self._sizes_px = (*_COARSE_PX, size_px)
         self._codings = [Picture(grey, setting.camera, is_linear=linear) for linear in (False, True)]
         self._picture = self._codings[0]
@@ -119,29 +134,36 @@ class Search:
             least_agreement: what is far below it at the coarsest scale is not followed.
         """
         trails = []
-        for number, first in enumerate(firsts):
-            trail = self._coarse(first, number)
+        for number, (first, trust) in enumerate(zip(firsts, trusts, strict=True)):
+            trail = self._coarse(first, trust, number)
             if trail is not None:
                 trails.append(trail)
         if not trails:
             return None
-
-        def weight(trail: _Trail) -> float:
-            return trail.agreement + _PRIOR * trusts[trail.start]
-
-        trails.sort(key=weight, reverse=True)
-        best = trails[0]
+        best = max(trails, key=lambda trail: trail.chance)
         # Light that was found by a pose that is wrong says nothing of other poses.
-        is_worth_it = self._sun is not None or best.agreement > least_agreement - _HOPE
-        if best.agreement < _SURE and is_worth_it and self._has_time():
-            best = self._resembling(best, firsts[best.start], trusts[best.start])
+        if self._sun is not None or best.agreement > least_agreement - _HOPE:
+            trails += self._half_turned(best)
+            if best.agreement < _SURE:
+                trails += self._nearby(best, firsts[best.start])
         # What looks alike when it is coarse may not when it is fine.
-        rivals = [trail for trail in trails[1:] if weight(trail) > weight(best) - _CLOSE][:_RIVALS]
-        best = max(
-            (self._to_the_finest(trail, least_agreement) for trail in (best, *rivals)), key=weight
-        )
+        trails = self._different(trails)
+        rivals = [trail for trail in trails if trail.chance > trails[0].chance / _RIVAL][:_FOLLOWED]
+        trails = self._different([self._to_the_finest(trail, least_agreement) for trail in rivals])
+        best = trails[0]
         before = best.comparer.compare(firsts[best.start]).agreement
-        return Outcome(best.found, before, best.start)
+        certainty = best.chance / (sum(trail.chance for trail in trails) + _UNSEEN)
+        return Outcome(best.found, before, best.start, certainty)
+
+    def _different(self, trails: Sequence[_Trail]) -> list[_Trail]:
+        """Those that differ, most likely first; of several that are the same pose, the likeliest."""
+        kept: list[_Trail] = []
+        for trail in sorted(trails, key=lambda trail: -trail.chance):
+            pose = trail.found.placement
+            errors = [pose_errors(*each.found.placement, *pose, self._symmetries) for each in kept]
+            if not any(e_t < _SAME_SHARE and e_q < _SAME_RAD for e_t, e_q in errors):
+                kept.append(trail)
+        return kept
 
     def _to_the_finest(self, trail: _Trail, least_agreement: float) -> _Trail:
         """A trail through the scales, while its agreement may still become enough."""
@@ -154,9 +176,12 @@ class Search:
             trail = finer
         return trail
 
-    def shape(self, first: Placement) -> Outcome | None:
+    def shape(self, first: Placement, trust: float) -> Outcome | None:
         """The pose by outlines and creases, whatever the light; None where the start does not show the
-        spacecraft in the image."""
+        spacecraft in the image.
+
+        Outlines are much the same from several sides: the pose is as certain as the start is trusted.
+        """
         found, comparer = None, None
         here = first
         for scale in self._scales(first):
@@ -168,12 +193,12 @@ class Search:
             here = found.placement
         if found is None or comparer is None:
             return None
-        return Outcome(found, comparer.compare(first).agreement, 0)
+        return Outcome(found, comparer.compare(first).agreement, 0, trust)
 
     def _scales(self, placement: Placement) -> list[Scale]:
         return scales(self._picture.extent_px(placement, self._vertices_m), self._sizes_px)
 
-    def _coarse(self, first: Placement, number: int) -> _Trail | None:
+    def _coarse(self, first: Placement, trust: float, number: int) -> _Trail | None:
         """A start followed at the coarsest scale, where it is also found how the image is coded."""
         scale = self._scales(first)[0]
         crops = [picture.crop(first, self._vertices_m, scale) for picture in self._codings]
@@ -188,28 +213,41 @@ class Search:
             self._picture = self._codings[int(np.argmax(agreements))]
         crop = self._picture.crop(first, self._vertices_m, scale)
         assert crop is not None
-        return self._lit_at(crop, first, sun, _BLUR_PX, number, is_first=True)
+        return self._lit_at(crop, first, sun, None, number, trust)
 
-    def _resembling(self, best: _Trail, first: Placement, trust: float) -> _Trail:
-        """The best of a trail and of those from poses that look alike or are not far."""
-        turns = [(_MARGIN + _PRIOR * trust, R_about(axis, np.pi)) for axis in np.eye(3)]
-        turns += [(0.0, R_about(axis, sign * _JITTER_RAD)) for axis in np.eye(3) for sign in (-1, 1)]
+    def _half_turned(self, best: _Trail) -> list[_Trail]:
+        """Trails from a pose turned by half a turn about each body axis, where they may rival it."""
+        turns = [R_about(axis, np.pi) for axis in np.eye(3)]
+        trust = _TURNED * best.trust
+        return [
+            self._lit_at(crop, placement, best.sun_direction_cam, None, best.start, trust)
+            for agreement, crop, placement in self._drawn(best, best.found.placement, turns)
+            if _chance(agreement, trust) > best.chance / _RIVAL and self._has_time()
+        ]
+
+    def _nearby(self, best: _Trail, first: Placement) -> list[_Trail]:
+        """Trails from poses near a start: those that agree most."""
+        turns = [R_about(axis, sign * _JITTER_RAD) for axis in np.eye(3) for sign in (-1, 1)]
+        return [
+            self._lit_at(crop, placement, best.sun_direction_cam, None, best.start, best.trust)
+            for _, crop, placement in self._drawn(best, first, turns)[:_NEARBY]
+            if self._has_time()
+        ]
+
+    def _drawn(
+        self, best: _Trail, around: Placement, turns: Sequence[FloatArray]
+    ) -> list[tuple[float, Crop, Placement]]:
+        """Agreement, crop and pose of poses turned by (3, 3) in body axes, under the light of a trail,
+        the most agreeing first."""
         sun = best.sun_direction_cam
-        tried: list[tuple[float, float, Crop, Placement]] = []
-        for margin, turn in turns:
-            placement = first.turned(turn)
+        tried = []
+        for turn in turns:
+            placement = around.turned(turn)
             crop = self._picture.crop(placement, self._vertices_m, self._scales(placement)[0])
-            if crop is None or not self._has_time():
-                continue
-            shown = drawn_apart(crop, self._studio, placement, sun)
-            tried.append((self._agreement(crop, shown, sun) - margin, margin, crop, placement))
-        most = best.agreement
-        for _, margin, crop, placement in sorted(tried, key=lambda each: -each[0])[:_KEPT]:
-            if self._has_time():
-                trail = self._lit_at(crop, placement, sun, _BLUR_PX, best.start, is_first=True)
-                if trail.agreement - margin > most:
-                    best, most = trail, trail.agreement - margin
-        return best
+            if crop is not None and self._has_time():
+                shown = drawn_apart(crop, self._studio, placement, sun)
+                tried.append((self._agreement(crop, shown, sun), crop, placement))
+        return sorted(tried, key=lambda each: -each[0])
 
     def _followed(self, trail: _Trail, scale: Scale) -> _Trail | None:
         """A trail at the next scale."""
@@ -220,31 +258,35 @@ class Search:
         sun = trail.sun_direction_cam
         if self._sun is None:
             sun = brightest_direction(crop, self._studio, here, trail.blur_px, sun)
-        return self._lit_at(crop, here, sun, trail.blur_px, trail.start, is_first=False)
+        return self._lit_at(crop, here, sun, trail.blur_px, trail.start, trail.trust)
 
     def _lit_at(
         self,
         crop: Crop,
         here: Placement,
         sun: FloatArray,
-        blur_px: float,
+        blur_px: float | None,
         start: int,
-        *,
-        is_first: bool,
+        trust: float,
     ) -> _Trail:
-        """Descend in a crop, fitting the light and, after the first steps, the blur."""
-        for number in range(_ROUNDS):
+        """Descend in a crop, fitting the light and the blur.
+
+        A blur of None is not known yet, and is fitted after the first steps.
+        """
+        has_blur = blur_px is not None
+        for _ in range(_ROUNDS):
             shown = drawn_apart(crop, self._studio, here, sun)
-            light = fitted(crop, shown, sun, blur_px)
-            if number > 0 or not is_first:
+            light = fitted(crop, shown, sun, _BLUR_PX if blur_px is None else blur_px)
+            if has_blur:
                 blur_px = sharpest(together(shown, light.lights), crop)
                 light = replace(light, blur_px=blur_px)
             comparer = LitComparer(crop, self._studio, light)
             found = self._descended(comparer, crop, here, _STEPS)
             has_moved, here = here is not found.placement, found.placement
-            if not has_moved or not self._has_time():
+            if (has_blur and not has_moved) or not self._has_time():
                 break
-        return _Trail(found, comparer, sun, blur_px, start)
+            has_blur = True
+        return _Trail(found, comparer, sun, light.blur_px, start, trust)
 
     def _agreement(self, crop: Crop, shown: tuple[Drawn, Drawn], sun: FloatArray) -> float:
         light = fitted(crop, shown, sun, _BLUR_PX)
@@ -254,3 +296,12 @@ class Search:
         fx_px = crop.camera.fx_px / crop.scale.finer
         radius_px = fx_px * self._radius_m / max(float(here.t_body_cam_m[2]), 1e-3)
         return descended(comparer, here, self._radius_m, radius_px, steps, self._has_time)
+
+
+def _chance(agreement: float, trust: float) -> float:
+    """How likely a pose is, among others, by how an image agrees with it and its trust.
+
+    What is left of the disagreement counts as variance would; trust counts little
+    (docs/refining.md#how-certain-a-refined-pose-is).
+    """
+    return float((trust + _LEAST_TRUST) ** _POWER / max(1 - agreement, 1e-3) ** 2)

@@ -134,6 +134,30 @@ def test_a_refined_pose_counts_if_it_was_accepted(*, accepts: bool) -> None:
     assert refiner.is_closed
 
 
+def test_a_pose_that_the_refiner_refused_is_less_certain() -> None:
+    R, t = np.eye(3), np.array([0.0, 0.0, 9.0])
+    off = replace(pose(R, t + np.array([0.1, 0.0, 0.0])), certainty=0.8)
+    net = posse.Detection("brick", 0.9, true_box(R, t))
+    refiner = Exact(pose(R, t), accepts=False)
+    seen = Shapes(CRAFTS, lambda craft, camera: refiner).seen(IMAGE, net, [off], cuboid.CAMERA)
+    assert seen.pose is not None
+    assert 0.4 < seen.pose.certainty < 0.8
+    alone = Shapes(CRAFTS).seen(IMAGE, net, [off], cuboid.CAMERA)
+    assert alone.pose is not None
+    assert alone.pose.certainty == 0.8
+
+
+def test_a_refined_pose_that_is_not_certain_moves_no_box_far() -> None:
+    R, t = np.eye(3), np.array([0.0, 0.0, 9.0])
+    net = posse.Detection("brick", 0.9, true_box(R, t) + np.array([-18.0, 0.0, 0.0, 0.0]))
+    off = pose(R, t + np.array([0.9, 0.0, 0.0]))
+    for certainty, box in ((0.9, true_box(R, t)), (0.1, net.box_px)):
+        refiner = Exact(replace(pose(R, t), certainty=certainty), accepts=True)
+        shapes = Shapes(CRAFTS, lambda craft, camera, made=refiner: made)
+        seen = shapes.seen(IMAGE, net, [off], cuboid.CAMERA)
+        np.testing.assert_array_equal(seen.detection.box_px, box)
+
+
 def test_a_refiner_is_kept_open_while_the_camera_is_the_same() -> None:
     R, t = np.eye(3), np.array([0.0, 0.0, 9.0])
     opened: list[Exact] = []

@@ -128,17 +128,50 @@ def test_without_a_known_sun_the_light_is_found() -> None:
     assert np.linalg.norm(off[3:]) < 0.01 * t[2]
 
 
-def test_a_pose_is_as_certain_as_its_start_or_as_what_agrees() -> None:
+def test_a_pose_with_which_the_image_agrees_is_certain_whatever_its_start() -> None:
+    """And one with which it agrees less, through blur and noise, is less so."""
     R, t = TRUTHS[0]
-    given = start(R, t, 4, 0.02, 1)
-    made = [
-        opened().refine(image(R, t, 0), [replace(given, certainty=certainty)], SUN).pose
-        for certainty in (0.0, 1.0)
-    ]
-    assert 0.5 < made[0].certainty < 1
-    assert made[1].certainty >= given.trust
-    for pose in made:
-        assert pose.trust <= pose.certainty <= 1
+    given = replace(start(R, t, 4, 0.02, 1), certainty=0.05)
+    sharp = image(R, t, 0)
+    noise = random_generator(1, 0, "more").normal(0, 20, sharp.shape)
+    noisy = np.clip(np.rint(sharp + noise), 0, 255).astype(np.uint8)
+    made = [opened().refine(each, [given], SUN) for each in (sharp, noisy)]
+    assert all(each.is_better for each in made)
+    assert made[0].agreement > made[1].agreement
+    certainties = [each.pose.certainty for each in made]
+    assert 1 > certainties[0] > 0.9 > certainties[1] > given.trust
+    for each in made:
+        assert each.pose.trust <= each.pose.certainty
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_start_turned_by_half_a_turn_is_put_right(axis: int) -> None:
+    """Though the net is sure of it."""
+    for seed, (R, t) in enumerate(TRUTHS):
+        turned = R @ Rotation.from_rotvec(np.pi * np.eye(3)[axis]).as_matrix()
+        made = opened().refine(image(R, t, seed), [start(turned, t, 3, 0.01, seed)], SUN)
+        assert made.is_better
+        assert np.degrees(np.linalg.norm(errors(R, t, made.pose)[:3])) < 1
+        assert made.pose.certainty > 0.9
+
+
+def test_of_a_bar_that_looks_alike_both_ways_neither_is_certain() -> None:
+    """Unless its symmetry is told, when they are one pose."""
+    R, t = TRUTHS[0]
+    bar = replace(
+        refiners._craft(), parts=(refiners._cuboid("bar", (-1, -0.2, -0.1), (1, 0.2, 0.1), "white"),)
+    )
+    turns = tuple(Rotation.from_rotvec(np.pi * axis).as_matrix() for axis in np.eye(3))
+    seen, given = image(R, t, 0, bar), start(R, t, 3, 0.01, 0)
+    certainties = []
+    for symmetries in ((), turns):
+        refiner = RenderCompare(RenderCompareOptions())
+        refiner.open(RefinerSetting(replace(bar, symmetries=symmetries), CAMERA, renderer))
+        made = refiner.refine(seen, [given], SUN)
+        assert made.is_better
+        certainties.append(made.pose.certainty)
+    assert certainties[0] < 0.5
+    assert certainties[1] > 0.9
 
 
 @pytest.mark.parametrize("number", [1, 2])

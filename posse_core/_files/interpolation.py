@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Final, Literal
 
 import numpy as np
-from scipy.interpolate import BarycentricInterpolator, KroghInterpolator
 
 from posse_core._arrays import FloatArray
 
@@ -32,6 +31,8 @@ def path_at(
     Returns:
         (F, 3) positions and (F, 3) velocities.
     """
+    from scipy.interpolate import BarycentricInterpolator, KroghInterpolator  # slow to import
+
     points = (degree + 1) // 2 if method == "HERMITE" else degree + 1
     points = min(max(points, 2), len(t_s))
     after = np.clip(np.searchsorted(t_s, at_s), 1, len(t_s) - 1)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from posse_core._arrays import FloatArray
 from posse_core._environment.time import Epoch
@@ -83,6 +82,8 @@ class TableLaw(JointLaw[TableOptions]):
         within_s = np.clip(around.t_s, times_s[0], times_s[-1])
         if self.options.interpolation == "linear" or len(times_s) == 1:
             return np.interp(within_s, times_s, rows)
+        from scipy.interpolate import PchipInterpolator  # slow to import, and seldom needed
+
         return np.asarray(PchipInterpolator(times_s, rows)(within_s))
 
     @cached_property

@@ -8,7 +8,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicHermiteSpline
 
 from posse_core._arrays import FloatArray, IntArray, evenly_spread
 from posse_core._errors import InputError
@@ -352,6 +351,8 @@ def _interpolated(motion: Motion, t_s: float) -> Iterator[Motion]:
             ends = own[after - 1 : after + 1]
             states = np.hstack([motion.r_target_eci_m, motion.r_chaser_rtn_m])[ends]
             rates = np.hstack([motion.v_target_eci_m_s, motion.v_chaser_rtn_m_s])[ends]
+            from scipy.interpolate import CubicHermiteSpline  # slow to import, and seldom needed
+
             curve = CubicHermiteSpline(motion.t_s[ends], states, rates)
             (r_target, r_chaser), (v_target, v_chaser) = (
                 np.split(curve([t_s], order), 2, axis=1) for order in (0, 1)

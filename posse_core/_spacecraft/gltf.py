@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import trimesh
 
 from posse_core._arrays import AnyArray, FloatArray
 from posse_core._errors import InputError
@@ -108,6 +107,8 @@ def _check_draco(file: GltfFile) -> None:
 
 def _geometries(file: GltfFile) -> dict[str, Any]:
     """trimesh's geometries by the indices of mesh and primitive, ``mesh:primitive``."""
+    import trimesh  # slow to import, and seldom needed
+
     header = {
         key: value for key, value in file.header.items() if key not in ("images", "textures", "samplers")
     }

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import trimesh
 from pydantic import Field, field_validator, model_validator
 
 from posse_core._arrays import FloatArray
@@ -200,6 +199,8 @@ def carrier_at(point_m: FloatArray, parts: Sequence[Part]) -> str | None:
     The part is the one whose surface is nearest, the first of several; none if it is farther than
     :data:`_REACH` of the spacecraft's radius.
     """
+    import trimesh  # slow to import, and seldom needed
+
     closest_point: Any = trimesh.triangles.closest_point
     distances_m = []
     for part in parts:

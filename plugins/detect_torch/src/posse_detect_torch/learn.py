@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import itertools
 import math
 import sys
 from abc import ABC, abstractmethod
@@ -18,12 +19,14 @@ from torch import Tensor, nn
 from tqdm import tqdm
 
 from posse_core import ComponentError, InputError, ModelCard, atomic_file, random_generator
-from posse_detect_torch.checkpoint import read_like, read_state, write_model, write_state
+from posse_detect_torch.checkpoint import ONNX, read_like, read_state, write_model, write_state
 from posse_detect_torch.curves import MEANINGS, page
+from posse_detect_torch.folded import measure_norms
 from posse_detect_torch.options import TrainOptions
 
 MODEL, LAST, CURVES = "model.safetensors", "last.safetensors", "curves.html"
 _WARM_UP = 0.03  # share of all steps during which the learning rate rises
+_MEASURED = 16  # batches on which the batch norms of an exported network are measured
 
 Batch = Mapping[str, Tensor]
 NetT = TypeVar("NetT", bound=nn.Module)
@@ -131,6 +134,10 @@ def learn(make_lesson: Callable[[], Lesson], card: ModelCard, folder: Path) -> P
         raise InputError("no frame of the train part shows a spacecraft; partition the dataset again")
     options, net = lesson.options, lesson.net
     device = next(net.parameters()).device
+    if kept is None and options.start is not None and options.start.suffix == ONNX:
+        with ThreadPoolExecutor(options.threads) as pool:
+            first = itertools.islice(_batches(lesson, 0, pool), _MEASURED)
+            measure_norms(net, (batch["picture"].to(device) for batch in first))
     average = copy.deepcopy(net).eval()
     optimizer = lesson.optimizer(net)
     history: list[dict[str, float]] = []

@@ -29,7 +29,9 @@ class TrainOptions(Options):
         True, description="rotate pictures when augmenting; otherwise the camera's roll is learned too"
     )
     start: FilePath | None = Field(
-        None, description="model file to start from; weights that agree in name and shape are loaded"
+        None,
+        description="model file to start from, .safetensors or (nano, heatmap) .onnx; weights that agree"
+        " in name and shape are loaded",
     )
     seed: int = Field(0, ge=0, description="seed of the initial weights, the order and the augmentation")
     threads: int = Field(

@@ -13,6 +13,7 @@ import numpy as np
 import onnx
 import pytest
 import torch
+from safetensors.torch import load_file
 
 from posse_core import Dataset, LabelLine, ModelCard, Square
 from posse_detect_torch.checkpoint import write_model
@@ -185,6 +186,20 @@ def test_a_training_that_cannot_begin_leaves_nothing_behind(detector, dataset, p
     assert code == 2
     assert "none of its tensors fits this network" in error
     assert not list(out.glob("*"))
+
+
+def test_the_state_of_a_training_starts_another_from_its_average(trained, dataset, posse, tmp_path):
+    """A rate of next to nothing leaves the weights where they began."""
+    out = tmp_path / "out"
+    arguments = ("train", dataset.folder, "--detector", "nano", "--out", out, "-o", "input_px=64")
+    more = ("-o", "epochs=1", "-o", "learning_rate=1e-12", "-o", f"start={trained.parent / LAST}")
+    code, _, error = posse(*arguments, *more)
+    assert code == 0, error
+    began, ended = load_file(trained), load_file(out / MODEL)
+    weights = [name for name in began if name.endswith("weight")]
+    assert weights
+    for name in weights:
+        torch.testing.assert_close(ended[name], began[name], rtol=1e-5, atol=1e-6)
 
 
 def test_a_folder_of_another_training_stays_as_it_was(trained, dataset, posse):

@@ -16,6 +16,8 @@ from posse_detect_torch.folded import unfolded
 
 ONNX = ".onnx"
 _STATE = "posse_training"
+AVERAGE = "average."
+"""Begins the names of the averaged weights in a training's state."""
 
 History = list[dict[str, float]]
 """The losses and metrics of each epoch by name."""
@@ -40,9 +42,7 @@ def read_state(path: Path) -> tuple[dict[str, Tensor], ModelCard, History]:
     Raises:
         InputError: The file is of another kind.
     """
-    card, tensors = ModelCard.read(path), _tensors(path)
-    with safetensors.safe_open(str(path), framework="pt") as file:
-        metadata = file.metadata()
+    card, tensors, metadata = ModelCard.read(path), _tensors(path), _metadata(path)
     if _STATE not in metadata:
         raise InputError(f"{path}: is not the state of a training; choose another folder with --out")
     try:
@@ -67,6 +67,8 @@ def read_weights(path: Path, net: nn.Module) -> None:
 def read_like(path: Path, net: nn.Module) -> None:
     """Load those tensors of a model file into ``net`` whose names and shapes agree.
 
+    Of the state of a training, these are the averaged weights.
+
     Raises:
         InputError: The file is not a model file, or no tensor agrees.
     """
@@ -76,12 +78,24 @@ def read_like(path: Path, net: nn.Module) -> None:
     else:
         ModelCard.read(path)
         held = _tensors(path)
+        if _STATE in _metadata(path):
+            held = below(AVERAGE, held)
     tensors = {k: v for k, v in held.items() if k in own and own[k].shape == v.shape}
     if not tensors:
         raise InputError(
             f"{path}: none of its tensors fits this network; choose another file for the option start"
         )
     net.load_state_dict(tensors, strict=False)
+
+
+def below(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Those whose names begin with ``prefix``, by the rest of their names."""
+    return {k.removeprefix(prefix): v for k, v in tensors.items() if k.startswith(prefix)}
+
+
+def _metadata(path: Path) -> dict[str, str]:
+    with safetensors.safe_open(str(path), framework="pt") as file:
+        return file.metadata() or {}
 
 
 def _tensors(path: Path) -> dict[str, Tensor]:

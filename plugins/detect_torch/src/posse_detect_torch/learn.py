@@ -19,7 +19,15 @@ from torch import Tensor, nn
 from tqdm import tqdm
 
 from posse_core import ComponentError, InputError, ModelCard, atomic_file, random_generator
-from posse_detect_torch.checkpoint import ONNX, read_like, read_state, write_model, write_state
+from posse_detect_torch.checkpoint import (
+    AVERAGE,
+    ONNX,
+    below,
+    read_like,
+    read_state,
+    write_model,
+    write_state,
+)
 from posse_detect_torch.curves import MEANINGS, page
 from posse_detect_torch.folded import measure_norms
 from posse_detect_torch.options import TrainOptions
@@ -233,7 +241,7 @@ def _save(
     history: Sequence[Mapping[str, float]],
 ) -> None:
     tensors = {f"net.{k}": v for k, v in net.state_dict().items()}
-    tensors |= {f"average.{k}": v for k, v in average.state_dict().items()}
+    tensors |= {f"{AVERAGE}{k}": v for k, v in average.state_dict().items()}
     for i, state in optimizer.state_dict()["state"].items():
         tensors |= {f"optimizer.{i}.{k}": torch.as_tensor(v) for k, v in state.items()}
     write_state(path, tensors, card, [dict(epoch) for epoch in history])
@@ -256,14 +264,10 @@ def _resume(
     average: nn.Module,
     optimizer: torch.optim.Optimizer,
 ) -> None:
-    net.load_state_dict(_below("net.", tensors))
-    average.load_state_dict(_below("average.", tensors))
+    net.load_state_dict(below("net.", tensors))
+    average.load_state_dict(below(AVERAGE, tensors))
     state: dict[int, dict[str, Tensor]] = {}
-    for name, value in _below("optimizer.", tensors).items():
+    for name, value in below("optimizer.", tensors).items():
         number, key = name.split(".", 1)
         state.setdefault(int(number), {})[key] = value
     optimizer.load_state_dict({**optimizer.state_dict(), "state": state})
-
-
-def _below(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    return {k.removeprefix(prefix): v for k, v in tensors.items() if k.startswith(prefix)}

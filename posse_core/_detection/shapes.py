@@ -23,7 +23,7 @@ _LEAST_OVERLAP = 0.6
 _CERTAIN = 0.5
 """So it does where they overlap at all, if the pose was refined and is certain by so much."""
 _UNREFINED = 0.7
-"""A pose that the refiner refused is certain by so much of what it was."""
+"""A pose that the refiner neither improved nor confirmed is certain by so much of what it was."""
 
 RefinerOf = Callable[[Spacecraft, Camera], Refiner]
 """Opens a refiner of a spacecraft in the images of a camera."""
@@ -83,9 +83,11 @@ class Shapes:
         if self._refiner is not None:
             refiner = self._opened(self._refiner, detection.label, camera)
             refinement = refiner.refine(image, poses, sun_direction_cam)
-            # A start that the refiner chose and could not improve says nothing for itself.
-            refused = replace(start, certainty=_UNREFINED * start.certainty)
-            pose = refinement.pose if refinement.is_better else refused
+            if refinement.is_better:
+                pose = refinement.pose
+            elif not refinement.is_confirmed:
+                # A start that the refiner chose and could not improve says nothing for itself.
+                pose = replace(start, certainty=_UNREFINED * start.certainty)
         box_px = self.box_px(detection.label, pose, camera)
         is_sure = refinement is not None and refinement.is_better and pose.certainty >= _CERTAIN
         least = 0.0 if is_sure else _LEAST_OVERLAP

@@ -42,12 +42,15 @@ class Refinement:
         is_better: whether the test says so.
         agreement: of the image with what would be seen at the pose, 0 … 1.
         agreement_before: the same at the start that the pose came from.
+        is_confirmed: whether the search found nothing better, and ended near the most trusted start, as
+            it would from a right one.
     """
 
     pose: PoseEstimate
     is_better: bool
     agreement: float
     agreement_before: float
+    is_confirmed: bool = False
 
 
 class Refiner(Component[OptionsT]):

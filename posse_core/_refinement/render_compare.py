@@ -10,10 +10,12 @@ import numpy as np
 
 from posse_core._arrays import AnyArray, FloatArray
 from posse_core._errors import ComponentError, InputError
+from posse_core._evaluation.poses import pose_errors
 from posse_core._frames import turn_rad
 from posse_core._imaging.grey import to_grey
 from posse_core._interfaces.detector import PoseEstimate
 from posse_core._interfaces.refiner import Refinement, Refiner, RefinerSetting
+from posse_core._interfaces.trust import ANGLE_RAD, RANGE_SHARE
 from posse_core._refinement.descent import covariance
 from posse_core._refinement.options import RenderCompareOptions
 from posse_core._refinement.placement import Placement
@@ -29,6 +31,11 @@ _LARGEST_TURN_RAD = np.radians(30)
 _LARGEST_SHARE = 0.3
 """A pose found by outlines alone that is farther from its start is not accepted: the turn, and the share
 of the range."""
+_LEAST_CONFIRMED = 0.5
+"""Least agreement at which a start is confirmed near which the search ends."""
+_LEAST_CERTAINTY = 0.5
+"""A pose far from its start is accepted if it is certain by at least so much of the greatest trust of a
+start."""
 
 
 class RenderCompare(Refiner[RenderCompareOptions]):
@@ -80,7 +87,9 @@ class RenderCompare(Refiner[RenderCompareOptions]):
         trusts = [start.trust for start in starts]
         lit = search.lit(firsts, trusts, self.options.least_agreement)
         if lit is not None and lit.agreement >= self.options.least_agreement:
-            return self._made(lit, starts, is_better=_has_fallen(lit.before, lit.agreement))
+            is_likely = self._is_near(lit, starts) or lit.certainty >= _LEAST_CERTAINTY * max(trusts)
+            is_better = is_likely and _has_fallen(lit.before, lit.agreement)
+            return self._made(lit, starts, is_better=is_better)
         # Where the Sun is known, a right pose agrees in brightness.
         shape = search.shape(firsts[0], trusts[0]) if sun_direction_cam is None else None
         if shape is None:
@@ -102,14 +111,30 @@ class RenderCompare(Refiner[RenderCompareOptions]):
     def _made(self, outcome: Outcome, starts: Sequence[PoseEstimate], *, is_better: bool) -> Refinement:
         """The outcome as it is returned."""
         assert self._setting is not None
-        pose = starts[outcome.start]
-        if is_better:
-            found, radius_m = outcome.found, self._setting.spacecraft.radius_m
-            R, t = found.placement
-            C = covariance(found.comparison, found.placement, radius_m)
-            certainty = outcome.certainty
-            pose = replace(pose, R_cam_from_body=R, t_body_cam_m=t, covariance=C, certainty=certainty)
-        return Refinement(pose, is_better, float(outcome.agreement), float(outcome.before))
+        pose, is_near = starts[outcome.start], self._is_near(outcome, starts)
+        agreements = float(outcome.agreement), float(outcome.before)
+        if not is_better:
+            is_first = pose.trust == max(start.trust for start in starts)
+            is_confirmed = is_near and is_first and outcome.agreement >= _LEAST_CONFIRMED
+            return Refinement(pose, False, *agreements, is_confirmed)
+        found, radius_m = outcome.found, self._setting.spacecraft.radius_m
+        R, t = found.placement
+        C = covariance(found.comparison, found.placement, radius_m)
+        certainty = max(outcome.certainty, pose.trust) if is_near else outcome.certainty
+        pose = replace(pose, R_cam_from_body=R, t_body_cam_m=t, covariance=C, certainty=certainty)
+        return Refinement(pose, True, *agreements)
+
+    def _is_near(self, outcome: Outcome, starts: Sequence[PoseEstimate]) -> bool:
+        """Whether the pose that was found is where it would be if its start were right."""
+        assert self._setting is not None
+        start = starts[outcome.start]
+        e_t, e_q_rad = pose_errors(
+            start.R_cam_from_body,
+            start.t_body_cam_m,
+            *outcome.found.placement,
+            self._setting.spacecraft.symmetries,
+        )
+        return e_t < RANGE_SHARE and e_q_rad < ANGLE_RAD
 
 
 def _has_fallen(before: float, after: float) -> bool:

@@ -88,13 +88,13 @@ def test_the_meshs_box_counts_where_it_agrees_with_the_nets() -> None:
 
 
 class Exact(posse.Refiner):
-    """Knows the pose, and accepts it or does not."""
+    """Knows the pose, and accepts it or does not; or it confirms the start."""
 
     opened: list[posse.Camera]
 
-    def __init__(self, truth: posse.PoseEstimate, *, accepts: bool) -> None:
+    def __init__(self, truth: posse.PoseEstimate, *, accepts: bool, confirms: bool = False) -> None:
         super().__init__(posse.NoOptions())
-        self.truth, self.accepts, self.is_closed = truth, accepts, False
+        self.truth, self.accepts, self.confirms, self.is_closed = truth, accepts, confirms, False
         self.suns: list[np.ndarray | None] = []
 
     def open(self, setting: RefinerSetting) -> None:
@@ -107,7 +107,8 @@ class Exact(posse.Refiner):
         sun_direction_cam: np.ndarray | None = None,
     ) -> posse.Refinement:
         self.suns.append(sun_direction_cam)
-        return posse.Refinement(self.truth if self.accepts else starts[0], self.accepts, 0.9, 0.5)
+        pose = self.truth if self.accepts else starts[0]
+        return posse.Refinement(pose, self.accepts, 0.9, 0.5, self.confirms)
 
     def close(self) -> None:
         self.is_closed = True
@@ -134,7 +135,7 @@ def test_a_refined_pose_counts_if_it_was_accepted(*, accepts: bool) -> None:
     assert refiner.is_closed
 
 
-def test_a_pose_that_the_refiner_refused_is_less_certain() -> None:
+def test_a_pose_that_the_refiner_refused_is_less_certain_unless_it_was_confirmed() -> None:
     R, t = np.eye(3), np.array([0.0, 0.0, 9.0])
     off = replace(pose(R, t + np.array([0.1, 0.0, 0.0])), certainty=0.8)
     net = posse.Detection("brick", 0.9, true_box(R, t))
@@ -142,9 +143,11 @@ def test_a_pose_that_the_refiner_refused_is_less_certain() -> None:
     seen = Shapes(CRAFTS, lambda craft, camera: refiner).seen(IMAGE, net, [off], cuboid.CAMERA)
     assert seen.pose is not None
     assert 0.4 < seen.pose.certainty < 0.8
-    alone = Shapes(CRAFTS).seen(IMAGE, net, [off], cuboid.CAMERA)
-    assert alone.pose is not None
-    assert alone.pose.certainty == 0.8
+    confirming = Exact(pose(R, t), accepts=False, confirms=True)
+    for kept in (Shapes(CRAFTS), Shapes(CRAFTS, lambda craft, camera: confirming)):
+        as_before = kept.seen(IMAGE, net, [off], cuboid.CAMERA)
+        assert as_before.pose is not None
+        assert as_before.pose.certainty == 0.8
 
 
 def test_a_refined_pose_that_is_not_certain_moves_no_box_far() -> None:

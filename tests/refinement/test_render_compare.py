@@ -144,6 +144,34 @@ def test_a_pose_with_which_the_image_agrees_is_certain_whatever_its_start() -> N
         assert each.pose.trust <= each.pose.certainty
 
 
+def test_a_right_start_is_confirmed_and_one_that_is_off_is_not() -> None:
+    for seed, (R, t) in enumerate(TRUTHS):
+        seen = image(R, t, seed)
+        found = opened().refine(seen, [start(R, t, 3, 0.01, seed)], SUN).pose
+        again = opened().refine(seen, [found], SUN)
+        assert not again.is_better
+        assert again.is_confirmed
+        assert again.pose is found
+        none = opened().refine(np.zeros_like(seen), [found], SUN)
+        assert not none.is_confirmed
+        hidden = opened().refine(seen, [start(R, t + np.array([9.0, 0.0, 0.0]), 3, 0.01, seed)], SUN)
+        assert not hidden.is_confirmed
+
+
+def test_agreement_with_a_trusted_start_makes_a_pose_as_certain_as_that() -> None:
+    """Through so much noise that the image alone is no proof."""
+    R, t = TRUTHS[0]
+    noise = random_generator(1, 0, "more").normal(0, 20, image(R, t, 0).shape)
+    noisy = np.clip(np.rint(image(R, t, 0) + noise), 0, 255).astype(np.uint8)
+    near = replace(start(R, t, 4, 0.02, 1), covariance=np.eye(6) * 1e-5)
+    made = [
+        opened().refine(noisy, [replace(near, certainty=certainty)], SUN) for certainty in (0.05, 0.99)
+    ]
+    assert all(each.is_better for each in made)
+    assert made[0].pose.certainty < 0.9
+    assert made[1].pose.certainty == pytest.approx(0.99, abs=1e-3)
+
+
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_a_start_turned_by_half_a_turn_is_put_right(axis: int) -> None:
     """Though the net is sure of it."""
@@ -156,13 +184,13 @@ def test_a_start_turned_by_half_a_turn_is_put_right(axis: int) -> None:
 
 
 def test_of_a_bar_that_looks_alike_both_ways_neither_is_certain() -> None:
-    """Unless its symmetry is told, when they are one pose."""
+    """From a start that is not either, unless its symmetry is told, when they are one pose."""
     R, t = TRUTHS[0]
     bar = replace(
         refiners._craft(), parts=(refiners._cuboid("bar", (-1, -0.2, -0.1), (1, 0.2, 0.1), "white"),)
     )
     turns = tuple(Rotation.from_rotvec(np.pi * axis).as_matrix() for axis in np.eye(3))
-    seen, given = image(R, t, 0, bar), start(R, t, 3, 0.01, 0)
+    seen, given = image(R, t, 0, bar), replace(start(R, t, 3, 0.01, 0), certainty=0.4)
     certainties = []
     for symmetries in ((), turns):
         refiner = RenderCompare(RenderCompareOptions())

@@ -18,7 +18,7 @@ from safetensors.torch import load_file
 from posse_core import Dataset, LabelLine, ModelCard, Square
 from posse_detect_torch.checkpoint import write_model
 from posse_detect_torch.heatmap_finder import HeatmapLesson
-from posse_detect_torch.learn import CURVES, LAST, MODEL, learn
+from posse_detect_torch.learn import CURVES, LAST, MODEL, computes_in_bfloat16, learn
 from posse_detect_torch.nano_detector import NanoLesson
 from posse_detect_torch.options import HeatmapOptions, NanoOptions, SdnOptions, TrainOptions
 from posse_detect_torch.pictures import Cut, cut_backgrounds, cut_pictures
@@ -144,6 +144,13 @@ def test_a_frame_without_masks_keeps_its_background(dataset, tmp_path):
     for position in (0, 2):
         assert np.array_equal(some.coverage(position), whole.coverage(position))
     assert np.all(some.coverage(1) == 1)
+
+
+def test_bfloat16_is_the_default_where_the_processor_says_that_it_multiplies_it():
+    flags = set(Path("/proc/cpuinfo").read_text(encoding="ascii").split())
+    assert computes_in_bfloat16(NanoOptions()) is bool(flags & {"amx_tile", "avx512_bf16"})
+    assert computes_in_bfloat16(NanoOptions(precision="bfloat16"))
+    assert not computes_in_bfloat16(NanoOptions(precision="float32"))
 
 
 @pytest.mark.parametrize(

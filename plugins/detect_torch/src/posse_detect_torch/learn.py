@@ -111,13 +111,14 @@ def device_of(options: TrainOptions) -> torch.device:
 def computes_in_bfloat16(options: TrainOptions) -> bool:
     """Whether convolutions and matrix products are computed in bfloat16 while training.
 
-    By default they are where the processor multiplies such matrices by instructions of its own, which is
+    By default they are where the processor multiplies such numbers by instructions of its own, which is
     two to four times as fast; weights and last layers have 32 bits all the same.
     """
     if options.precision == "auto":
         if options.device == "cuda":
             return bool(torch.cuda.is_bf16_supported(including_emulation=False))
-        return bool(torch.cpu._is_amx_tile_supported())  # torch has no public way to ask
+        # Torch has no public way to ask.
+        return bool(torch.cpu._is_amx_tile_supported() or torch.cpu._is_avx512_bf16_supported())
     return options.precision == "bfloat16"
 
 

@@ -40,8 +40,8 @@ class TrainOptions(Options):
     device: Literal["cpu", "cuda"] = Field("cpu", description="device that the network runs on")
     precision: Literal["auto", "float32", "bfloat16"] = Field(
         "auto",
-        description="numbers that training multiplies; auto takes bfloat16 where the processor has units"
-        " for matrices of them",
+        description="numbers that training multiplies; auto takes bfloat16 where the processor has"
+        " instructions for it",
     )
 
     @field_serializer("start", "backbone_weights", check_fields=False)

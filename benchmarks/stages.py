@@ -116,12 +116,14 @@ def simulated_s(scenario: Scenario, frames: int) -> FloatArray:
 @click.option("--scenario", default="aqua", show_default=True)
 @click.option("--renderer", default="mitsuba", show_default=True)
 @click.option("--frames", default=9, show_default=True, type=click.IntRange(min=2))
-def main(scenario: str, renderer: str, frames: int) -> None:
+@click.option("--scale", default=1.0, show_default=True, help="Of the camera's image: camera.scale.")
+def main(scenario: str, renderer: str, frames: int, scale: float) -> None:
     """Measure the stages of a run with all annotators."""
     plugins = load_plugins()
     chosen = {
         "renderer.name": renderer,
         "frames": frames,
+        "camera.scale": scale,
         "annotators": plugins.registry.names("annotator"),
     }
     checked = load_scenario(scenario, plugins.registry, chosen)
@@ -160,6 +162,7 @@ def main(scenario: str, renderer: str, frames: int) -> None:
     )
     print(f"\nlabels / render by wall-clock time, median over the frames: {labels:.1%}")
     print(f"(sky + sensor + write) / render by processor time, likewise: {beside:.2f}")
+    print(f"a simulator's frames per second by wall-clock time: {1 / rows['in memory'][0]:.1f}")
     print("total is a run's frame, which is written; in memory is a simulator's frame, which is not")
 
 

@@ -24,6 +24,7 @@ ROOMS = (
     "_arrays",
     "_frames",
     "_randomness",
+    "_threads",
     "_model",
     "_plugins",
     "_environment",

@@ -6,6 +6,8 @@ import contextlib
 import hashlib
 import json
 import warnings
+from collections.abc import Callable
+from functools import partial
 
 from posse_core._dataset.layout import IMAGES, INPUTS, SCENARIO, TRAJECTORY, TRUTH, reading_file
 from posse_core._dataset.remarks import remark_on
@@ -18,6 +20,7 @@ from posse_core._plugins.loading import load_plugins
 from posse_core._scenario.load import load_scenario
 from posse_core._simulator.frame import Frame
 from posse_core._simulator.simulator import Simulator
+from posse_core._threads import in_threads
 
 RENDERER_FILE = "renderer.json"
 """File with the renderer's description of itself, which becomes part of the manifest."""
@@ -63,9 +66,9 @@ def write_renderer(simulator: Simulator, store: Store) -> None:
 def write_frame(frame: Frame, store: Store) -> FrameMade:
     """Write the files of a frame of a dataset."""
     image, truth = f"{IMAGES}/{frame.index:06d}.png", f"{TRUTH}/{frame.index:06d}.npz"
-    files = {image: png(frame.image)}
+    files: dict[str, Callable[[], bytes]] = {image: partial(png, frame.image)}
     if frame.arrays:
-        files[truth] = npz(frame.arrays)
+        files[truth] = partial(npz, frame.arrays)
     labels = frame.labels.model_copy(update={"image": image, "truth": truth if frame.arrays else None})
     if frame.readings:
         beside = {}
@@ -78,19 +81,27 @@ def write_frame(frame: Frame, store: Store) -> FrameMade:
             for each in own:
                 files |= each
         labels = labels.model_copy(update={"sensors": beside})
-    for name, data in files.items():
+
+    def write(name: str) -> str:
+        data = files[name]()
         store.write(name, data)
-    digests = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
+        return hashlib.sha256(data).hexdigest()
+
+    digests = dict(zip(files, in_threads(write, list(files)), strict=True))
     return FrameMade(labels, digests, remark_on(labels, frame.image))
 
 
-def _reading_files(reading: Reading, sensor: str, index: int, number: int) -> dict[str, bytes]:
-    """The files of a reading by their names in the dataset."""
-    by_ending = dict(reading.files)
+def _reading_files(
+    reading: Reading, sensor: str, index: int, number: int
+) -> dict[str, Callable[[], bytes]]:
+    """What makes the files of a reading, by their names in the dataset."""
+    by_ending: dict[str, Callable[[], bytes]] = {
+        ending: partial(bytes, data) for ending, data in reading.files.items()
+    }
     if reading.image is not None:
-        by_ending[".png"] = png(reading.image)
+        by_ending[".png"] = partial(png, reading.image)
     if reading.arrays:
-        by_ending[".npz"] = npz(reading.arrays)
+        by_ending[".npz"] = partial(npz, reading.arrays)
     return {
         reading_file(sensor, index, number, ending): by_ending[ending] for ending in sorted(by_ending)
     }

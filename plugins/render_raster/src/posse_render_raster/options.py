@@ -16,5 +16,5 @@ class RasterOptions(Options):
         3, description="samples per pixel in each direction; odd, so that one is at the centre"
     )
     shadow_map_px: int = Field(
-        2048, ge=64, le=8192, description="width and height of a body's shadow map, px"
+        2048, ge=64, le=8192, description="largest width and height of a body's shadow map, px"
     )

@@ -58,14 +58,16 @@ class Shade:
             Sun, tight around the body; z grows away from the Sun.
         casters: the links that may shade the body, each with the (4, 4) matrix from its axes.
         widest_m: side of the map.
+        nearest_m: planar depth of the body's spheres where they are nearest to the camera.
     """
 
     shadow_from_cam: FloatArray
     casters: Sequence[tuple[Link, FloatArray]]
     widest_m: float
+    nearest_m: float
 
 
-def shades(links: Sequence[Link], craft: CraftState) -> list[Shade]:
+def shades(links: Sequence[Link], craft: CraftState, poses: LinkPoses) -> list[Shade]:
     """The shadow maps of the bodies, in their order."""
     axes = (R_with_z(craft.sun_direction_body) * [1.0, 1.0, -1.0]).T
     R_cam_from_world, t_world_cam_m, R_world_from_link, t_link_world_m = craft.world_poses()
@@ -96,6 +98,11 @@ def shades(links: Sequence[Link], craft: CraftState) -> list[Shade]:
                     (links[k], shadow_from_world @ from_link[k]) for k in np.flatnonzero(casts).tolist()
                 ],
                 widest_m=float(2 / np.linalg.norm(shadow_from_world[:2, :3], axis=1).min()),
+                nearest_m=min(
+                    float(poses.t_link_cam_m[each.number, 2]) - each.radius_m
+                    for each in links
+                    if each.body == body
+                ),
             )
         )
     return out

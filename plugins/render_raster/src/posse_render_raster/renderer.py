@@ -35,6 +35,8 @@ TILE_SAMPLES = 1536
 FULL_SHADOW_MAPS = 4
 """How many bodies have a shadow map of the option's size; those of more bodies are smaller, so that all
 together they have as many texels."""
+LEAST_SHADOW_MAP = 64
+"""Texels across the shadow map of a body that is only a few samples wide."""
 GL_DEPTH_CLAMP = 0x864F
 """What is nearer than the near plane is drawn at its depth instead of being cut off."""
 
@@ -162,13 +164,15 @@ class RasterRenderer(Renderer[RasterOptions]):
         poses = craft.link_poses()
         links = stage.craft.links
         drawing = _Drawing(
-            poses, shades(links, craft), layers(links, poses), stage.scene.materials(craft)
+            poses, shades(links, craft, poses), layers(links, poses), stage.scene.materials(craft)
         )
         stage.context.enable_only(moderngl.DEPTH_TEST)
         stage.context.enable_direct(GL_DEPTH_CLAMP)
         for shade, shadow in zip(drawing.shades, stage.shadows, strict=True):
+            texels = self._texels(stage, shadow, shade)
+            shadow.target.viewport = (0, 0, texels, texels)
             shadow.target.use()
-            shadow.target.clear(depth=1.0)
+            shadow.target.clear(depth=1.0, viewport=shadow.target.viewport)
             for link, shadow_from_link in shade.casters:
                 stage.craft.draw_shadow(link, shadow_from_link)
         stage.context.disable_direct(GL_DEPTH_CLAMP)
@@ -184,6 +188,14 @@ class RasterRenderer(Renderer[RasterOptions]):
             for unit, texture in enumerate(self._maps(stage, request.environment), FREE_UNIT + 2):
                 texture.use(unit)
         return drawing
+
+    def _texels(self, stage: _Stage, shadow: _ShadowMap, shade: Shade) -> int:
+        """Width of the part of a shadow map that is used: its texels need not be finer than samples."""
+        camera, widest = stage.scene.camera, shadow.depth.width
+        focal = max(camera.fx_px, camera.fy_px) * self.options.samples_per_axis
+        if shade.widest_m * focal >= widest * shade.nearest_m:
+            return widest
+        return max(LEAST_SHADOW_MAP, int(np.ceil(shade.widest_m * focal / shade.nearest_m)))
 
     def _maps(self, stage: _Stage, environment: EnvironmentMap) -> list[Map]:
         """The textures of an environment. Those of the last one are kept, as the images of an exposure
@@ -247,9 +259,11 @@ class RasterRenderer(Renderer[RasterOptions]):
         for link in layer.links:
             shade = drawing.shades[link.body]
             set_matrix(craft.radiance, "shadow_from_cam", shade.shadow_from_cam)
-            texels = stage.shadows[link.body].depth.width
+            shadow = stage.shadows[link.body]
+            texels = shadow.target.viewport[2]
             craft.radiance["shadow_texel_m"] = shade.widest_m / texels
-            stage.shadows[link.body].depth.use(FREE_UNIT)
+            craft.radiance["shadow_share"] = texels / shadow.depth.width
+            shadow.depth.use(FREE_UNIT)
             craft.draw_radiance(link, drawing.poses, drawing.materials)
         stage.context.depth_func = "<"
 

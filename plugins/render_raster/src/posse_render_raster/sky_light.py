@@ -1,8 +1,9 @@
 """Skylight for a rasteriser: an environment map convolved with the lobes of rough and matt surfaces.
 
 This is the split-sum approximation of Karis, "Real Shading in Unreal Engine 4" (SIGGRAPH 2013 course),
-with exact sums: the lobe about each output direction is a row of weights over the texels of the map, so
-the convolution of a frame is one matrix product.
+with exact sums: the lobe about each output direction is a row of weights over the texels of the map. A
+sixteenth of a turn about the vertical takes both maps' columns to others, so the weights of a sixteenth
+of the outputs serve all, and the convolution of a frame is one product of small matrices.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ LOBE_ROUGHNESS = (0.25, 0.5, 0.75, 1.0)
 itself."""
 LOBE_HEIGHT = 24
 MAP_HEIGHT = 32
+TURNS = 16
+"""Turns about the vertical that both maps' columns have in common."""
 ALBEDO_SIZE = 32
 ALBEDO_SAMPLES = 1024
 
@@ -34,8 +37,10 @@ def convolved(radiance_rgb: Float32Array) -> Float32Array:
         the last; its value is the irradiance divided by π.
     """
     small = cv2.resize(radiance_rgb, (2 * MAP_HEIGHT, MAP_HEIGHT), interpolation=cv2.INTER_AREA)
-    out = _weights() @ np.asarray(small, dtype=np.float32).reshape(-1, 3)
-    return np.ascontiguousarray(out.reshape(len(LOBE_ROUGHNESS) + 1, LOBE_HEIGHT, 2 * LOBE_HEIGHT, 3))
+    turned = [np.roll(small, -turn * (2 * MAP_HEIGHT // TURNS), axis=1) for turn in range(TURNS)]
+    out = _weights() @ np.stack(turned, axis=2).astype(np.float32).reshape(-1, TURNS * 3)
+    by_turn = out.reshape(len(LOBE_ROUGHNESS) + 1, LOBE_HEIGHT, -1, TURNS, 3).swapaxes(2, 3)
+    return np.ascontiguousarray(by_turn).reshape(-1, LOBE_HEIGHT, 2 * LOBE_HEIGHT, 3)
 
 
 def lobe_albedo() -> Float32Array:
@@ -71,9 +76,11 @@ def lobe_albedo() -> Float32Array:
 
 @cache
 def _weights() -> Float32Array:
-    """(lobes · outputs, texels) weights; each row sums to 1."""
+    """(lobes · rows · columns, texels) weights of the outputs in the first columns, which the turns take
+    to all others; each row sums to 1."""
     theta, seen = _directions(MAP_HEIGHT)
     _, about = _directions(LOBE_HEIGHT)
+    about = about.reshape(LOBE_HEIGHT, 2 * LOBE_HEIGHT, 3)[:, : 2 * LOBE_HEIGHT // TURNS].reshape(-1, 3)
     cosine = np.clip(about @ seen.T, -1.0, 1.0).astype(np.float32)
     weight = np.maximum(cosine, 0) * np.sin(theta).astype(np.float32)
     n_h2 = (1 + cosine) / 2  # for a view along the normal, h bisects n and l

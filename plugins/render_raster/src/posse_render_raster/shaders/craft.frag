@@ -13,6 +13,7 @@ uniform vec3 sun_irradiance_rgb_w_m2;
 uniform float sun_angular_radius_rad;
 uniform mat4 shadow_from_cam;
 uniform float shadow_texel_m;
+uniform float shadow_share;             // of the texture's width and height that the map takes
 uniform sampler2DShadow shadow_map;
 
 uniform bool has_environment;
@@ -62,7 +63,7 @@ float sun_visible(vec3 face_normal) {
     float slope = min(sqrt(max(1.0 - n_l * n_l, 0.0)) / n_l, STEEPEST);
     float lift = shadow_texel_m * (0.2 + 1.5 * slope);
     vec4 position = shadow_from_cam * vec4(position_m + lift * sun_direction, 1.0);
-    return texture(shadow_map, position.xyz * 0.5 + 0.5);
+    return texture(shadow_map, (position.xyz * 0.5 + 0.5) * vec3(shadow_share, shadow_share, 1.0));
 }
 
 void main() {

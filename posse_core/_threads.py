@@ -1,0 +1,30 @@
+"""Work that is divided among the threads that this process may use."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+def thread_count() -> int:
+    """How many threads this process may use: ``POSSE_THREADS``, which executors set to a worker's share
+    of the cores, or else one for each core."""
+    return int(os.environ.get("POSSE_THREADS") or os.cpu_count() or 1)
+
+
+def in_threads(work: Callable[[Item], Result], items: Sequence[Item]) -> list[Result]:
+    """Do some work on each item, on several at a time, and return the results in the items' order.
+
+    Only what spends its time in libraries that let other threads run, as NumPy does on large arrays,
+    becomes quicker. The first exception that the work raises is raised again.
+    """
+    threads = min(thread_count(), len(items))
+    if threads <= 1:
+        return [work(item) for item in items]
+    with ThreadPoolExecutor(threads) as pool:
+        return list(pool.map(work, items))

@@ -17,6 +17,7 @@ from posse_core._randomness import derived_seed, random_generator
 from posse_core._spacecraft.assembly import Assembly
 from posse_core._spacecraft.finishes import Finish
 from posse_core._spacecraft.options import VariantOptions
+from posse_core._threads import in_threads
 
 VariantOptionsT = TypeVar("VariantOptionsT", bound=VariantOptions)
 
@@ -73,14 +74,15 @@ class Parametric(SceneSource[VariantOptionsT]):
         return craft.finish(materials, self.centre_of_mass_m, self.skeleton)
 
     def _materials(self, names: Sequence[str], seed: int | None) -> dict[str, Material]:
-        if seed is None:
-            finishes = self.finishes(0)
-            return {name: finishes[name]() for name in names}
-        finishes = self.finishes(derived_seed(seed, -1, "finishes"))
-        return {
-            name: varied(finishes[name](), random_generator(seed, -1, f"variant {name}"))
-            for name in names
-        }
+        finishes = self.finishes(0 if seed is None else derived_seed(seed, -1, "finishes"))
+
+        def make(name: str) -> Material:
+            material = finishes[name]()
+            if seed is None:
+                return material
+            return varied(material, random_generator(seed, -1, f"variant {name}"))
+
+        return dict(zip(names, in_threads(make, names), strict=True))
 
 
 def varied(material: Material, rng: np.random.Generator) -> Material:

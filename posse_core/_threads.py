@@ -13,8 +13,9 @@ Result = TypeVar("Result")
 
 def thread_count() -> int:
     """How many threads this process may use: ``POSSE_THREADS``, which executors set to a worker's share
-    of the cores, or else one for each core."""
-    return int(os.environ.get("POSSE_THREADS") or os.cpu_count() or 1)
+    of the cores, or else, where that is no number above 0, one for each core."""
+    share = os.environ.get("POSSE_THREADS", "")
+    return int(share) if share.isdecimal() and int(share) else os.cpu_count() or 1
 
 
 def in_threads(work: Callable[[Item], Result], items: Sequence[Item]) -> list[Result]:

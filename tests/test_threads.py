@@ -6,10 +6,7 @@ import time
 import numpy as np
 import pytest
 
-from posse_core._imaging.image_sensor import ImageSensor
-from posse_core._model.camera import Camera
-from posse_core._model.sky_view import SkyView
-from posse_core._scenario.sensor import SensorConfig
+from posse_core._spacecraft.cubesat import Cubesat, CubesatOptions
 from posse_core._threads import in_threads, thread_count
 
 
@@ -44,15 +41,25 @@ def test_without_a_share_there_is_a_thread_for_each_core(monkeypatch):
     assert thread_count() >= 1
 
 
-@pytest.mark.parametrize("color", ["mono", "rgb"])
-def test_the_noise_is_the_same_to_the_bit(monkeypatch, color):
-    camera = Camera(320, 240, 160.0, 160.0, 159.5, 119.5, 0.036)
-    light = np.random.default_rng(0).random((240, 320, 3)).astype(np.float32) * 40
-    sky = SkyView(light, np.empty((0, 2)), np.empty((0, 3)))
-    sensor = ImageSensor(SensorConfig(color=color), camera)
+@pytest.mark.parametrize("share", ["", "0", "-1", "many", "1.5"])
+def test_a_share_that_is_no_number_above_0_counts_as_none(monkeypatch, share):
+    monkeypatch.delenv("POSSE_THREADS", raising=False)
+    without = thread_count()
+    monkeypatch.setenv("POSSE_THREADS", share)
+    assert thread_count() == without
+
+
+def test_the_textures_of_a_built_in_craft_are_the_same_to_the_bit(monkeypatch):
     made = []
     for count in ("1", "2", "5"):
         monkeypatch.setenv("POSSE_THREADS", count)
-        made.append(sensor.expose(sky, None, 0.002, 3, 7))
-    assert made[0].std() > 0
-    assert all(np.array_equal(made[0], other) for other in made[1:])
+        made.append(Cubesat(CubesatOptions(variant_seed=3)).build().materials)
+    first, *others = made
+    textured = [m for m in first.values() if m.base_color_texture is not None]
+    assert textured
+    for other in others:
+        assert list(other) == list(first)
+        for name, material in first.items():
+            assert material.base_color == other[name].base_color
+            for key in ("base_color_texture", "metallic_roughness_texture", "normal_texture"):
+                assert np.array_equal(getattr(material, key), getattr(other[name], key))

@@ -22,7 +22,6 @@ from posse_core._model.sky_view import SkyView
 from posse_core._model.srgb import srgb_from_linear
 from posse_core._randomness import random_generator
 from posse_core._scenario.sensor import AutoExposureConfig, SensorConfig
-from posse_core._threads import in_threads
 
 FULL_WELL_E_M2 = 1.05e6 / 28.125e-6**2
 """Default full well per pixel area: about 10³ electrons per µm², which is usual for silicon."""
@@ -200,17 +199,12 @@ class ImageSensor:
         height, width = self._shape
         dtype = np.uint8 if config.bit_depth == 8 else np.uint16
         image: AnyArray = np.empty((height, electrons[0].size), dtype=dtype)
-        tops = range(0, height, max(1, _BLOCK // image.shape[1]))
-
-        def digitise(top_and_random: tuple[int, np.random.Generator]) -> None:
-            top, random = top_and_random
-            block = electrons[top : top + tops.step].ravel()
+        rows = max(1, _BLOCK // image.shape[1])
+        for top in range(0, height, rows):
+            block = electrons[top : top + rows].ravel()
             arguments = (self._full_well_e, config.noise.read_e, random)
             block = detected(block, *arguments) if shot_noise else read(block, *arguments)
-            image[top : top + tops.step] = self._digitised(block.reshape(-1, image.shape[1]), random)
-
-        # Each block of rows has a generator of its own, so that the noise does not depend on the order.
-        in_threads(digitise, list(zip(tops, random.spawn(len(tops)), strict=True)))
+            image[top : top + rows] = self._digitised(block.reshape(-1, image.shape[1]), random)
         return image.reshape(height, width, -1) if config.color == "rgb" else image
 
     def _digitised(self, electrons: Float32Array, random: np.random.Generator) -> Float32Array:

@@ -32,9 +32,6 @@ _STRETCH: FloatArray = RADIUS_M / SEMI_AXES_M
 """(3,) scale factors that map the ellipsoid to a sphere of the equatorial radius. Straight lines stay
 straight. Vectors scaled by it are called stretched below."""
 
-POINTS = 1 << 14
-"""How many points of the Earth are computed at once: few enough for the processor's cache."""
-
 _AIR_STEP_M = 2e3
 _MOST_AIR_STEPS = 16
 """How wide a pixel is for which the air above the limb is sampled once, and the most samples of a wider

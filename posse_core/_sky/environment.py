@@ -6,9 +6,8 @@ import numpy as np
 
 from posse_core._arrays import FloatArray, IntArray
 from posse_core._model.scene import EnvironmentMap
-from posse_core._sky.earth import POINTS, EarthView
+from posse_core._sky.earth import EarthView
 from posse_core._sky.laboratory import Room
-from posse_core._threads import in_threads
 
 SHAPE = (64, 128)
 """Rows and columns."""
@@ -28,14 +27,8 @@ def environment_map(earth: EarthView) -> EnvironmentMap:
     row, column = np.nonzero(earth.touches(middles, pixel_rad))
     n = max(_LEAST_SAMPLES, earth.samples(pixel_rad))
     radiance_rgb = np.zeros((rows, columns, 3), dtype=np.float32)
-
-    def trace(part: slice) -> None:
-        within = _directions_within(row[part], column[part], n)
-        light = earth.light(within, pixel_rad / n)
-        radiance_rgb[row[part], column[part]] = light.mean(axis=(1, 2))
-
-    step = max(1, POINTS // n**2)
-    in_threads(trace, [slice(start, start + step) for start in range(0, len(row), step)])
+    within = _directions_within(row, column, n)
+    radiance_rgb[row, column] = earth.light(within, pixel_rad / n).mean(axis=(1, 2))
     return EnvironmentMap(radiance_rgb)
 
 

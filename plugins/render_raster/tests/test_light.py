@@ -10,6 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from posse_core import (
+    BodyState,
     Camera,
     EnvironmentMap,
     FloatArray,
@@ -120,6 +121,41 @@ def test_a_shadow_has_the_position_of_the_closed_form(opened: Open, tilt: float)
     texel_m = 10 / 2048
     np.testing.assert_allclose(row[x_m > edge_m + 0.02 + 4 * texel_m], lit, rtol=1e-3)
     assert row[x_m < edge_m - 0.02 - 4 * texel_m].max() == 0
+
+
+def test_a_distant_image_does_not_depend_on_the_one_before_it(opened: Open) -> None:
+    """Its shadow map is small, and around it is what another frame has left, on the Sun's side of it."""
+    camera = scenes.camera(64, 64, hfov_rad=0.6)
+    ground = scenes.rectangle("ground", "white", u_m=(4, 0, 0), v_m=(0, 4, 0))
+    roof = scenes.rectangle("roof", "white", centre_m=(0, 0, 2), u_m=(0.5, 0, 0), v_m=(0, 0.5, 0))
+    scene = scenes.scene(ground, roof, materials=(WHITE,), camera=camera)
+    fresh, used = opened(scene), opened(scene)
+    shot(used, camera, scenes.frame(t_body_cam_m=(0, 0, 9), sun_direction_body=(0.1, 0.1, -1)))
+    for k in range(8):
+        R = Rotation.from_rotvec([0.1, 0.2, 0.3 * k]).as_matrix() @ scenes.FACING
+        far = scenes.frame(t_body_cam_m=(0, 0, 110 + k), sun_direction_body=(0, 0, 1), R_cam_from_body=R)
+        alone, after = shot(fresh, camera, far), shot(used, camera, far)
+        np.testing.assert_array_equal(after.radiance_rgb, alone.radiance_rgb)
+
+
+def test_shadows_where_many_bodies_share_small_maps(opened: Open) -> None:
+    """Of 42 texels across, in an image that would do with fewer. The roof's edge is at x = 0, so that
+    its shadow ends at x = 2.06 m, between the two pixels."""
+    camera, tilt = scenes.camera(128, 8, hfov_rad=1.2), -0.8
+    ground = scenes.rectangle("ground", "white", u_m=(4, 0, 0), v_m=(0, 4, 0))
+    roof = scenes.rectangle("roof", "white", centre_m=(-2, 0, 2), u_m=(2, 0, 0), v_m=(0, 4, 0))
+    beside = tuple(scenes.sphere(f"ball {k}", "white", rings=4) for k in range(8))
+    scene = scenes.scene(ground, roof, materials=(WHITE,), camera=camera, others=beside)
+    frame = scenes.frame(
+        t_body_cam_m=(0, 0, 80),
+        sun_direction_body=(np.sin(tilt), 0, np.cos(tilt)),
+        others=tuple(BodyState(np.eye(3), np.array([1e3 + 10 * k, 0, 80.0])) for k in range(8)),
+    )
+    row = shot(opened(scene, shadow_map_px=64), camera, frame).radiance_rgb[4, :, 1]
+    dark, bright = (round(camera.cx_px + x_m / 80 * camera.fx_px) for x_m in (1.28, 2.99))
+    lit = frame.craft.sun_irradiance_rgb_w_m2[1] * WHITE.base_color[1] / np.pi * np.cos(tilt)
+    assert row[dark] == 0
+    assert row[bright] == pytest.approx(lit, rel=1e-3)
 
 
 def test_the_lit_side_of_a_sphere_has_no_shadow(opened: Open) -> None:

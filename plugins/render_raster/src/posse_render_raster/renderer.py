@@ -35,8 +35,9 @@ TILE_SAMPLES = 1536
 FULL_SHADOW_MAPS = 4
 """How many bodies have a shadow map of the option's size; those of more bodies are smaller, so that all
 together they have as many texels."""
-LEAST_SHADOW_MAP = 64
-"""Texels across the shadow map of a body that is only a few samples wide."""
+LEAST_SHADOW_MAP = 128
+"""Texels across the shadow map of a body that is only a few samples wide. Of so many, the map's empty
+margin is wider than half a texel, so that none from beyond the map is filtered in."""
 GL_DEPTH_CLAMP = 0x864F
 """What is nearer than the near plane is drawn at its depth instead of being cut off."""
 
@@ -195,7 +196,8 @@ class RasterRenderer(Renderer[RasterOptions]):
         focal = max(camera.fx_px, camera.fy_px) * self.options.samples_per_axis
         if shade.widest_m * focal >= widest * shade.nearest_m:
             return widest
-        return max(LEAST_SHADOW_MAP, int(np.ceil(shade.widest_m * focal / shade.nearest_m)))
+        wanted = int(np.ceil(shade.widest_m * focal / shade.nearest_m))
+        return min(max(LEAST_SHADOW_MAP, wanted), widest)
 
     def _maps(self, stage: _Stage, environment: EnvironmentMap) -> list[Map]:
         """The textures of an environment. Those of the last one are kept, as the images of an exposure

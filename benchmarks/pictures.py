@@ -1,8 +1,8 @@
 """How sure ``posse validate`` is of pictures: ``python benchmarks/pictures.py FOLDER...``.
 
 Every picture of the datasets is compared with its labels as it is, and altered in each of some ways.
-What is printed are the frames that prove something, the false alarms, and the share of the alterations
-that are found in the former.
+What is printed are the frames in light, those of them that prove something, the false alarms, what was
+missed in the former, and the share of the alterations that are found in them.
 """
 
 from __future__ import annotations
@@ -19,34 +19,59 @@ from posse_core._arrays import AnyArray
 from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.files import read_image
 from posse_core._evaluation.case import Case
-from posse_core._evaluation.pictures import PictureChecks, Subject
+from posse_core._evaluation.drawings import Scene
+from posse_core._evaluation.pictures import LEAST_SUNLIGHT, REMEMBERED, PictureChecks
 from posse_core._evaluation.scenarios import Scenarios
 
 Altered = Callable[[list[AnyArray], int], AnyArray]
-ALTERED: dict[str, Altered] = {
-    "shifted by 2 px": lambda images, i: np.roll(images[i], 2, axis=1),
-    "shifted by 2 px down": lambda images, i: np.roll(images[i], 2, axis=0),
-    "shifted by 10 px": lambda images, i: np.roll(images[i], 10, axis=1),
-    "mirrored": lambda images, i: images[i][:, ::-1],
-    "turned by 180°": lambda images, i: images[i][::-1, ::-1],
-    "of the next frame": lambda images, i: images[(i + 1) % len(images)],
-    "of another frame": lambda images, i: images[(i + 7) % len(images)],
-    "black": lambda images, i: np.zeros_like(images[i]),
+DIRECTIONS = {
+    "right": (2, 0),
+    "left": (-2, 0),
+    "down": (0, 2),
+    "up": (0, -2),
+    "right and down": (2, 2),
+    "right and up": (2, -2),
+    "left and down": (-2, 2),
+    "left and up": (-2, -2),
 }
+
+
+def _shifted(u: int, v: int) -> Altered:
+    return lambda images, i: np.roll(images[i], (v, u), axis=(0, 1))
+
+
+ALTERED: dict[str, Altered] = {
+    **{f"shifted by 2 px {name}": _shifted(u, v) for name, (u, v) in DIRECTIONS.items()},
+    "shifted by 10 px": _shifted(10, 0),
+    "mirrored": lambda images, i: images[i][:, ::-1],
+    "upside down": lambda images, i: images[i][::-1],
+    "turned by 180°": lambda images, i: images[i][::-1, ::-1],
+    "black": lambda images, i: np.zeros_like(images[i]),
+    "negative": lambda images, i: np.iinfo(images[i].dtype).max - images[i],
+}
+OF_OTHERS = {"of the next frame": 1, "of another frame": 3}
+"""Pictures of another frame, by how many frames later it is."""
+CHANNELS = {"blue, green, red": (2, 1, 0), "green, red, blue": (1, 0, 2), "green, blue, red": (1, 2, 0)}
+BESIDE = REMEMBERED
+"""Frames before and after the altered one that are compared, too."""
+MOVED_PX = 2.0
+"""By how much the vertices of the target differ, root mean square, in two frames that differ."""
+LEAST_LIT_PX = 100
+"""Pixels of the target that the Sun lights in a frame in light."""
 
 
 class Remembering(PictureChecks):
     """Checks that compute only once what a frame's pictures are compared with."""
 
-    def __init__(self, scenarios: Scenarios, known: dict[int, Subject]) -> None:
+    def __init__(self, scenarios: Scenarios, known: dict[int, Scene]) -> None:
         super().__init__(scenarios)
         self._known = known
 
-    def subject(self, case: Case) -> Subject:
+    def scene(self, case: Case) -> Scene:
         """What a frame's picture is compared with."""
         index = case.labels.index
         if index not in self._known:
-            self._known[index] = super().subject(case)
+            self._known[index] = super().scene(case)
         return self._known[index]
 
 
@@ -55,42 +80,80 @@ class Remembering(PictureChecks):
 def main(folders: tuple[Path, ...]) -> None:
     """Compare the pictures of datasets in FOLDERS."""
     found: Counter[str] = Counter()
-    frames = proven = alarms = 0
+    tried: Counter[str] = Counter()
+    frames = alarms = in_light = proven = proven_in_light = 0
     start_s = time.process_time()
     for folder in folders:
         dataset = Dataset(folder)
         scenarios = Scenarios(dataset)
         cases = [Case(dataset, labels) for labels in dataset]
         images = [read_image(folder / case.labels.image) for case in cases]
-        known: dict[int, Subject] = {}
-        sure = set()
+        known: dict[int, Scene] = {}
         for i, case in enumerate(cases):
+            where = f"{folder.name} frame {case.labels.index}"
+            checked, faults = _compared(
+                Remembering(scenarios, known), cases, images, i, images[i], BESIDE
+            )
             frames += 1
-            checked, faults = _compared(Remembering(scenarios, known), cases, images, i, images[i])
+            in_light += _is_in_light(case)
             if faults:
                 alarms += 1
-                click.echo(f"{folder} frame {case.labels.index}: {faults[0]}")
+                click.echo(f"{where}: false alarm: {faults[0]}")
             elif checked:
-                sure.add(i)
-        proven += len(sure)
-        for name, alter in ALTERED.items():
-            for i in sorted(sure):
-                altered = np.ascontiguousarray(alter(images, i))
-                found[name] += bool(
-                    _compared(Remembering(scenarios, known), cases, images, i, altered)[1]
-                )
+                proven += 1
+                proven_in_light += _is_in_light(case)
+                altered = _altered(cases, images, i)
+                missed = []
+                for name, image in altered.items():
+                    tried[name] += 1
+                    checks = Remembering(scenarios, known)
+                    beside = BESIDE if name in OF_OTHERS else 0
+                    if _compared(checks, cases, images, i, np.ascontiguousarray(image), beside)[1]:
+                        found[name] += 1
+                    else:
+                        missed.append(name)
+                if missed:
+                    click.echo(f"{where}: missed: {', '.join(missed)}")
+            elif _is_in_light(case):
+                click.echo(f"{where}: in light, and proves nothing")
     click.echo(f"{frames} frames, {proven} prove something, {alarms} false alarms")
-    for name in ALTERED:
-        click.echo(f"{name:22s} {found[name]:5d} found, {found[name] / max(proven, 1):.1%}")
+    click.echo(f"{in_light} in light, of which {proven_in_light / max(in_light, 1):.1%} prove something")
+    for name, count in tried.items():
+        click.echo(f"{name:30s} {found[name]:5d} of {count:5d}, {found[name] / count:.1%}")
     click.echo(f"{time.process_time() - start_s:.0f} s")
 
 
+def _altered(cases: list[Case], images: list[AnyArray], i: int) -> dict[str, AnyArray]:
+    """The picture of a frame in each of the ways that change it."""
+    altered = {name: alter(images, i) for name, alter in ALTERED.items()}
+    for name, later in OF_OTHERS.items():
+        j = (i + later) % len(cases)
+        if _moved_px(cases[i], cases[j]) >= MOVED_PX:
+            altered[name] = images[j]
+    if images[i].ndim == 3:
+        altered |= {name: images[i][..., order] for name, order in CHANNELS.items()}
+    return altered
+
+
+def _moved_px(one: Case, other: Case) -> float:
+    """By how much the target's vertices are elsewhere in another frame."""
+    places = [each.camera.project(each.target.vertices_m()) for each in (one, other)]
+    return float(np.sqrt(np.nanmean(np.sum((places[0] - places[1]) ** 2, axis=1))))
+
+
+def _is_in_light(case: Case) -> bool:
+    """Whether the Sun lights enough of the target for its picture to show it."""
+    labels = case.labels
+    lit_px = (labels.fraction_lit or 0.0) * labels.mask_area_px
+    return labels.sun_fraction_target >= LEAST_SUNLIGHT and lit_px >= LEAST_LIT_PX
+
+
 def _compared(
-    checks: Remembering, cases: list[Case], images: list[AnyArray], i: int, image: AnyArray
+    checks: Remembering, cases: list[Case], images: list[AnyArray], i: int, image: AnyArray, beside: int
 ) -> tuple[int, list[str]]:
-    """Whether a frame proves something, and its faults; the frames beside it are there as they are."""
+    """Whether a frame proves something, and its faults; so many frames beside it are as they are."""
     checked = 0
-    for near in range(max(i - 1, 0), min(i + 2, len(cases))):
+    for near in range(max(i - beside, 0), min(i + beside + 1, len(cases))):
         before = checks.results[0].checked
         checks.compare(cases[near], image if near == i else images[near])
         if near == i:

@@ -26,6 +26,12 @@ def read_image(path: Path) -> AnyArray:
     return np.asarray(image if image.ndim == 2 else image[..., 2::-1])
 
 
+def has_alpha(path: Path) -> bool:
+    """Whether a PNG file has an alpha channel, which :func:`read_image` leaves out."""
+    header = read_bytes(path, missing="missing")[:26]
+    return header.startswith(b"\x89PNG") and header[25:] in (b"\x04", b"\x06")
+
+
 def read_arrays(path: Path) -> dict[str, AnyArray]:
     """Read the arrays of an ``.npz`` file by name.
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from posse_core._arrays import BoolArray, FloatArray, IntArray
-from posse_core._dataset.files import read_image
+from posse_core._dataset.files import has_alpha, read_image
 from posse_core._dataset.layout import inside
 from posse_core._errors import InputError
 from posse_core._evaluation.body_case import BodyCase
@@ -104,7 +104,10 @@ def _schema_of(body: BodyCase) -> Iterator[str]:
 
 def _files(case: Case) -> Iterator[str]:
     try:
-        image = read_image(inside(case.dataset.folder, case.labels.image))
+        path = inside(case.dataset.folder, case.labels.image)
+        image = read_image(path)
+        if has_alpha(path):
+            yield "the image has an alpha channel"
         if image.shape[:2] != (case.camera.height_px, case.camera.width_px):
             yield f"the image is {image.shape[1]} x {image.shape[0]} pixels, not the camera's size"
         arrays = case.arrays

@@ -1,40 +1,67 @@
-"""How well a picture is explained by what the Sun would show at the labels' pose.
+"""How well a picture is explained by what light would show at the labels' pose.
 
-The drawing has no light but the Sun's: the mean reflectance of each part times the cosine of the Sun's
-angle, 0 in shadow. Slopes of its brightness are correlated with those of the picture, over the bodies
-and a few pixels around them. Slopes are where outlines, parts, folds and shadows are, so that how bright
-a material is matters little. A picture of something else correlates by about 0.
+A body is drawn in two lights: the Sun's, by the mean reflectance of each part times the cosine of the
+Sun's angle, 0 in shadow; and a light from all around, by the cosine of the angle at which it is seen,
+for what Earth, sky and light boxes show. Slopes of the brightness are correlated with those of the
+picture, over the body and a few pixels around it, in the mix of the two that correlates most. Slopes
+are where outlines, parts, folds and shadows are, so that how bright a material is matters little. Of a
+slope only its line counts and not its sign, since what is behind a body may be darker or brighter than
+it. A picture of something else correlates by about 0: its slopes run across those of the drawing as
+often as along them.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import cv2
 import numpy as np
 
-from posse_core._arrays import BoolArray, Float32Array, FloatArray
+from posse_core._arrays import AnyArray, BoolArray, Float32Array, FloatArray
 from posse_core._evaluation.case import Case
-from posse_core._evaluation.photometry import SATURATED
 from posse_core._evaluation.sunlight import sunlit
 
-LEAST_LIT, LEAST_LIT_PX = 0.25, 60
-"""Least share, and least number, of the bodies' pixels that the Sun lights. Of fewer the drawing tells
-little: what is seen of the others is lit by the Earth and by what stands beside them."""
-MOST_SATURATED = 0.3
-"""Share of the bodies' pixels that are as white as can be, from which their slopes are lost."""
+LEAST_PX = 60
+"""Least number of pixels of a body that is drawn."""
 _LIT = 0.05
 """Light over the brightest, from which a pixel counts as lit."""
-_MOST_SIDE_PX = 400
-"""Larger bodies are compared in steps of several pixels."""
 _AROUND = 8
-"""How far around the bodies slopes are compared, in steps."""
-_REACH = 7
-"""The largest shift that is looked for, in steps."""
-_WHITE_PERCENTILE = 99.5
-_SMOOTH = 1.0
-_FLAT = 1e-6
+"""How far around a body slopes are compared, pixels."""
+REACH_PX = 7
+"""The largest shift that is looked for."""
+SHIFT_PX = 2
+"""The least shift that counts."""
+_SMOOTH_PX = 1.0
+_FLAT = 1e-9
+_ALIKE = 0.999
+"""Correlation of the two lights' drawings, from which they are one."""
+_ONES = (-1, 0, 1)
+_SHIFTS = tuple((SHIFT_PX * u, SHIFT_PX * v) for v in _ONES for u in _ONES if u or v)
+"""By what (u, v) a picture is shifted that a drawing must tell, pixels."""
+
+
+class Slopes:
+    """Slopes of the brightness of a picture, without their sign.
+
+    Attributes:
+        field: (2, H, W) cosine and sine of twice the slope's angle, times the root of its steepness.
+    """
+
+    def __init__(self, light: Float32Array) -> None:
+        """Of a picture's light (H, W), of any scale."""
+        brightness = np.sqrt(np.maximum(light, 0)).astype(np.float32)
+        soft = cv2.GaussianBlur(brightness, (0, 0), _SMOOTH_PX)
+        along_u, along_v = cv2.Sobel(soft, cv2.CV_32F, 1, 0), cv2.Sobel(soft, cv2.CV_32F, 0, 1)
+        scale = np.maximum(np.hypot(along_u, along_v), _FLAT) ** -1.5
+        along = (along_u**2 - along_v**2) * scale, 2 * along_u * along_v * scale
+        self.field: Float32Array = np.stack(along).astype(np.float32)
+
+    def mirrored(self, x: bool, y: bool) -> Slopes:
+        """The slopes of the picture's mirror image."""
+        other = Slopes.__new__(Slopes)
+        sign = np.array([1, -1 if x != y else 1], dtype=np.float32)[:, None, None]
+        other.field = sign * self.field[:, :: -1 if y else 1, :: -1 if x else 1]
+        return other
 
 
 @dataclass(frozen=True)
@@ -42,129 +69,157 @@ class DrawingFit:
     """How well a drawing fits a picture.
 
     Attributes:
-        correlation: of the slopes, −1 to 1.
+        correlation: of the slopes, 0 to 1.
         shift_px: (2,) shift (u, v) of the picture by which it would be greatest.
         best: the correlation with this shift.
-        steps: the shift in steps of the drawing, along the axis on which it is more.
+        sharpness: by how much it exceeds that with another shift which would be taken for the right one,
+            if the picture were shifted by :data:`SHIFT_PX` along either axis or both; the least of them,
+            and 0 if the shift would not be told.
     """
 
     correlation: float
     shift_px: tuple[int, int]
     best: float
-    steps: int
+    sharpness: float
+
+    @property
+    def steps_px(self) -> int:
+        """The shift along the axis on which it is more."""
+        return max(abs(each) for each in self.shift_px)
 
 
 class Drawing:
-    """What the Sun would show at a pose."""
+    """What light would show of a body at a pose.
 
-    def __init__(self, shown: Float32Array, covered: BoolArray, step_px: int) -> None:
+    Attributes:
+        lit_px: how many of the body's pixels the Sun lights.
+        brightest: how bright the Sun makes them, over a white plate that faces it.
+    """
+
+    def __init__(self, by_sun: Float32Array, all_around: Float32Array, covered: BoolArray) -> None:
         """Prepare the slopes that pictures are compared with.
 
         Args:
-            shown: (h, w) light, of any scale.
-            covered: (h, w) where a body is.
-            step_px: side of the squares of the image (H, W) that shown and covered have a value for.
+            by_sun, all_around: (H, W) the scene in the light of the Sun and in light from all around.
+            covered: (H, W) where the body is; somewhere.
         """
         rows, columns = np.flatnonzero(covered.any(axis=1)), np.flatnonzero(covered.any(axis=0))
-        margin = _AROUND + _REACH
-        self._top, self._left = int(rows[0]) - margin, int(columns[0]) - margin
-        self._size = int(np.ptp(rows)) + 2 * margin + 1, int(np.ptp(columns)) + 2 * margin + 1
-        self._step_px = step_px
-        self._covered = self._crop(covered.astype(np.float32), "constant") > 0
+        bottom, right = covered.shape
+        margin = _AROUND + 2  # two more for the slopes of the drawing
+        self._rows = slice(max(int(rows[0]) - margin, 0), min(int(rows[-1]) + margin + 1, bottom))
+        self._columns = slice(
+            max(int(columns[0]) - margin, 0), min(int(columns[-1]) + margin + 1, right)
+        )
+        here = self._rows, self._columns
         disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * _AROUND + 1, 2 * _AROUND + 1))
-        near = cv2.dilate(self._covered.astype(np.float32), disc)
-        image = cv2.erode(
-            self._crop(np.ones(covered.shape, np.float32), "constant"),
-            np.ones((3, 3)),
-            borderType=cv2.BORDER_CONSTANT,
-            borderValue=0,
+        inside = np.zeros(covered.shape, dtype=np.float32)
+        inside[1:-1, 1:-1] = 1  # at the border slopes are cut
+        self._near = np.ascontiguousarray(
+            cv2.dilate(covered[here].astype(np.float32), disc) * inside[here]
         )
-        middle = slice(_REACH, -_REACH)
-        self._weight = np.ascontiguousarray((near * image)[middle, middle])
-        slopes = _slopes(self._crop(shown, "edge"), self._covered)[middle, middle]
-        inside = self._weight > 0
-        centred = (slopes - slopes[inside].mean()) * self._weight
-        length = float(np.sqrt((centred**2).sum()))
-        self._pattern = np.ascontiguousarray(centred / length) if length > _FLAT else None
+        drawn = [Slopes(np.ascontiguousarray(light[here])).field for light in (by_sun, all_around)]
+        lengths = [float(np.sqrt((field**2 * self._near).sum())) for field in drawn]
+        self._patterns = [
+            field * self._near / length
+            for field, length in zip(drawn, lengths, strict=True)
+            if length > _FLAT
+        ]
+        self._alike = float((self._patterns[0] * self._patterns[-1]).sum()) if self._patterns else 0.0
+        own = by_sun[covered]
+        self.brightest = float(np.percentile(own, 95))
+        self.lit_px = int((own > max(_LIT * float(own.max()), _FLAT)).sum())
 
-    def fit(self, light: Float32Array) -> DrawingFit | None:
-        """How well it fits a picture's light (H, W); None where the picture is too bright to tell."""
-        if self._pattern is None:
-            return None
-        step = self._step_px
-        height, width = light.shape[0] // step, light.shape[1] // step
-        small = cv2.resize(
-            light[: height * step, : width * step], (width, height), interpolation=cv2.INTER_AREA
-        )
-        seen = self._crop(small.astype(np.float32), "edge")
-        if (seen[self._covered] >= SATURATED).mean() > MOST_SATURATED:
-            return None
-        slopes = _slopes(seen, self._covered)
-        product, total, squares = (
-            cv2.matchTemplate(a, b, cv2.TM_CCORR)
-            for a, b in ((slopes, self._pattern), (slopes, self._weight), (slopes**2, self._weight))
-        )
-        spread = squares - total**2 / float(self._weight.sum())
-        found: FloatArray = product / np.sqrt(np.maximum(spread, _FLAT))
+    def correlation(self, slopes: Slopes) -> float:
+        """Of the slopes of a picture with the drawing's, where it is."""
+        field = slopes.field[:, self._rows, self._columns]
+        seen = float(((field**2).sum(axis=0) * self._near).sum())
+        products = np.array([float((field * pattern).sum()) for pattern in self._patterns])
+        return float(self._mixed(products[:, None, None], np.array([[seen]]))[0, 0])
+
+    def fit(self, slopes: Slopes) -> DrawingFit:
+        """How well it fits a picture, shifted as is best."""
+        field = np.ascontiguousarray(self._around(slopes.field))
+        steepness = np.asarray((field**2).sum(axis=0))
+        seen = cv2.matchTemplate(steepness, self._near, cv2.TM_CCORR)
+        products = [
+            cv2.matchTemplate(field[0], pattern[0], cv2.TM_CCORR)
+            + cv2.matchTemplate(field[1], pattern[1], cv2.TM_CCORR)
+            for pattern in self._patterns
+        ]
+        found = self._mixed(np.array(products, dtype=np.float64), seen)
         v, u = np.unravel_index(int(found.argmax()), found.shape)
-        shift = int(u) - _REACH, int(v) - _REACH
-        return DrawingFit(
-            correlation=float(found[_REACH, _REACH]),
-            shift_px=(shift[0] * step, shift[1] * step),
-            best=float(found[v, u]),
-            steps=max(abs(each) for each in shift),
-        )
+        shift, best = (int(u) - REACH_PX, int(v) - REACH_PX), float(found[v, u])
+        drops = [
+            best - float(found[REACH_PX - by_v, REACH_PX - by_u])
+            if max(abs(shift[0] + by_u), abs(shift[1] + by_v)) >= SHIFT_PX
+            else 0.0
+            for by_u, by_v in _SHIFTS
+        ]
+        return DrawingFit(float(found[REACH_PX, REACH_PX]), shift, best, min(drops))
 
-    def _crop(self, array: Float32Array, beyond: Literal["edge", "constant"]) -> Float32Array:
-        """What is around the bodies of an array (h, w), also beyond the image."""
-        (height, width), (top, left) = self._size, (self._top, self._left)
-        bottom, right = top + height, left + width
-        inside = array[max(top, 0) : bottom, max(left, 0) : right]
-        pad = (
-            (max(-top, 0), max(bottom - array.shape[0], 0)),
-            (max(-left, 0), max(right - array.shape[1], 0)),
-        )
-        return np.ascontiguousarray(np.pad(inside, pad, mode=beyond))
+    def _around(self, field: Float32Array) -> Float32Array:
+        """The field (2, H, W) as far as shifts reach, 0 beyond the image."""
+        height, width = field.shape[1:]
+        ends = (self._rows, height), (self._columns, width)
+        cut = [slice(max(s.start - REACH_PX, 0), min(s.stop + REACH_PX, size)) for s, size in ends]
+        pad = [(max(REACH_PX - s.start, 0), max(s.stop + REACH_PX - size, 0)) for s, size in ends]
+        return np.pad(field[:, cut[0], cut[1]], [(0, 0), *pad])
+
+    def _mixed(self, products: FloatArray, seen: AnyArray) -> FloatArray:
+        """(h, w) correlation with the mix of the drawings, none of them negative, that correlates most.
+
+        Args:
+            products: (P, h, w) of each drawing's slopes with the picture's.
+            seen: (h, w) squares of the picture's.
+        """
+        if not len(products):
+            return np.zeros(seen.shape)
+        most = np.maximum(products.max(axis=0), 0)
+        if len(products) == 2 and self._alike < _ALIKE:
+            one, other = products
+            shares = one - self._alike * other, other - self._alike * one
+            both = (shares[0] * one + shares[1] * other) / (1 - self._alike**2)
+            is_mix = (shares[0] > 0) & (shares[1] > 0)
+            most = np.where(is_mix, np.sqrt(np.maximum(both, 0)), most)
+        return np.asarray(most / np.sqrt(np.maximum(seen, _FLAT)))
 
 
-def drawing_of(case: Case, reflectance: FloatArray) -> Drawing | None:
-    """What the Sun shows by a frame's labels; None where that is too little to compare.
+@dataclass(frozen=True)
+class Scene:
+    """What light shows of a frame by its labels.
+
+    Attributes:
+        drawings: of each body that is large enough, by its name; the target's is empty.
+        sunlit: (H, W) cosine of the Sun's angle, 0 in shadow and where no body is.
+    """
+
+    drawings: dict[str, Drawing]
+    sunlit: Float32Array
+
+
+def scene_of(case: Case, reflectance: FloatArray) -> Scene:
+    """What light shows by a frame's labels.
 
     Args:
         case: the frame.
-        reflectance: (P,) of each part of the scene, of any scale.
+        reflectance: (P,) of each part of the scene.
     """
-    whole = case.hits.face >= 0
-    rows, columns = np.flatnonzero(whole.any(axis=1)), np.flatnonzero(whole.any(axis=0))
-    if not len(rows):
-        return None
-    step = 1 + int(max(np.ptp(rows), np.ptp(columns))) // _MOST_SIDE_PX
-    height, width = whole.shape[0] // step, whole.shape[1] // step
-    first = step // 2
-    covered = whole[first::step, first::step][:height, :width]
-    small_row, small_column = np.nonzero(covered)
-    if not len(small_row):
-        return None
-    row, column = first + step * small_row, first + step * small_column
+    cosines = [np.zeros(case.hits.face.shape, dtype=np.float32) for _ in range(2)]
+    row, column = np.nonzero(case.hits.face >= 0)
     sun_cam = case.target.R_cam_from_body @ np.array(case.labels.sun_direction_body)
     normal = case.normals_of_faces(case.hits.face[row, column], row)
     rays = case.camera.rays(np.stack([column, row], axis=-1))
-    light = np.maximum(-np.sum(normal * sun_cam, axis=1) * np.sign(np.sum(normal * rays, axis=1)), 0)
-    if case.camera.line_time_s == 0:
-        light *= np.mean(sunlit(case, row, column), axis=0)
-    light *= reflectance[case.part_seen[row, column]]
-    lit = light > _LIT * np.percentile(light, _WHITE_PERCENTILE)
-    if lit.sum() < LEAST_LIT_PX or lit.mean() < LEAST_LIT:
-        return None
-    shown = np.zeros((height, width), dtype=np.float32)
-    shown[small_row, small_column] = light
-    return Drawing(shown, covered, step)
-
-
-def _slopes(light: Float32Array, covered: BoolArray) -> Float32Array:
-    """(h, w) how steeply the brightness changes, over that of the brightest of the bodies."""
-    white = max(float(np.percentile(light[covered], _WHITE_PERCENTILE)), 1e-9)
-    brightness = np.sqrt(np.clip(light / white, 0, 1)).astype(np.float32)
-    soft = cv2.GaussianBlur(brightness, (0, 0), _SMOOTH)
-    along_u, along_v = cv2.Sobel(soft, cv2.CV_32F, 1, 0), cv2.Sobel(soft, cv2.CV_32F, 0, 1)
-    return np.asarray(np.sqrt(np.hypot(along_u, along_v)), dtype=np.float32)
+    towards = np.sum(normal * rays, axis=1)
+    by_sun = np.maximum(-np.sum(normal * sun_cam, axis=1) * np.sign(towards), 0)
+    if case.camera.line_time_s == 0 and len(row):
+        by_sun *= np.mean(sunlit(case, row, column), axis=0)
+    cosines[0][row, column] = by_sun
+    cosines[1][row, column] = np.abs(towards) / np.linalg.norm(rays, axis=1)
+    shares = np.append(reflectance, 0).astype(np.float32)[case.part_seen]
+    lights = [shares * cosine for cosine in cosines]
+    drawings = {}
+    for body in case.bodies:
+        covered: BoolArray = case.body_seen == body.number
+        if covered.sum() >= LEAST_PX:
+            drawings[body.name] = Drawing(lights[0], lights[1], covered)
+    return Scene(drawings, cosines[0])

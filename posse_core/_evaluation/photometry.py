@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import permutations
 
 import numpy as np
 
-from posse_core._arrays import AnyArray, BoolArray, FloatArray
+from posse_core._arrays import AnyArray, BoolArray, Float32Array, FloatArray
 from posse_core._evaluation.case import Case
 from posse_core._imaging.image_sensor import FULL_WELL_E_M2, ImageSensor
 from posse_core._model.bands import SOLAR_BAND_FRACTIONS
@@ -31,17 +32,20 @@ METERED_ERROR = 0.3
 """How far the metered pixel may be from the level that auto exposure asks for, over it; noise and the
 lens come after the meter."""
 LEAST_METERED_PX = 400
-LEAST_COLOUR = 0.02
-"""Mean squared difference of the logarithms of two channels below which there is no colour."""
-COLOUR_LEAD = 0.6
-"""The reverse order of channels is a fault where it explains the parts' colours so much better, as a
-share."""
+LEAST_COLOUR, COLOUR_LEAD = 0.03, 0.35
+"""Another order of the channels is a fault where it explains the parts' colours better by so much: mean
+square of the logarithms of the channels over their mean, and the same as a share."""
+LEAST_SHADOW_PX, MOST_IN_SHADOW = 30, 0.3
+"""Of so many pixels without the Sun's light the middle one is not brighter, over a white plate in
+sunlight: the Earth gives less."""
 SATURATED = 0.98
 LEAST_SATURATING = 1.5
 """Light of a white plate that faces the Sun, over white, from which half of a craft may saturate."""
 MOST_NOISE = 0.05
 """Standard deviation of the darker half of a picture, over white, that is no sensor's noise."""
-_LEAST_PART_PX = 20
+_LEAST_PART_PX, _LEAST_COSINE, _DARK = 20, 0.05, 0.002
+_ORDERS = tuple(list(order) for order in permutations(range(3)))
+"""Of the channels; the first is as said."""
 _LEAST_CODED_STEPS = 12
 
 
@@ -149,39 +153,66 @@ def _is_lit(case: Case) -> bool:
     )
 
 
-def colour_fault(
-    case: Case, image: AnyArray, sensor: SensorConfig, base_colours: Sequence[FloatArray | None]
-) -> str | None:
-    """Whether blue, green, red would explain the colours of the parts better than red, green, blue.
+def shadow_faults(
+    case: Case, image: AnyArray, sensor: SensorConfig, sunlit: Float32Array
+) -> Iterator[str]:
+    """Whether what the Sun does not light is dark: in a negative picture it is bright.
 
-    base_colours: (3,) of each part of the scene, in order of their ids; None where it is not known.
+    sunlit: (H, W) cosine of the Sun's angle, 0 in shadow.
     """
-    if image.ndim != 3 or not _is_lit(case):  # the light of Earth and sky has a colour of its own
-        return None
+    if not case.has("exposure_s", "solar_flux_w_m2", "phase_angle_rad"):
+        return
+    labels = case.labels
+    white = white_share_s(sensor, case.camera, labels.solar_flux_w_m2) * labels.exposure_s
+    light = linear(image, sensor).mean(axis=2)
+    if labels.phase_angle_rad <= MOST_PHASE_RAD and white < LEAST_SATURATING:
+        saturated = float((light >= SATURATED).mean())
+        if saturated > 0.5:
+            yield f"{saturated:.0%} of the picture are saturated, and no white plate is at this exposure"
+            return
+    shadow = case.target.mask & (case.body_seen == 0) & (sunlit == 0)
+    if shadow.sum() >= LEAST_SHADOW_PX:
+        seen = float(np.median(light[shadow]))
+        if seen > MOST_IN_SHADOW * white:
+            yield f"the target's shadow is bright: {seen / white:.2g} of a white plate in sunlight"
+
+
+def colour_faults(
+    case: Case,
+    image: AnyArray,
+    sensor: SensorConfig,
+    base_colours: Sequence[FloatArray],
+    sunlit: Float32Array,
+) -> Iterator[str]:
+    """Whether another order of the channels would explain the colours of the parts better.
+
+    base_colours: (3,) of each part of the scene, in order of their ids.
+    sunlit: (H, W) cosine of the Sun's angle, 0 in shadow, where light has a colour of its own.
+    """
+    labels = case.labels
+    if image.ndim != 3 or not case.has("phase_angle_rad"):
+        return
+    if labels.sun_fraction_target < LEAST_SUNLIGHT or labels.phase_angle_rad > MOST_PHASE_RAD:
+        return
     light = linear(image, sensor)
     known, seen, weights = [], [], []
+    is_clear = (sunlit > _LEAST_COSINE) & (light.max(axis=2) < SATURATED) & (light.min(axis=2) > _DARK)
     for part, colour in enumerate(base_colours):
-        here: BoolArray = case.part_seen == part
-        if colour is None or here.sum() < _LEAST_PART_PX or min(colour) <= 0:
-            continue
-        own = light[here]
-        own = own[(own.max(axis=1) < SATURATED) & (own.min(axis=1) > 0.004)]
-        if len(own) >= _LEAST_PART_PX:
+        here: BoolArray = is_clear & (case.part_seen == part)
+        count = int(here.sum())
+        if count >= _LEAST_PART_PX and min(colour) > 0:
             known.append(_without_brightness(colour))
-            seen.append(_without_brightness(own.mean(axis=0)))
-            weights.append(len(own))
+            seen.append(_without_brightness(light[here].mean(axis=0)))
+            weights.append(count)
     if not known:
-        return None
+        return
     share = np.array(weights)[:, None] / sum(weights)
     expected, got = np.array(known), np.array(seen)
-    if float((share * expected**2).sum()) < LEAST_COLOUR:
-        return None
-    as_said, reversed_ = (
-        float((share * (order - expected) ** 2).sum()) for order in (got, got[:, ::-1])
-    )
-    if reversed_ < (1 - COLOUR_LEAD) * as_said:
-        return "the colour channels are in the order BGR, not RGB"
-    return None
+    as_said, *others = (float((share * (got[:, order] - expected) ** 2).sum()) for order in _ORDERS)
+    best = int(np.argmin(others))
+    if others[best] < (1 - COLOUR_LEAD) * as_said and as_said - others[best] > LEAST_COLOUR:
+        names = "".join("RGB"[channel] for channel in np.argsort(_ORDERS[best + 1]))
+        yield f"the colour channels are in the order {names}, not RGB"
 
 
 def _without_brightness(colour: FloatArray) -> FloatArray:

@@ -1,68 +1,64 @@
 """Whether the pictures show what their labels say.
 
-The outline of each body's mask is compared with the edges of the picture (:mod:`outlines`): a picture
-that is shifted, mirrored, or of another frame does not fit. Only points that must be seen count: those
-whose surface the Sun lights by the labels, and those before something bright. What the Sun shows of the
-bodies is compared too (:mod:`drawings`), with the picture, its mirror images and those of the frames
-beside. A frame in which too little is seen, because it is in eclipse, backlit, saturated, too small, or
-blurred by motion, proves nothing either way, and is counted as such.
+What light shows of each body by the labels (:mod:`drawings`) is compared with the picture, shifted and
+not, with its mirror images, and with the pictures of the frames beside. A picture is proven if it fits
+best where it is, and so sharply that a shift of 2 px in any direction would be told. A frame in which
+too little is seen, because it is in eclipse, backlit, saturated, too small, or blurred by motion, proves
+nothing either way, and is counted as such.
 """
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from posse_core._arrays import AnyArray, BoolArray, Float32Array
+from posse_core._arrays import AnyArray, Float32Array
 from posse_core._dataset.files import read_image
 from posse_core._dataset.layout import inside
 from posse_core._errors import InputError
 from posse_core._evaluation.case import Case
-from posse_core._evaluation.drawings import Drawing, DrawingFit, drawing_of
-from posse_core._evaluation.outlines import Edges, Fit
+from posse_core._evaluation.drawings import SHIFT_PX, DrawingFit, Scene, Slopes, scene_of
 from posse_core._evaluation.photometry import (
     MOST_NOISE,
     SATURATED,
     brightness_faults,
-    colour_fault,
+    colour_faults,
     format_faults,
+    shadow_faults,
     white_share_s,
 )
 from posse_core._evaluation.result import Fault, Result
 from posse_core._evaluation.scenarios import Scenarios
-from posse_core._evaluation.views import View, views_of
 from posse_core._model.srgb import linear_from_srgb
 from posse_core._scenario.model import Scenario
 from posse_core._scenario.sensor import SensorConfig
 
 LEAST_SUNLIGHT = 0.3
 """Least share of the Sun's disc that must light the spacecraft."""
-BRIGHT = 0.02
-"""Light, as a share of white, before which a dark spacecraft has an edge; of a shorter exposure than one
-that shows a white plate in sunlight as white, as much less."""
-LEAST_POWER = 4.5
-"""Least :attr:`Fit.power` of a body that proves anything."""
-OTHER_SHARE, OTHER_SHARE_BEFORE_LIGHT = 0.3, 0.1
-"""A picture whose edges fit the outline by less than this share shows something else; clouds behind the
-whole of it leave less of a fit."""
-SHIFT_PX, SHIFT_GAIN, SHIFT_SHARE, SHIFT_POWER = 2, 1.2, 0.5, 6.0
-"""Least shift of a picture that is a fault; how much better, and how well, it must fit with it; and the
-least :attr:`Fit.power` of the points that tell it."""
-RIVAL_SHARE, RIVAL_LEAD = 0.5, 0.2
-"""How well a mirrored picture or another frame's outline must fit, and by how much better."""
-DRAWN_LEAST = 0.2
-"""A picture that correlates less with what the Sun shows is of something else, unless the target's
-outline fits."""
-DRAWN_BEST, DRAWN_LEAD, DRAWN_GAIN = 0.4, 0.1, 0.04
-"""Least correlation of a mirrored or shifted picture, or of another frame; and by how much more it must
-be than the picture's own, for these and for a shift."""
+LEAST_LIT_PX, LEAST_BRIGHTNESS = 100, 6.0
+"""A target of which the Sun lights so many pixels, so bright over the picture's noise and over a step of
+its numbers, must be seen."""
+MOST_SATURATED = 0.3
+"""Share of the target's pixels that are as white as can be, from which their slopes are lost."""
+OTHER_SHARE = 0.2
+"""A picture that correlates less with the drawing of a target that must be seen shows something else."""
+PROVEN_SHARE, PROVEN_SHARPNESS = 0.3, 0.04
+"""Least correlation, and least :attr:`DrawingFit.sharpness`, of a picture that is proven."""
+SHIFT_GAIN = 0.03
+"""By how much more a shifted picture must correlate."""
+RIVAL_SHARE, RIVAL_LEAD = 0.35, 0.05
+"""Least correlation of a mirrored picture or of another frame's drawing, and by how much it must be more
+than the picture's own."""
 MIRRORED = ((True, False), (False, True), (True, True))
 """Axes x and y in which a picture may be mirrored."""
-MOST_SMEAR_PX = 3.0
-"""Motion during the exposure above which the outline of the instant proves nothing."""
+MOST_SMEAR_PX, MOST_SMEARED = 3.0, 90
+"""Motion during the exposure above which the pose of the instant proves nothing: this percentile of that
+of the target's vertices in the image."""
+REMEMBERED, _MOST_REMEMBERED_PX = 4, 1 << 23
+"""Frames before a frame whose pictures are compared with it, and the most pixels of them all."""
 
 
 def light_of(image: AnyArray, response: str) -> Float32Array:
@@ -81,27 +77,14 @@ def noise_of(light: Float32Array) -> float:
     return float(1.4826 / np.sqrt(2) * np.median(np.abs(difference)))
 
 
-@dataclass(frozen=True)
-class Subject:
-    """What the picture of a frame is compared with, by its labels.
-
-    Attributes:
-        views: the bodies whose masks are large enough.
-        drawing: what the Sun shows of the bodies; None where that is too little.
-    """
-
-    views: tuple[View, ...]
-    drawing: Drawing | None
-
-
 @dataclass
 class _Kept:
-    """A frame whose picture was compared, kept for the next; drawn is how its own drawing fits."""
+    """A frame whose picture was compared, kept for those after it; fits: of its own drawings."""
 
     index: int
-    light: Float32Array
-    subject: Subject
-    drawn: DrawingFit | None = None
+    slopes: Slopes
+    scene: Scene
+    fits: dict[str, DrawingFit] = field(default_factory=dict)
     is_at_fault: bool = False
 
 
@@ -110,22 +93,20 @@ class PictureChecks:
 
     def __init__(self, scenarios: Scenarios) -> None:
         self._scenarios = scenarios
-        self._outlines = Result("picture", "edges and shading are where the labels have them")
+        self._places = Result("picture", "outlines and shading are where the labels have them")
         self._light = Result(
             "light", "pictures are as bright, and as coloured, as sensor and Sun make them"
         )
         self._unproven: Counter[str] = Counter()
-        self._last: _Kept | None = None
+        self._before: deque[_Kept] = deque()
 
     @property
     def results(self) -> tuple[Result, ...]:
         """What was found so far; frames that prove nothing are not counted as checked, but told."""
         if self._unproven:
             reasons = ", ".join(f"{count} {why}" for why, count in sorted(self._unproven.items()))
-            self._outlines.proves = (
-                f"{self._outlines.proves.split('; ')[0]}; not to be proven: {reasons}"
-            )
-        return self._outlines, self._light
+            self._places.proves = f"{self._places.proves.split('; ')[0]}; not to be proven: {reasons}"
+        return self._places, self._light
 
     def check(self, case: Case) -> None:
         """Check the picture of a frame whose label line is right."""
@@ -135,16 +116,13 @@ class PictureChecks:
             return  # said by ``files``
         self.compare(case, image)
 
-    def subject(self, case: Case) -> Subject:
+    def scene(self, case: Case) -> Scene:
         """What a frame's picture is compared with."""
-        scenario = self._scenarios.of(case.labels)
-        if scenario is None or not _is_by_sun(scenario):  # the light is not known
-            return Subject(tuple(views_of(case)), None)
         colours = self._scenarios.base_colours(case.labels)
         reflectance = np.array([colour.mean() for colour in colours])
         if len(reflectance) != len(case.parts):
             reflectance = np.ones(len(case.parts))
-        return Subject(tuple(views_of(case)), drawing_of(case, reflectance))
+        return scene_of(case, reflectance)
 
     def compare(self, case: Case, image: AnyArray) -> None:
         """Check a frame's picture (H, W) or (H, W, 3), uint8 or uint16."""
@@ -152,164 +130,141 @@ class PictureChecks:
         if image.shape[:2] != (case.camera.height_px, case.camera.width_px):
             return
         sensor = self._scenarios.sensor(labels)
+        has_labels = case.has("mask_rle", "q_cam_from_body", "t_body_cam_m", "sun_direction_body")
+        why = _why_not(case) if has_labels else ""
+        scene = self.scene(case) if why is None else None
         self._light.checked += 1
         if sensor is not None:
             wrong = list(format_faults(image, sensor))
-            wrong = wrong or list(self._light_faults(case, image, sensor))
+            wrong = wrong or list(self._light_faults(case, image, sensor, scene))
             self._light.faults += [Fault(labels.index, text) for text in wrong]
-        if not case.has("mask_rle", "q_cam_from_body", "t_body_cam_m", "sun_direction_body"):
-            return
-        light = light_of(image, "linear" if sensor is None else sensor.response)
-        why = _why_not(case)
-        if why is not None:
+        if why:
             self._unproven[why] += 1
-            return
-        subject = self.subject(case)
+        if scene is not None:
+            light = light_of(image, "linear" if sensor is None else sensor.response)
+            self._compare_places(case, sensor, light, scene)
+
+    def _compare_places(
+        self, case: Case, sensor: SensorConfig | None, light: Float32Array, scene: Scene
+    ) -> None:
+        labels = case.labels
         noise = noise_of(light)
         if noise > MOST_NOISE:
-            self._outlines.checked += 1
+            self._places.checked += 1
             text = f"the picture is noise: neighbours differ by {noise:.2g} of white"
-            self._outlines.faults.append(Fault(labels.index, text))
+            self._places.faults.append(Fault(labels.index, text))
             return
-        kept, last = _Kept(labels.index, light, subject), self._last
-        self._last = kept
-        least_bright = BRIGHT * _exposure_share(case, sensor)
-        faults, is_proven, is_like_target = [], False, False
-        for view in subject.views:
-            edges = Edges(light, view.outline, noise)
-            bright = (edges.beside > least_bright) & (edges.beside < SATURATED)
-            fit = edges.fit(view.lit | bright)
-            if fit is None or fit.power < LEAST_POWER:
-                continue
-            is_proven = True
-            is_like_target |= view.is_target and fit.share > RIVAL_SHARE
-            fault = _outline_fault(view, edges, fit, bright, kept, last, noise, least_bright)
-            if fault is not None:
-                faults.append(f"{fault} (outline of {view.name})")
-        if subject.drawing is not None:
-            kept.drawn = subject.drawing.fit(light)
-        if kept.drawn is not None:
-            is_proven = True
-            faults += _drawn_faults(kept, last, is_like_target)
-        if not is_proven:
-            self._unproven["too small, dark or bright" if subject.views else "too small"] += 1
-            return
-        self._outlines.checked += 1
-        if last is not None and not last.is_at_fault and _shows(last, kept):
-            text = f"the picture shows frame {kept.index}: what the Sun shows then fits it better"
-            self._outlines.faults.append(Fault(last.index, text))
+        kept = _Kept(labels.index, Slopes(light), scene)
+        kept.fits = {name: drawing.fit(kept.slopes) for name, drawing in scene.drawings.items()}
+        faults = list(self._faults(kept))
+        if not faults and self._must_be_seen(case, sensor, light, noise, scene):
+            faults += _something_else(kept.fits[""])
+        of_earlier = [each for each in self._before if not each.is_at_fault and _shows(each, kept)]
+        text = f"the picture shows frame {kept.index}: what light shows then fits it better"
+        self._places.faults += [Fault(each.index, text) for each in of_earlier]
         kept.is_at_fault = bool(faults)
-        self._outlines.faults += [Fault(labels.index, text) for text in faults[:1]]
+        self._places.faults += [Fault(labels.index, text) for text in faults[:1]]
+        self._remember(kept)
+        if faults or _is_proven(kept.fits):
+            self._places.checked += 1
+        else:
+            self._unproven["too small, dark or bright" if scene.drawings else "too small"] += 1
 
-    def _light_faults(self, case: Case, image: AnyArray, sensor: SensorConfig) -> Iterator[str]:
+    def _remember(self, kept: _Kept) -> None:
+        self._before.append(kept)
+        most = min(REMEMBERED, max(1, _MOST_REMEMBERED_PX // kept.slopes.field[0].size))
+        while len(self._before) > most:
+            self._before.popleft()
+
+    def _faults(self, kept: _Kept) -> Iterator[str]:
+        """What is wrong with a picture that the drawings of its labels fit as they do."""
+        for name, drawing in kept.scene.drawings.items():
+            fit = kept.fits[name]
+            said = f" ({name})" if name else ""
+            for x, y in MIRRORED:
+                if _is_better(drawing.correlation(kept.slopes.mirrored(x, y)), fit):
+                    axes = " and ".join("xy"[i] for i, on in enumerate((x, y)) if on)
+                    yield f"the picture is mirrored in {axes}: what light shows fits that better{said}"
+            for other in self._before:
+                rival = other.scene.drawings.get(name)
+                if rival is not None and _is_better(rival.correlation(kept.slopes), fit):
+                    yield (
+                        f"the picture shows frame {other.index}: what light shows then fits it"
+                        f" better{said}"
+                    )
+            gain = fit.best - fit.correlation
+            if fit.steps_px >= SHIFT_PX and gain > SHIFT_GAIN and fit.best > PROVEN_SHARE:
+                yield f"the picture is shifted by {fit.shift_px} px{said}"
+
+    def _must_be_seen(
+        self,
+        case: Case,
+        sensor: SensorConfig | None,
+        light: Float32Array,
+        noise: float,
+        scene: Scene,
+    ) -> bool:
+        """Whether the Sun shows enough of the target for any picture of it to correlate."""
+        drawing = scene.drawings.get("")
+        if drawing is None or drawing.lit_px < LEAST_LIT_PX:
+            return False
+        if not _is_by_sun(self._scenarios.of(case.labels)):
+            return False
+        if float((light[case.target.mask] >= SATURATED).mean()) > MOST_SATURATED:
+            return False
+        if sensor is None or not case.has("exposure_s", "solar_flux_w_m2"):
+            return True
+        labels = case.labels
+        white_s = white_share_s(sensor, case.camera, labels.solar_flux_w_m2)
+        step = (1 / 12.92 if sensor.response == "srgb" else 1) / (2**sensor.bit_depth - 1)
+        seen = white_s * labels.exposure_s * labels.sun_fraction_target * drawing.brightest
+        return bool(seen > LEAST_BRIGHTNESS * max(noise, step))
+
+    def _light_faults(
+        self, case: Case, image: AnyArray, sensor: SensorConfig, scene: Scene | None
+    ) -> Iterator[str]:
         by_sun = _is_by_sun(self._scenarios.of(case.labels))
         yield from brightness_faults(case, image, sensor, by_sun=by_sun)
-        if by_sun and image.ndim == 3 and case.has("q_cam_from_body", "t_body_cam_m"):
+        if by_sun and scene is not None:
+            yield from shadow_faults(case, image, sensor, scene.sunlit)
             colours = self._scenarios.base_colours(case.labels)
             if len(colours) == len(case.parts):
-                fault = colour_fault(case, image, sensor, colours)
-                if fault is not None:
-                    yield fault
+                yield from colour_faults(case, image, sensor, colours, scene.sunlit)
 
 
 def _is_by_sun(scenario: Scenario | None) -> bool:
     """Whether the Sun is the brightest light, and not the light boxes of a laboratory."""
-    return scenario is None or scenario.sky.laboratory is None
+    laboratory = None if scenario is None else scenario.sky.laboratory
+    return laboratory is None or not any(laboratory.boxes)
 
 
-def _outline_fault(
-    view: View,
-    edges: Edges,
-    fit: Fit,
-    bright: BoolArray,
-    kept: _Kept,
-    last: _Kept | None,
-    noise: float,
-    least_bright: float,
-) -> str | None:
-    """What is wrong with a picture that an outline fits so; bright: (N,) points before light."""
-    chosen, light = view.lit | bright, kept.light
-    best_rival, what = 0.0, ""
-    for x, y in MIRRORED:
-        rival = Edges(light, view.outline.mirrored(light.shape, x, y), noise).fit(chosen)
-        if rival is not None and rival.power >= LEAST_POWER and rival.share > best_rival:
-            best_rival, what = rival.share, _mirrored(x, y)
-    if last is not None:
-        other = next((each for each in last.subject.views if each.name == view.name), None)
-        if other is not None:
-            others = Edges(light, other.outline, noise)
-            beside = (others.beside > least_bright) & (others.beside < SATURATED)
-            rival = others.fit(other.lit | beside)
-            if rival is not None and rival.power >= LEAST_POWER and rival.share > best_rival:
-                best_rival, what = rival.share, f"shows frame {last.index}"
-    if best_rival > RIVAL_SHARE and best_rival - fit.share > RIVAL_LEAD:
-        return f"the picture {what}: its edges fit that better"
-    # Before clouds, and where the spacecraft is thin, another edge may be the stronger one.
-    moved = edges.fit(view.lit & view.outline.deep)
-    if (
-        moved is not None
-        and moved.power >= SHIFT_POWER
-        and max(abs(shift) for shift in moved.shift_px) >= SHIFT_PX
-        and moved.gain > SHIFT_GAIN
-        and moved.best > SHIFT_SHARE
-    ):
-        return f"the picture is shifted by {moved.shift_px} px"
-    before_light = float((bright & chosen).sum() / chosen.sum())
-    least = OTHER_SHARE + before_light * (OTHER_SHARE_BEFORE_LIGHT - OTHER_SHARE)
-    if view.is_target and fit.share < least:
-        return f"the picture shows something else: its edges fit by {max(fit.share, 0):.0%}"
-    return None
-
-
-def _mirrored(x: bool, y: bool) -> str:
-    return f"is mirrored in {' and '.join('xy'[i] for i, on in enumerate((x, y)) if on)}"
-
-
-def _drawn_faults(kept: _Kept, last: _Kept | None, is_like_target: bool) -> Iterator[str]:
-    """What is wrong with a picture that the drawing of its labels fits as it does; is_like_target:
-    the target's outline is there, and so is not something else."""
-    drawing, drawn, light = kept.subject.drawing, kept.drawn, kept.light
-    if drawing is None or drawn is None:
-        return
-    for x, y in MIRRORED:
-        mirror = light[:: -1 if y else 1, :: -1 if x else 1]
-        if _is_better(drawing.fit(np.ascontiguousarray(mirror)), drawn):
-            yield f"the picture {_mirrored(x, y)}: what the Sun shows fits that better"
-    before = None if last is None else last.subject.drawing
-    if last is not None and before is not None and _is_better(before.fit(light), drawn):
-        yield f"the picture shows frame {last.index}: what the Sun shows then fits it better"
-    gain = drawn.best - drawn.correlation
-    if drawn.steps >= SHIFT_PX and gain > DRAWN_GAIN and drawn.best > DRAWN_BEST:
-        yield f"the picture is shifted by {drawn.shift_px} px"
-    if drawn.correlation < DRAWN_LEAST and not is_like_target:
+def _something_else(fit: DrawingFit) -> Iterator[str]:
+    if fit.correlation < OTHER_SHARE:
         yield (
-            "the picture shows something else: it correlates with what the Sun shows by"
-            f" {drawn.correlation:.0%}"
+            "the picture shows something else: it correlates with what light shows by"
+            f" {fit.correlation:.0%}"
         )
 
 
-def _is_better(rival: DrawingFit | None, own: DrawingFit) -> bool:
-    return (
-        rival is not None
-        and rival.correlation > DRAWN_BEST
-        and rival.correlation - own.correlation > DRAWN_LEAD
+def _is_better(rival: float, own: DrawingFit) -> bool:
+    return rival > RIVAL_SHARE and rival - own.correlation > RIVAL_LEAD
+
+
+def _shows(earlier: _Kept, kept: _Kept) -> bool:
+    """Whether an earlier picture is explained better by a frame's labels."""
+    return any(
+        name in earlier.fits and _is_better(drawing.correlation(earlier.slopes), earlier.fits[name])
+        for name, drawing in kept.scene.drawings.items()
     )
 
 
-def _shows(last: _Kept, kept: _Kept) -> bool:
-    """Whether the last picture is explained better by this frame's labels."""
-    drawing = kept.subject.drawing
-    if drawing is None or last.drawn is None:
-        return False
-    return _is_better(drawing.fit(last.light), last.drawn)
-
-
-def _exposure_share(case: Case, sensor: SensorConfig | None) -> float:
-    """How bright the exposure shows a white plate in sunlight, at most 1."""
-    if sensor is None or not case.has("exposure_s", "solar_flux_w_m2"):
-        return 1.0
-    white_s = white_share_s(sensor, case.camera, case.labels.solar_flux_w_m2)
-    return min(1.0, white_s * case.labels.exposure_s)
+def _is_proven(fits: dict[str, DrawingFit]) -> bool:
+    """Whether the target is seen where it is, or the bodies beside one that is too small or outside."""
+    decisive = [fits[""]] if "" in fits else fits.values()
+    return any(
+        fit.steps_px < SHIFT_PX and fit.correlation > PROVEN_SHARE and fit.sharpness > PROVEN_SHARPNESS
+        for fit in decisive
+    )
 
 
 def _why_not(case: Case) -> str | None:
@@ -319,14 +274,14 @@ def _why_not(case: Case) -> str | None:
 
 
 def smear_px(case: Case) -> float:
-    """How far the target's image moves during the exposure, at most."""
+    """How far the target's vertices in the image move during the exposure, most of them."""
     labels = case.labels
     if not case.has("exposure_s", "v_body_cam_m_s", "omega_body_rad_s", "omega_camera_rad_s"):
         return 0.0
-    t_m = np.array(labels.t_body_cam_m)
-    turn = case.target.R_cam_from_body @ np.array(labels.omega_body_rad_s)
-    radius_m = case.target.size_m / 2
-    v_m_s = np.array(labels.v_body_cam_m_s) - np.cross(np.array(labels.omega_camera_rad_s), t_m)
-    fastest_m_s = np.linalg.norm(v_m_s) + np.linalg.norm(turn) * radius_m
-    distance_m = max(float(t_m[2]) - radius_m, 0.1 * radius_m)
-    return float(fastest_m_s * labels.exposure_s / distance_m * case.camera.fx_px)
+    at, later = (
+        case.camera.project(case.target.vertices_m(after_s)) for after_s in (0.0, labels.exposure_s)
+    )
+    is_seen = np.all((at >= 0) & (at < [case.camera.width_px, case.camera.height_px]), axis=1)
+    moved_px = np.linalg.norm(later - at, axis=1)[is_seen]
+    moved_px = moved_px[np.isfinite(moved_px)]
+    return float(np.percentile(moved_px, MOST_SMEARED)) if len(moved_px) else 0.0

@@ -18,6 +18,7 @@ from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.files import read_image
 from posse_core._dataset.layout import SCENARIO, inside
 from posse_core._errors import InputError
+from posse_core._evaluation.pictures import light_of
 from posse_core._evaluation.result import Fault, Result
 from posse_core._evaluation.scenarios import Scenarios
 from posse_core._model.label_line import LabelLine
@@ -30,9 +31,12 @@ AREA_PX = 5
 """Side of the squares whose means are compared, so that noise averages out."""
 MEAN_ERROR = 0.03
 """Mean difference of these over the mean brightness, at least of one step of 8 bits."""
+LIGHT_ERROR, LIGHT_PX = 0.03, 100
+"""Difference of the light of the whole picture, and of the target where it has so many pixels, over the
+light; all of their noise averages out. Exposures may differ by as much, since a meter sees noise."""
 PLACE_ERROR, PLACE_SHARE = 0.1, 0.005
 """Differences of a square, over white, that at most so many of the image's may exceed."""
-_OF_THE_FILES = ("image", "truth", "exposure_s", "sensors", "origin")
+_OF_THE_FILES = ("image", "truth", "sensors", "origin")
 
 
 def check_rendered(
@@ -55,12 +59,15 @@ def check_rendered(
             labels = dataset[position]
             made = simulator.frame(simulator.state(labels.index))
             result.checked += 1
-            faults = [*_picture(dataset, labels, made.image), *_labels(labels, made.labels)]
+            faults = [
+                *_picture(dataset, labels, made.image, scenario.sensor.response),
+                *_labels(labels, made.labels),
+            ]
             result.faults += [Fault(labels.index, text) for text in faults]
     return result
 
 
-def _picture(dataset: Dataset, labels: LabelLine, made: AnyArray) -> Iterator[str]:
+def _picture(dataset: Dataset, labels: LabelLine, made: AnyArray, response: str) -> Iterator[str]:
     try:
         there = read_image(inside(dataset.folder, labels.image))
     except InputError as error:
@@ -79,6 +86,16 @@ def _picture(dataset: Dataset, labels: LabelLine, made: AnyArray) -> Iterator[st
             f"the picture is not the one that is rendered anew: it differs by {mean:.1%} on the average,"
             f" and much in {share:.1%} of it"
         )
+        return
+    lights = [light_of(image, response).astype(np.float64) for image in (there, made)]
+    places = {"picture": np.ones(lights[0].shape, dtype=bool)}
+    if labels.has("mask_rle") and labels.mask_rle.mask().sum() >= LIGHT_PX:
+        places["target"] = labels.mask_rle.mask()
+    for what, where in places.items():
+        ours, theirs = (float(light[where].mean()) for light in lights)
+        if abs(ours - theirs) > LIGHT_ERROR * max(theirs, 1 / 255):
+            yield f"the {what} is {ours / max(theirs, 1e-9):.3g} times as bright as rendered anew"
+            return
 
 
 def _averaged(image: AnyArray) -> FloatArray:
@@ -89,6 +106,10 @@ def _averaged(image: AnyArray) -> FloatArray:
 
 def _labels(there: LabelLine, made: LabelLine) -> Iterator[str]:
     ours, theirs = (json.loads(line.to_json()) for line in (there, made))
+    if there.has("exposure_s") and made.has("exposure_s"):
+        one, other = (values.pop("exposure_s") for values in (ours, theirs))
+        if abs(one - other) > LIGHT_ERROR * other:
+            yield f"exposure_s is {one:.4g}, and rendered anew {other:.4g}"
     for key in sorted((ours.keys() | theirs.keys()) - set(_OF_THE_FILES)):
         if key not in ours or key not in theirs or not _alike(ours[key], theirs[key]):
             yield f"{key} is not what the scenario's annotators make"

@@ -29,8 +29,9 @@ _AROUND = 8
 """How far around a body slopes are compared, pixels."""
 REACH_PX = 7
 """The largest shift that is looked for."""
-SHIFT_PX = 2
-"""The least shift that counts."""
+SHIFT_PX, IS_SHIFTED_PX = 2, 1.25
+"""The shift that a proven picture would not hide; and the least place of the best correlation, along
+either axis and between pixels, that is a shift: it may be half a pixel off."""
 _SMOOTH_PX = 1.0
 _FLAT = 1e-9
 _ALIKE = 0.999
@@ -70,7 +71,7 @@ class DrawingFit:
 
     Attributes:
         correlation: of the slopes, 0 to 1.
-        shift_px: (2,) shift (u, v) of the picture by which it would be greatest.
+        shift_px: (2,) shift (u, v) of the picture by which it would be greatest, between pixels.
         best: the correlation with this shift.
         sharpness: by how much it exceeds that with another shift which would be taken for the right one,
             if the picture were shifted by :data:`SHIFT_PX` along either axis or both; the least of them,
@@ -78,14 +79,27 @@ class DrawingFit:
     """
 
     correlation: float
-    shift_px: tuple[int, int]
+    shift_px: tuple[float, float]
     best: float
     sharpness: float
 
     @property
-    def steps_px(self) -> int:
-        """The shift along the axis on which it is more."""
-        return max(abs(each) for each in self.shift_px)
+    def is_shifted(self) -> bool:
+        """Whether the shift is one."""
+        return _is_shift(*self.shift_px)
+
+
+def _is_shift(u_px: float, v_px: float) -> bool:
+    return max(abs(u_px), abs(v_px)) >= IS_SHIFTED_PX
+
+
+def _summit(values: FloatArray) -> float:
+    """Where a parabola through three values is highest, from the middle one; 0 of fewer."""
+    if len(values) < 3:
+        return 0.0
+    before, middle, after = (float(value) for value in values)
+    bend = before - 2 * middle + after
+    return (before - after) / (2 * bend) if bend < 0 else 0.0
 
 
 class Drawing:
@@ -148,14 +162,16 @@ class Drawing:
         ]
         found = self._mixed(np.array(products, dtype=np.float64), seen)
         v, u = np.unravel_index(int(found.argmax()), found.shape)
-        shift, best = (int(u) - REACH_PX, int(v) - REACH_PX), float(found[v, u])
+        u_px = int(u) - REACH_PX + _summit(found[v, max(u - 1, 0) : u + 2])
+        v_px = int(v) - REACH_PX + _summit(found[max(v - 1, 0) : v + 2, u])
+        best = float(found[v, u])
         drops = [
             best - float(found[REACH_PX - by_v, REACH_PX - by_u])
-            if max(abs(shift[0] + by_u), abs(shift[1] + by_v)) >= SHIFT_PX
+            if _is_shift(u_px + by_u, v_px + by_v)
             else 0.0
             for by_u, by_v in _SHIFTS
         ]
-        return DrawingFit(float(found[REACH_PX, REACH_PX]), shift, best, min(drops))
+        return DrawingFit(float(found[REACH_PX, REACH_PX]), (u_px, v_px), best, min(drops))
 
     def _around(self, field: Float32Array) -> Float32Array:
         """The field (2, H, W) as far as shifts reach, 0 beyond the image."""

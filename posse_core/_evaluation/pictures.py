@@ -20,7 +20,7 @@ from posse_core._dataset.files import read_image
 from posse_core._dataset.layout import inside
 from posse_core._errors import InputError
 from posse_core._evaluation.case import Case
-from posse_core._evaluation.drawings import SHIFT_PX, DrawingFit, Scene, Slopes, scene_of
+from posse_core._evaluation.drawings import DrawingFit, Scene, Slopes, scene_of
 from posse_core._evaluation.photometry import (
     MOST_NOISE,
     SATURATED,
@@ -193,8 +193,9 @@ class PictureChecks:
                         f" better{said}"
                     )
             gain = fit.best - fit.correlation
-            if fit.steps_px >= SHIFT_PX and gain > SHIFT_GAIN and fit.best > PROVEN_SHARE:
-                yield f"the picture is shifted by {fit.shift_px} px{said}"
+            if fit.is_shifted and gain > SHIFT_GAIN and fit.best > PROVEN_SHARE:
+                u_px, v_px = (round(each) for each in fit.shift_px)
+                yield f"the picture is shifted by ({u_px}, {v_px}) px{said}"
 
     def _must_be_seen(
         self,
@@ -262,7 +263,7 @@ def _is_proven(fits: dict[str, DrawingFit]) -> bool:
     """Whether the target is seen where it is, or the bodies beside one that is too small or outside."""
     decisive = [fits[""]] if "" in fits else fits.values()
     return any(
-        fit.steps_px < SHIFT_PX and fit.correlation > PROVEN_SHARE and fit.sharpness > PROVEN_SHARPNESS
+        not fit.is_shifted and fit.correlation > PROVEN_SHARE and fit.sharpness > PROVEN_SHARPNESS
         for fit in decisive
     )
 

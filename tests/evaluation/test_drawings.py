@@ -40,7 +40,7 @@ def test_a_drawing_fits_its_own_picture_at_any_exposure(faces, angle, exposure, 
     drawing = drawing_of(light, covered)
     got = drawing.fit(slopes)
     assert got.correlation > 0.6
-    assert got.shift_px == (0, 0)
+    assert got.shift_px == pytest.approx((0, 0), abs=0.6)
     assert drawing.correlation(slopes) == pytest.approx(got.correlation, abs=1e-4)
 
 
@@ -48,8 +48,8 @@ def test_a_drawing_fits_its_own_picture_at_any_exposure(faces, angle, exposure, 
 def test_the_shift_of_a_picture_is_found(faces, angle, u_px, v_px):
     light, covered = cube(faces, angle)
     got = drawing_of(light, covered).fit(Slopes(0.5 * np.roll(light, (v_px, u_px), axis=(0, 1))))
-    assert got.shift_px == (u_px, v_px)
-    assert got.steps_px == max(abs(u_px), abs(v_px))
+    assert got.shift_px == pytest.approx((u_px, v_px), abs=0.3)
+    assert got.is_shifted == (max(abs(u_px), abs(v_px)) >= 2)
     assert got.best == pytest.approx(1, abs=1e-3)
 
 
@@ -60,7 +60,7 @@ def test_the_sharpness_is_what_a_shifted_picture_loses(faces, angle, noise, seed
     picture = (light + noise * np.random.default_rng(seed).random(SHAPE)).astype(np.float32)
     drawing = drawing_of(light, covered)
     whole = drawing.fit(Slopes(picture))
-    assume(whole.shift_px == (0, 0))
+    assume(max(map(abs, whole.shift_px)) < 0.6)
     fits = [drawing.fit(Slopes(np.roll(picture, (v, u), axis=(0, 1)))) for u, v in DIRECTIONS]
     lost = [fit.best - fit.correlation for fit in fits]
     assert min(lost) == pytest.approx(whole.sharpness, abs=1e-3)
@@ -71,7 +71,7 @@ def test_a_bar_across_the_image_does_not_tell_a_shift_along_it():
     covered = np.abs(V - 60) < 10
     got = drawing_of(covered.astype(np.float32), covered).fit(Slopes(0.5 * covered.astype(np.float32)))
     assert got.correlation == pytest.approx(1, abs=1e-3)
-    assert got.sharpness < 1e-3
+    assert got.sharpness < 0.01
 
 
 @given(FACES, ANGLES, st.floats(1.2, 3.0))
@@ -81,7 +81,7 @@ def test_what_is_behind_may_be_brighter(faces, angle, behind):
     picture = np.where(covered, light, behind).astype(np.float32)
     got = drawing.fit(Slopes(picture))
     assert got.correlation > 0.5
-    assert got.shift_px == (0, 0)
+    assert got.shift_px == pytest.approx((0, 0), abs=0.6)
 
 
 @given(FACES, ANGLES)
@@ -125,7 +125,7 @@ def test_a_body_at_the_border_of_the_image_is_compared_where_it_is_seen():
     light, covered = cube([0.9, 0.5, 0.2], 0.4, u=4, v=3)
     got = drawing_of(light, covered).fit(Slopes(0.5 * light))
     assert got.correlation > 0.9
-    assert got.shift_px == (0, 0)
+    assert got.shift_px == pytest.approx((0, 0), abs=0.6)
 
 
 def test_a_black_picture_fits_nothing_and_a_white_one_tells_nothing():

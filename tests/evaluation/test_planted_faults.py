@@ -437,7 +437,7 @@ def test_image_of_another_size(folder):
 def test_image_of_another_frame(folder):
     shutil.copy(folder / "images/000001.png", folder / f"images/{FRAME:06d}.png")
     cuboid.seal(folder, 6)
-    assert_only(assert_found(folder, "twins", "same picture as frame 1"), "twins")
+    assert_only(assert_found(folder, "twins", "same picture as frame 1"), "picture", "twins")
 
 
 def test_file_without_a_frame(folder):

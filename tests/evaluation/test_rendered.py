@@ -36,7 +36,7 @@ def brighter(factor):
 def brighter_target(folder):
     """Only the target, as by a renderer with other materials."""
     mask = Dataset(folder).mask(1)
-    p.picture(1, lambda x: np.where(mask[..., None], brighter(1.1)(x), x))(folder)
+    p.picture(1, lambda x: np.where(mask[..., None], brighter(1.05)(x), x))(folder)
 
 
 @pytest.fixture(scope="module")

@@ -92,6 +92,21 @@ def scaled_model(folder):
     path.write_bytes(bytes(data))
 
 
+def halves_of_two(folder):
+    """As a file that a second writer began to overwrite: the craft is in both halves."""
+    other = cv2.imread(str(folder / "images/000002.png"), cv2.IMREAD_UNCHANGED)
+    p.picture(FRAME, lambda x: np.vstack([x[:80], other[80:]]))(folder)
+
+
+def enlarged(factor):
+    def alter(image):
+        height, width = image.shape[:2]
+        to = cv2.getRotationMatrix2D(((width - 1) / 2, (height - 1) / 2), 0, factor)
+        return cv2.warpAffine(image, to, (width, height))
+
+    return alter
+
+
 def first_rows_dropped(image):
     return cv2.resize(image[20:-20, 20:-20], image.shape[1::-1])
 
@@ -230,6 +245,28 @@ BESIDE = {
     ),
     "picture shifted up by 3 px": (p.picture(FRAME, shifted(0, -3)), "shifted by"),
     "picture shifted on both axes": (p.picture(FRAME, shifted(2, -2)), "shifted by (2, -2) px"),
+    "picture shifted on both axes, the other way": (
+        p.picture(FRAME, shifted(-2, -2)),
+        "shifted by (-2, -2) px",
+    ),
+    "picture shifted down by 2 px": (p.picture(FRAME, shifted(0, 2)), "shifted by (0, 2) px"),
+    "picture negative": (p.picture(FRAME, lambda x: 255 - x), "saturated"),
+    "picture negative, before a black sky": (
+        p.picture(FRAME, lambda x: np.where(x.max(axis=2, keepdims=True) > 8, 255 - x, x)),
+        "shadow is bright",
+    ),
+    "channels turned": (p.picture(FRAME, lambda x: x[..., [1, 2, 0]]), "channels are in the order"),
+    "channels turned the other way": (
+        p.picture(FRAME, lambda x: x[..., [2, 0, 1]]),
+        "channels are in the order",
+    ),
+    "picture with an alpha channel": (
+        p.picture(FRAME, lambda x: cv2.cvtColor(x, cv2.COLOR_BGR2BGRA)),
+        "alpha channel",
+    ),
+    "picture of a frame two later": (p.other_picture(0, 2), "the picture shows frame 2"),
+    "lower half of another frame": (halves_of_two, "the picture"),
+    "picture enlarged by 3 %": (p.picture(FRAME, enlarged(1.03)), "the picture"),
     "picture turned by 5°": (
         p.picture(
             FRAME,

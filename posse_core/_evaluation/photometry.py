@@ -7,7 +7,7 @@ from itertools import permutations
 
 import numpy as np
 
-from posse_core._arrays import AnyArray, BoolArray, Float32Array, FloatArray
+from posse_core._arrays import AnyArray, Float32Array, FloatArray
 from posse_core._evaluation.case import Case
 from posse_core._imaging.image_sensor import FULL_WELL_E_M2, ImageSensor
 from posse_core._model.bands import SOLAR_BAND_FRACTIONS
@@ -70,9 +70,10 @@ def linear(image: AnyArray, sensor: SensorConfig) -> FloatArray:
     """(H, W, C) light as a share of white, C = 1 or 3."""
     most = np.iinfo(image.dtype).max
     offset = sensor.offset_dn if sensor.response == "linear" else 0.0
-    light = (image.astype(np.float64) - offset) / most
+    curve = (np.arange(most + 1, dtype=np.float64) - offset) / most
     if sensor.response == "srgb":
-        light = linear_from_srgb(light)
+        curve = linear_from_srgb(curve)
+    light = curve[image]
     return light if light.ndim == 3 else light[..., None]
 
 
@@ -194,20 +195,21 @@ def colour_faults(
         return
     if labels.sun_fraction_target < LEAST_SUNLIGHT or labels.phase_angle_rad > MOST_PHASE_RAD:
         return
-    light = linear(image, sensor)
-    known, seen, weights = [], [], []
-    is_clear = (sunlit > _LEAST_COSINE) & (light.max(axis=2) < SATURATED) & (light.min(axis=2) > _DARK)
-    for part, colour in enumerate(base_colours):
-        here: BoolArray = is_clear & (case.part_seen == part)
-        count = int(here.sum())
-        if count >= _LEAST_PART_PX and min(colour) > 0:
-            known.append(_without_brightness(colour))
-            seen.append(_without_brightness(light[here].mean(axis=0)))
-            weights.append(count)
-    if not known:
+    row, column = np.nonzero((sunlit > _LEAST_COSINE) & (case.part_seen >= 0))
+    part, light = case.part_seen[row, column], linear(image[row, column][None], sensor)[0]
+    is_clear = (light.max(axis=1) < SATURATED) & (light.min(axis=1) > _DARK)
+    part, light = part[is_clear], light[is_clear]
+    counts = np.bincount(part, minlength=len(base_colours))
+    sums = [np.bincount(part, channel, minlength=len(base_colours)) for channel in light.T]
+    chosen = [
+        each for each in np.flatnonzero(counts >= _LEAST_PART_PX).tolist() if min(base_colours[each]) > 0
+    ]
+    if not chosen:
         return
-    share = np.array(weights)[:, None] / sum(weights)
-    expected, got = np.array(known), np.array(seen)
+    share = counts[chosen, None] / counts[chosen].sum()
+    expected = np.array([_without_brightness(base_colours[each]) for each in chosen])
+    means = np.stack(sums, axis=1)[chosen] / counts[chosen, None]
+    got = np.array([_without_brightness(each) for each in means])
     as_said, *others = (float((share * (got[:, order] - expected) ** 2).sum()) for order in _ORDERS)
     best = int(np.argmin(others))
     if others[best] < (1 - COLOUR_LEAD) * as_said and as_said - others[best] > LEAST_COLOUR:

@@ -47,11 +47,11 @@ OTHER_SHARE = 0.2
 """A picture that correlates less with the drawing of a target that must be seen shows something else."""
 PROVEN_SHARE, PROVEN_SHARPNESS = 0.3, 0.04
 """Least correlation, and least :attr:`DrawingFit.sharpness`, of a picture that is proven."""
-SHIFT_GAIN = 0.03
-"""By how much more a shifted picture must correlate."""
-RIVAL_SHARE, RIVAL_LEAD = 0.35, 0.05
-"""Least correlation of a mirrored picture or of another frame's drawing, and by how much it must be more
-than the picture's own."""
+SHIFT_GAIN, RIVAL_LEAD, BESIDE_LEAD = 0.03, 0.05, 0.1
+"""By how much more a shifted picture must correlate, a mirrored one or another frame's drawing, and both
+where only a body beside the target does: what is small may by chance."""
+RIVAL_SHARE = 0.35
+"""Least correlation of a mirrored picture or of another frame's drawing."""
 MIRRORED = ((True, False), (False, True), (True, True))
 """Axes x and y in which a picture may be mirrored."""
 MOST_SMEAR_PX, MOST_SMEARED = 3.0, 90
@@ -182,18 +182,19 @@ class PictureChecks:
             fit = kept.fits[name]
             said = f" ({name})" if name else ""
             for x, y in MIRRORED:
-                if _is_better(drawing.correlation(kept.slopes.mirrored(x, y)), fit):
+                if _is_better(name, drawing.correlation(kept.slopes.mirrored(x, y)), fit):
                     axes = " and ".join("xy"[i] for i, on in enumerate((x, y)) if on)
                     yield f"the picture is mirrored in {axes}: what light shows fits that better{said}"
             for other in self._before:
                 rival = other.scene.drawings.get(name)
-                if rival is not None and _is_better(rival.correlation(kept.slopes), fit):
+                if rival is not None and _is_better(name, rival.correlation(kept.slopes), fit):
                     yield (
                         f"the picture shows frame {other.index}: what light shows then fits it"
                         f" better{said}"
                     )
             gain = fit.best - fit.correlation
-            if fit.is_shifted and gain > SHIFT_GAIN and fit.best > PROVEN_SHARE:
+            least = BESIDE_LEAD if name else SHIFT_GAIN
+            if fit.is_shifted and gain > least and fit.best > PROVEN_SHARE:
                 u_px, v_px = (round(each) for each in fit.shift_px)
                 yield f"the picture is shifted by ({u_px}, {v_px}) px{said}"
 
@@ -247,14 +248,16 @@ def _something_else(fit: DrawingFit) -> Iterator[str]:
         )
 
 
-def _is_better(rival: float, own: DrawingFit) -> bool:
-    return rival > RIVAL_SHARE and rival - own.correlation > RIVAL_LEAD
+def _is_better(name: str, rival: float, own: DrawingFit) -> bool:
+    lead = BESIDE_LEAD if name else RIVAL_LEAD
+    return rival > RIVAL_SHARE and rival - own.correlation > lead
 
 
 def _shows(earlier: _Kept, kept: _Kept) -> bool:
     """Whether an earlier picture is explained better by a frame's labels."""
     return any(
-        name in earlier.fits and _is_better(drawing.correlation(earlier.slopes), earlier.fits[name])
+        name in earlier.fits
+        and _is_better(name, drawing.correlation(earlier.slopes), earlier.fits[name])
         for name, drawing in kept.scene.drawings.items()
     )
 

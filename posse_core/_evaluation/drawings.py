@@ -107,7 +107,7 @@ class Drawing:
 
     Attributes:
         lit_px: how many of the body's pixels the Sun lights.
-        brightest: how bright the Sun makes them, over a white plate that faces it.
+        brightness: how bright the Sun makes the middle one of them, over a white plate that faces it.
     """
 
     def __init__(self, by_sun: Float32Array, all_around: Float32Array, covered: BoolArray) -> None:
@@ -140,8 +140,9 @@ class Drawing:
         ]
         self._alike = float((self._patterns[0] * self._patterns[-1]).sum()) if self._patterns else 0.0
         own = by_sun[covered]
-        self.brightest = float(np.percentile(own, 95))
-        self.lit_px = int((own > max(_LIT * float(own.max()), _FLAT)).sum())
+        lit = own[own > max(_LIT * float(own.max()), _FLAT)]
+        self.lit_px = len(lit)
+        self.brightness = float(np.median(lit)) if len(lit) else 0.0
 
     def correlation(self, slopes: Slopes) -> float:
         """Of the slopes of a picture with the drawing's, where it is."""

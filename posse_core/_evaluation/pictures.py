@@ -219,7 +219,7 @@ class PictureChecks:
         labels = case.labels
         white_s = white_share_s(sensor, case.camera, labels.solar_flux_w_m2)
         step = (1 / 12.92 if sensor.response == "srgb" else 1) / (2**sensor.bit_depth - 1)
-        seen = white_s * labels.exposure_s * labels.sun_fraction_target * drawing.brightest
+        seen = white_s * labels.exposure_s * labels.sun_fraction_target * drawing.brightness
         return bool(seen > LEAST_BRIGHTNESS * max(noise, step))
 
     def _light_faults(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from datetime import datetime
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from posse_core._environment.time import Epoch
 from posse_core._errors import InputError
 from posse_core._evaluation.result import Fault, Result
 from posse_core._files.trajectory import load_trajectory
-from posse_core._model.label_line import LabelLine
+from posse_core._model.label_line import JointLabels, LabelLine
 from posse_core._model.trajectory import Trajectory
 
 ANGLE_ERROR_RAD = 1e-9
@@ -24,6 +25,11 @@ LENGTH_ERROR_SHARE = 1e-9
 """Of the position, over the range, and at least so many metres."""
 SPEED_ERROR_M_S = 1e-6
 TIME_ERROR_S = 1e-6
+STEADY_FRAMES, STEADY_SHARE, RATE_SHARE = 5, 1e-3, 0.01
+"""A joint that moves by so many frames as steadily as this has the rate by which it moves, as nearly as
+this; of fewer, or less steady ones, the values do not tell the rate between them."""
+WHOLE_TURN = 0.05
+"""How near to whole turns are some."""
 EARTH_ROTATION_ERROR_RAD = 1e-4
 """Of the Earth's rotation: 1.4 s, more than a leap second."""
 _J2000 = datetime(2000, 1, 1, 12)
@@ -38,15 +44,67 @@ def check_motion(dataset: Dataset) -> Result:
         result.faults.append(Fault(None, str(error)))
         return result
     result.faults += _trajectory_faults(trajectory)
+    joints: dict[tuple[str, str], list[JointState]] = {}
     for line in dataset.label_lines:
         labels = LabelLine.from_json(line)
         index = labels.index
+        for body, name, joint in _joints_of(labels):
+            state = JointState(index, labels.sequence, labels.t_s, joint.value, joint.rate)
+            joints.setdefault((body, name), []).append(state)
         result.checked += 1
         if index >= len(trajectory):
             result.faults.append(Fault(index, f"the trajectory has {len(trajectory)} frames"))
         else:
             result.faults += [Fault(index, message) for message in _faults(labels, trajectory, index)]
+    for (body, name), states in joints.items():
+        where = f"bodies.{body}.joints.{name}" if body else f"joints.{name}"
+        result.faults += [Fault(i, f"{where}: {text}") for i, text in rate_faults(states)]
     return result
+
+
+class JointState(NamedTuple):
+    """What a frame's labels say of a joint."""
+
+    frame: int
+    sequence: int
+    t_s: float
+    value: float
+    rate: float
+
+
+def _joints_of(labels: LabelLine) -> Iterator[tuple[str, str, JointLabels]]:
+    """Name of the body (empty for the target), of the joint, and its labels."""
+    beside = labels.bodies.items() if labels.has("bodies") else ()
+    for body, each in (("", labels), *beside):
+        if each.has("joints"):
+            yield from ((body, name, joint) for name, joint in each.joints.items())
+
+
+def rate_faults(states: Sequence[JointState]) -> Iterator[tuple[int, str]]:
+    """Index of each frame in which a joint that moves steadily has another rate, and what is wrong.
+
+    Args:
+        states: of one joint, by their frames.
+    """
+    indices, sequences, times_s, values, rates = (np.array(each) for each in zip(*states, strict=True))
+    for first in range(len(states) - STEADY_FRAMES + 1):
+        some = slice(first, first + STEADY_FRAMES)
+        steps_s = np.diff(times_s[some])
+        if len(set(sequences[some])) > 1 or (np.diff(indices[some]) != 1).any() or (steps_s <= 0).any():
+            continue
+        slopes = np.diff(values[some]) / steps_s
+        slope = float(slopes.mean())
+        if slope == 0 or np.abs(slopes - slope).max() > STEADY_SHARE * abs(slope):
+            continue
+        middle = first + STEADY_FRAMES // 2
+        # A joint that turns without end may turn by whole turns more between the frames.
+        turns = float((rates[middle] - slope) * steps_s.mean() / (2 * np.pi))
+        is_whole = round(turns) != 0 and abs(turns - round(turns)) < WHOLE_TURN
+        if abs(rates[middle] - slope) > RATE_SHARE * abs(slope) and not is_whole:
+            yield (
+                int(indices[middle]),
+                f"rate is {rates[middle]:.4g}, and it moves by {slope:.4g} a second",
+            )
 
 
 def _trajectory_faults(trajectory: Trajectory) -> Iterator[Fault]:

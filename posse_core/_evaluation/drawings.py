@@ -106,7 +106,8 @@ class Drawing:
     """What light would show of a body at a pose.
 
     Attributes:
-        lit_px: how many of the body's pixels the Sun lights.
+        px: number of the body's pixels.
+        lit_px: how many of them the Sun lights.
         brightness: how bright the Sun makes the middle one of them, over a white plate that faces it.
     """
 
@@ -140,6 +141,7 @@ class Drawing:
         ]
         self._alike = float((self._patterns[0] * self._patterns[-1]).sum()) if self._patterns else 0.0
         own = by_sun[covered]
+        self.px = len(own)
         lit = own[own > max(_LIT * float(own.max()), _FLAT)]
         self.lit_px = len(lit)
         self.brightness = float(np.median(lit)) if len(lit) else 0.0

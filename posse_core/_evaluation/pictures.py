@@ -43,13 +43,15 @@ LEAST_LIT_PX, LEAST_BRIGHTNESS = 100, 6.0
 its numbers, must be seen."""
 MOST_SATURATED = 0.3
 """Share of the target's pixels that are as white as can be, from which their slopes are lost."""
-OTHER_SHARE = 0.2
+OTHER_SHARE = 0.25
 """A picture that correlates less with the drawing of a target that must be seen shows something else."""
-PROVEN_SHARE, PROVEN_SHARPNESS = 0.3, 0.04
-"""Least correlation, and least :attr:`DrawingFit.sharpness`, of a picture that is proven."""
-SHIFT_GAIN, RIVAL_LEAD, BESIDE_LEAD = 0.03, 0.05, 0.1
+PROVEN_SHARE, PROVEN_MARGIN = 0.3, 0.01
+"""Least correlation of a picture that is proven, and by how much its :attr:`DrawingFit.sharpness` must
+exceed the gain by which a shift is told."""
+SHIFT_GAIN, RIVAL_LEAD, BESIDE_LEAD, BESIDE_PX = 0.03, 0.05, 0.1, 400
 """By how much more a shifted picture must correlate, a mirrored one or another frame's drawing, and both
-where only a body beside the target does: what is small may by chance."""
+where it is a body beside the target, or a target that need not be seen; of these, only one of so many
+pixels tells: a small one may look like what it is before or behind."""
 RIVAL_SHARE = 0.35
 """Least correlation of a mirrored picture or of another frame's drawing."""
 MIRRORED = ((True, False), (False, True), (True, True))
@@ -79,13 +81,40 @@ def noise_of(light: Float32Array) -> float:
 
 @dataclass
 class _Kept:
-    """A frame whose picture was compared, kept for those after it; fits: of its own drawings."""
+    """A frame whose picture was compared, kept for those after it.
+
+    Attributes:
+        must_be_seen: whether the Sun shows enough of the target for any picture of it to correlate.
+        fits: of its own drawings.
+    """
 
     index: int
     slopes: Slopes
     scene: Scene
+    must_be_seen: bool
     fits: dict[str, DrawingFit] = field(default_factory=dict)
     is_at_fault: bool = False
+
+    def lead(self, name: str, of_sure: float) -> float | None:
+        """By how much more something else must correlate with a body; None if the body tells nothing.
+
+        of_sure: where the body is the target, and must be seen.
+        """
+        if self.must_be_seen and not name:
+            return of_sure
+        return BESIDE_LEAD if self.scene.drawings[name].px >= BESIDE_PX else None
+
+    @property
+    def is_proven(self) -> bool:
+        """Whether the target is seen where it is, or a body beside one that is too small or outside."""
+        decisive = {"": self.fits[""]} if "" in self.fits else self.fits
+        return any(
+            (lead := self.lead(name, SHIFT_GAIN)) is not None
+            and fit.sharpness > lead + PROVEN_MARGIN
+            and fit.correlation > PROVEN_SHARE
+            and not fit.is_shifted
+            for name, fit in decisive.items()
+        )
 
 
 class PictureChecks:
@@ -154,18 +183,23 @@ class PictureChecks:
             text = f"the picture is noise: neighbours differ by {noise:.2g} of white"
             self._places.faults.append(Fault(labels.index, text))
             return
-        kept = _Kept(labels.index, Slopes(light), scene)
+        must_be_seen = self._must_be_seen(case, sensor, light, noise, scene)
+        kept = _Kept(labels.index, Slopes(light), scene, must_be_seen)
         kept.fits = {name: drawing.fit(kept.slopes) for name, drawing in scene.drawings.items()}
         faults = list(self._faults(kept))
-        if not faults and self._must_be_seen(case, sensor, light, noise, scene):
+        if must_be_seen and not faults:
             faults += _something_else(kept.fits[""])
-        of_earlier = [each for each in self._before if not each.is_at_fault and _shows(each, kept)]
+        of_earlier = [
+            each
+            for each in self._before
+            if not each.is_at_fault and list(_better(scene, each.slopes, each))
+        ]
         text = f"the picture shows frame {kept.index}: what light shows then fits it better"
         self._places.faults += [Fault(each.index, text) for each in of_earlier]
         kept.is_at_fault = bool(faults)
         self._places.faults += [Fault(labels.index, text) for text in faults[:1]]
         self._remember(kept)
-        if faults or _is_proven(kept.fits):
+        if faults or kept.is_proven:
             self._places.checked += 1
         else:
             self._unproven["too small, dark or bright" if scene.drawings else "too small"] += 1
@@ -178,25 +212,23 @@ class PictureChecks:
 
     def _faults(self, kept: _Kept) -> Iterator[str]:
         """What is wrong with a picture that the drawings of its labels fit as they do."""
-        for name, drawing in kept.scene.drawings.items():
-            fit = kept.fits[name]
-            said = f" ({name})" if name else ""
-            for x, y in MIRRORED:
-                if _is_better(name, drawing.correlation(kept.slopes.mirrored(x, y)), fit):
-                    axes = " and ".join("xy"[i] for i, on in enumerate((x, y)) if on)
-                    yield f"the picture is mirrored in {axes}: what light shows fits that better{said}"
-            for other in self._before:
-                rival = other.scene.drawings.get(name)
-                if rival is not None and _is_better(name, rival.correlation(kept.slopes), fit):
-                    yield (
-                        f"the picture shows frame {other.index}: what light shows then fits it"
-                        f" better{said}"
-                    )
-            gain = fit.best - fit.correlation
-            least = BESIDE_LEAD if name else SHIFT_GAIN
-            if fit.is_shifted and gain > least and fit.best > PROVEN_SHARE:
+        for x, y in MIRRORED:
+            axes = " and ".join("xy"[i] for i, on in enumerate((x, y)) if on)
+            for name in _better(kept.scene, kept.slopes.mirrored(x, y), kept):
+                yield f"the picture is mirrored in {axes}: what light shows fits that better{_of(name)}"
+        for other in self._before:
+            for name in _better(other.scene, kept.slopes, kept):
+                yield (
+                    f"the picture shows frame {other.index}: what light shows then fits it better"
+                    f"{_of(name)}"
+                )
+        for name, fit in kept.fits.items():
+            lead = kept.lead(name, SHIFT_GAIN)
+            if lead is None or not fit.is_shifted or fit.best <= PROVEN_SHARE:
+                continue
+            if fit.best - fit.correlation > lead:
                 u_px, v_px = (round(each) for each in fit.shift_px)
-                yield f"the picture is shifted by ({u_px}, {v_px}) px{said}"
+                yield f"the picture is shifted by ({u_px}, {v_px}) px{_of(name)}"
 
     def _must_be_seen(
         self,
@@ -206,7 +238,7 @@ class PictureChecks:
         noise: float,
         scene: Scene,
     ) -> bool:
-        """Whether the Sun shows enough of the target for any picture of it to correlate."""
+        """As :class:`_Kept` has it."""
         drawing = scene.drawings.get("")
         if drawing is None or drawing.lit_px < LEAST_LIT_PX:
             return False
@@ -248,27 +280,20 @@ def _something_else(fit: DrawingFit) -> Iterator[str]:
         )
 
 
-def _is_better(name: str, rival: float, own: DrawingFit) -> bool:
-    lead = BESIDE_LEAD if name else RIVAL_LEAD
-    return rival > RIVAL_SHARE and rival - own.correlation > lead
+def _better(scene: Scene, slopes: Slopes, kept: _Kept) -> Iterator[str]:
+    """Names of the bodies whose drawings in a scene fit slopes clearly better than a frame's own picture
+    fits its own."""
+    for name, own in kept.fits.items():
+        rival, lead = scene.drawings.get(name), kept.lead(name, RIVAL_LEAD)
+        if rival is None or lead is None or (lead == BESIDE_LEAD and rival.px < BESIDE_PX):
+            continue
+        correlation = rival.correlation(slopes)
+        if correlation > RIVAL_SHARE and correlation - own.correlation > lead:
+            yield name
 
 
-def _shows(earlier: _Kept, kept: _Kept) -> bool:
-    """Whether an earlier picture is explained better by a frame's labels."""
-    return any(
-        name in earlier.fits
-        and _is_better(name, drawing.correlation(earlier.slopes), earlier.fits[name])
-        for name, drawing in kept.scene.drawings.items()
-    )
-
-
-def _is_proven(fits: dict[str, DrawingFit]) -> bool:
-    """Whether the target is seen where it is, or the bodies beside one that is too small or outside."""
-    decisive = [fits[""]] if "" in fits else fits.values()
-    return any(
-        not fit.is_shifted and fit.correlation > PROVEN_SHARE and fit.sharpness > PROVEN_SHARPNESS
-        for fit in decisive
-    )
+def _of(name: str) -> str:
+    return f" ({name})" if name else ""
 
 
 def _why_not(case: Case) -> str | None:

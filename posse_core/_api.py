@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike
 from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.layout import SCENARIO
 from posse_core._detection.hypotheses import poses_of
-from posse_core._detection.known import built_in_shapes, target_shapes
-from posse_core._detection.models import open_models
+from posse_core._detection.opening import open_pose_detector
 from posse_core._detection.pnp import solve_pose
 from posse_core._detection.pose_detector import LEAST_SCORE, PoseDetector
 from posse_core._errors import ComponentError, InputError
@@ -29,7 +28,6 @@ from posse_core._scenario.component import ComponentChoice
 from posse_core._scenario.load import load_scenario, scenario_members
 from posse_core._scenario.model import Scenario
 from posse_core._scenario.track import read_track_config
-from posse_core._simulator.scene import named_craft
 from posse_core._simulator.simulator import Simulator
 
 ScenarioSource = str | Path | Mapping[str, Any]
@@ -203,24 +201,25 @@ def detector(
         least_score: detections below it are left out, 0 … 1; a third of it is enough where the pose is
             trusted.
         options: of the components that read the models, as in ``{"threads": 1}``.
-        target: the spacecraft that a shipped model is to know, and whose mesh gives boxes and refined
-            poses: a name, or the folder of its package; None means those whose name is that of a class.
+        target: the only spacecraft to find: the name that the model gives it, or the folder of its
+            package; None finds all that the model knows. The mesh of the package, or of the installed
+            spacecraft of that name, gives boxes and refined poses.
         refine: name of the refiner of poses, such as ``render-compare``, or a mapping of ``name`` and
             its options; None refines none.
 
     Raises:
-        InputError: a file is missing or not such a model, or no installed plugin ships one.
+        InputError: a file is missing or not such a model, or no installed plugin ships one; or the model
+            does not know the target.
     """
-    registry = load_plugins().registry
-    craft = None if target is None else named_craft(str(target), registry)
-    wanted = () if craft is None else (craft.name,)
-    found, finder = open_models(_path(boxes), _path(keypoints), registry, options or {}, wanted)
-    refiner = None if refine is None else ComponentChoice.model_validate(refine)
-    if craft is None:
-        shapes = built_in_shapes(found.classes, registry, refiner)
-    else:
-        shapes = target_shapes(craft, registry, refiner)
-    return PoseDetector(found, finder, least_score, shapes)
+    return open_pose_detector(
+        _path(boxes),
+        _path(keypoints),
+        load_plugins().registry,
+        options or {},
+        target=None if target is None else str(target),
+        refiner=None if refine is None else ComponentChoice.model_validate(refine),
+        least_score=least_score,
+    )
 
 
 def pose(

@@ -87,11 +87,8 @@ def command(
 
     from posse_core._dataset.files import read_image
     from posse_core._detection.draw import draw
-    from posse_core._detection.known import built_in_shapes, target_shapes
-    from posse_core._detection.models import open_models
-    from posse_core._detection.pose_detector import PoseDetector
+    from posse_core._detection.opening import open_pose_detector
     from posse_core._files.atomic import write_bytes
-    from posse_core._simulator.scene import named_craft
 
     if camera is not None and model is not None and keypoints is None:
         raise InputError("--camera: a pose needs keypoints; name their model by --keypoints")
@@ -101,30 +98,22 @@ def command(
     if refine and camera is None:
         raise InputError("--refine: poses need the camera; name it by --camera")
     intrinsics = None if camera is None else camera_named(camera)
-    craft = None
-    if target is not None and Path(target).is_dir():
-        craft = named_craft(target, registry)
-        target = craft.name
-    wanted = () if target is None else (target,)
     with phase("opening the models"):
-        boxes, finder = open_models(model, keypoints, registry, given, wanted)
-        if target is not None and target not in boxes.classes:
-            raise InputError(
-                f"--target {target}: the model knows {', '.join(boxes.classes)}; name another by --model"
-            )
-        shapes = None
-        if intrinsics is not None:
-            choice = refiner_choice(refine=refine, refiner=refiner, refine_ms=refine_ms)
-            if craft is not None:
-                shapes = target_shapes(craft, registry, choice)
-            else:
-                shapes = built_in_shapes(wanted or boxes.classes, registry, choice)
-    detector = PoseDetector(boxes, finder, score, shapes)
+        detector = open_pose_detector(
+            model,
+            keypoints,
+            registry,
+            given,
+            target=target,
+            refiner=refiner_choice(refine=refine, refiner=refiner, refine_ms=refine_ms),
+            least_score=score,
+            has_camera=intrinsics is not None,
+        )
     results = []
     with contextlib.nullcontext() if out is None else _made_folder(out, files) as folder:
         for path in files:
             image = read_image(path)
-            seen = [s for s in _seen(detector, image, intrinsics) if target in (None, s.detection.label)]
+            seen = _seen(detector, image, intrinsics)
             rows = [_as_json(sighting, is_posed=camera is not None) for sighting in seen]
             results.append({"image": str(path), "detections": rows})
             if folder is not None:

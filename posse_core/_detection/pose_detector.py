@@ -30,12 +30,14 @@ class PoseDetector:
         keypoints: KeypointFinder | None,
         least_score: float = LEAST_SCORE,
         shapes: Shapes | None = None,
+        target: str | None = None,
     ) -> None:
         self.classes: Sequence[str] = boxes.classes
         self._boxes = boxes
         self._keypoints = keypoints
         self._least_score = least_score
         self._shapes = shapes
+        self._target = target
 
     def detect(self, image: AnyArray) -> Sequence[Detection]:
         """Return the spacecraft in an image, best first, with keypoints if there is a model for them.
@@ -43,7 +45,7 @@ class PoseDetector:
         Args:
             image: (H, W) or (H, W, 3) red-green-blue, uint8 or uint16.
         """
-        found = [d for d in self._boxes.predict([image])[0] if d.score >= self._least_score]
+        found = [d for d in self._found(image) if d.score >= self._least_score]
         return found if self._keypoints is None else self._keypoints.find(image, found)
 
     def sightings(
@@ -67,9 +69,8 @@ class PoseDetector:
         """
         if self._keypoints is None:
             raise InputError("a pose needs keypoints; give a model that finds them")
-        found = self._boxes.predict([image])[0]
         given = self._keypoints, image, camera, self._shapes, self._least_score
-        return sightings_of(found, *given, sun_direction_cam)[0]
+        return sightings_of(self._found(image), *given, sun_direction_cam)[0]
 
     def pose(
         self, image: AnyArray, camera: Camera, sun_direction_cam: FloatArray | None = None
@@ -89,6 +90,11 @@ class PoseDetector:
         """
         seen = self.sightings(image, camera, sun_direction_cam)
         return next((each.pose for each in seen if each.pose is not None), None)
+
+    def _found(self, image: AnyArray) -> Sequence[Detection]:
+        """The boxes in an image; of the target alone, where one was named."""
+        found = self._boxes.predict([image])[0]
+        return found if self._target is None else [d for d in found if d.label == self._target]
 
     def close(self) -> None:
         """Close what refines poses; it is opened again when it is needed."""

@@ -102,13 +102,7 @@ class Shapes:
             return None
         if label not in self._casters:
             self._casters[label] = RayCaster(Scene(self._crafts[label], camera))
-        state = CraftState(
-            R_cam_from_body=pose.R_cam_from_body,
-            t_body_cam_m=pose.t_body_cam_m,
-            sun_direction_cam=np.array([0.0, 0.0, -1.0]),
-            sun_irradiance_rgb_w_m2=np.zeros(3),
-            sun_angular_radius_rad=0.0,
-        )
+        state = CraftState.unlit(pose.R_cam_from_body, pose.t_body_cam_m)
         box = visible_box(self._casters[label].through(camera).view(state))
         return None if box is None else np.array(box, np.float64)
 

@@ -252,7 +252,7 @@ def _spacecraft(object_: RigidObject, info: SpacecraftInfo) -> Spacecraft:
 
 
 def _state(body: BodyLabels, info: SpacecraftInfo) -> CraftState:
-    """The labelled state, under a Sun that nothing here depends on."""
+    """The labelled state, in no light."""
     rates = AT_REST
     if body.has("v_body_cam_m_s", "omega_body_rad_s", "omega_camera_rad_s"):
         rates = Rates(
@@ -267,13 +267,10 @@ def _state(body: BodyLabels, info: SpacecraftInfo) -> CraftState:
             np.array([getattr(each, key) for each in moving]) for key in ("value", "rate")
         )
         articulation = Articulation(info.joints, values, rates_of_joints)
-    return CraftState(
-        R_cam_from_body=matrix_from_quaternion(np.array(body.q_cam_from_body)),
-        t_body_cam_m=np.array(body.t_body_cam_m),
+    return CraftState.unlit(
+        matrix_from_quaternion(np.array(body.q_cam_from_body)),
+        np.array(body.t_body_cam_m),
         rates=rates,
         articulation=articulation,
         is_carried=body.has("is_carried") and body.is_carried,
-        sun_direction_cam=np.array([0.0, 0.0, -1.0]),
-        sun_irradiance_rgb_w_m2=np.zeros(3),
-        sun_angular_radius_rad=0.0,
     )

@@ -128,13 +128,7 @@ class SpeedImages(LabelledImages):
     def _labelled(self, position: int) -> LabelLine:
         frame = self._frames[position]
         view = self._caster.view(
-            CraftState(
-                R_cam_from_body=matrix_from_quaternion(frame.q_cam_from_body),
-                t_body_cam_m=frame.t_body_cam_m,
-                sun_direction_cam=np.array([0.0, 0.0, -1.0]),  # nothing here depends on it
-                sun_irradiance_rgb_w_m2=np.zeros(3),
-                sun_angular_radius_rad=0.0,
-            )
+            CraftState.unlit(matrix_from_quaternion(frame.q_cam_from_body), frame.t_body_cam_m)
         )
         return LabelLine.model_validate(
             {

@@ -214,6 +214,31 @@ class CraftState(BodyState):
     sun_angular_radius_rad: float = field(kw_only=True)
     others: tuple[BodyState, ...] = field(default=(), kw_only=True)
 
+    @classmethod
+    def unlit(
+        cls,
+        R_cam_from_body: FloatArray,
+        t_body_cam_m: FloatArray,
+        *,
+        rates: Rates = AT_REST,
+        articulation: Articulation = RIGID,
+        is_carried: bool = False,
+    ) -> Self:
+        """A state without sunlight, for what depends on geometry alone.
+
+        The arguments are as in :class:`BodyState`.
+        """
+        return cls(
+            R_cam_from_body,
+            t_body_cam_m,
+            rates=rates,
+            articulation=articulation,
+            is_carried=is_carried,
+            sun_direction_cam=np.array([0.0, 0.0, -1.0]),
+            sun_irradiance_rgb_w_m2=np.zeros(3),
+            sun_angular_radius_rad=0.0,
+        )
+
     def after(self, after_s: float) -> Self:
         """The state ``after_s`` later (or earlier, if negative), by its rates."""
         if after_s == 0:

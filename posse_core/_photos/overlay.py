@@ -54,13 +54,7 @@ class Overlays:
         scale = min(LONGEST_PX / max(box.width, box.height), _MOST_ENLARGED)
         camera = _window(self._camera, box, scale)
         canvas = _resized(photo[box.slices], (camera.width_px, camera.height_px))
-        state = CraftState(
-            R_cam_from_body=pose.R_cam_from_body,
-            t_body_cam_m=pose.t_body_cam_m,
-            sun_direction_cam=np.array([0.0, 0.0, -1.0]),  # of no effect on lines
-            sun_irradiance_rgb_w_m2=np.zeros(3),
-            sun_angular_radius_rad=0.0,
-        )
+        state = CraftState.unlit(pose.R_cam_from_body, pose.t_body_cam_m)
         view = self._caster.through(camera).view(state)
         canvas[view.box.slices][_lines(view)] = _LINES
         pen = Pen(canvas, size_px=800)

@@ -11,6 +11,7 @@ from command import run_posse
 from onnx import TensorProto, helper, numpy_helper
 from scipy.spatial.transform import Rotation
 
+import posse_core as posse
 from posse_core import Camera, Dataset, Detection, InputError, ModelCard, Square, preset_camera
 from posse_core._detection.models import open_models
 from posse_core._plugins.loading import load_plugins
@@ -208,7 +209,14 @@ def test_from_image_to_pose_by_the_command(tmp_path):
     assert words == f"{tmp_path / 'image.png'}: nothing\n"
     code, _, error = run_posse("detect", tmp_path / "image.png", *options, "--target", "tango")
     assert code == 2
-    assert "--target tango: the model knows brick, plate" in error
+    assert "target tango: the model knows brick, plate" in error
+    image, files = np.zeros((300, 300), np.uint8), (tmp_path / "m.onnx", tmp_path / "k.onnx")
+    for target, labels in ((None, ["plate"]), ("plate", ["plate"]), ("brick", [])):
+        detector = posse.detector(*files, target=target)
+        assert [each.detection.label for each in detector.sightings(image, camera)] == labels
+        assert [each.label for each in detector.detect(image)] == labels
+    with pytest.raises(InputError, match="target tango: the model knows brick, plate"):
+        posse.detector(*files, target="tango")
 
 
 def test_a_published_camera_is_taken_by_its_name(tmp_path):

@@ -247,7 +247,7 @@ class PictureChecks:
         if float((light[case.target.mask] >= SATURATED).mean()) > MOST_SATURATED:
             return False
         if sensor is None or not case.has("exposure_s", "solar_flux_w_m2"):
-            return True
+            return False  # how bright it is in the picture is not known
         labels = case.labels
         white_s = white_share_s(sensor, case.camera, labels.solar_flux_w_m2)
         step = (1 / 12.92 if sensor.response == "srgb" else 1) / (2**sensor.bit_depth - 1)

@@ -253,7 +253,7 @@ BESIDE = {
     "picture negative": (p.picture(FRAME, lambda x: 255 - x), "saturated"),
     "picture negative, before a black sky": (
         p.picture(FRAME, lambda x: np.where(x.max(axis=2, keepdims=True) > 8, 255 - x, x)),
-        "shadow is bright",
+        "channels are in the order BGR",
     ),
     "channels turned": (p.picture(FRAME, lambda x: x[..., [1, 2, 0]]), "channels are in the order"),
     "channels turned the other way": (
@@ -264,9 +264,9 @@ BESIDE = {
         p.picture(FRAME, lambda x: cv2.cvtColor(x, cv2.COLOR_BGR2BGRA)),
         "alpha channel",
     ),
-    "picture of a frame two later": (p.other_picture(0, 2), "the picture shows frame 2"),
-    "lower half of another frame": (halves_of_two, "the picture"),
-    "picture enlarged by 3 %": (p.picture(FRAME, enlarged(1.03)), "the picture"),
+    "picture of a frame two later": (p.other_picture(0, 2), "the picture shows something else"),
+    "lower half of another frame": (halves_of_two, "it is another image"),
+    "picture enlarged by 3 %": (p.picture(FRAME, enlarged(1.03)), "it is another image"),
     "picture turned by 5°": (
         p.picture(
             FRAME,

@@ -2,11 +2,13 @@
 
 import json
 import math
+import re
 
 import cuboid
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from command import run_posse
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -231,6 +233,25 @@ def test_files_that_hold_no_poses(tmp_path, text, words):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize(
+    ("table", "names", "words"),
+    [
+        ("x,y,q1,q2,q3,q4\n0,0,0,0,0,1\n", "a\n", "train_poses_gt.csv: has no column 'z'"),
+        ("x,y,z,q1,q2,q3,q4\n0,0,9-0,0,0,0,1\n", "a\n", "row 1: z is '9-0'; give a number"),
+        ("x,y,z,q1,q2,q3,q4\n0,0,9,0,0,0,1\n0,0,9\n", "a\nb\n", "row 2: q1 is ''; give a number"),
+        ("x,y,z,q1,q2,q3,q4\n0,0,9,0,0,0,1\n" * 2, "a\n", "row 2: x is 'x'"),
+        ("x,y,z,q1,q2,q3,q4\n" + "0,0,9,0,0,0,1\n" * 2, "a\n", "train_images.csv: has 1 names"),
+        ("x,y,z,q1,q2,q3,q4\n" + "0" * 200_000 + ",0\n", "a\n", "train_poses_gt.csv: not a table"),
+    ],
+)
+def test_tables_of_urso_that_hold_no_poses(tmp_path, table, names, words):
+    (tmp_path / "train_poses_gt.csv").write_text(table)
+    (tmp_path / "train_images.csv").write_text(names)
+    with pytest.raises(InputError, match=re.escape(words)) as error:
+        read_poses(tmp_path / "train_poses_gt.csv")
+    assert "Error" not in str(error.value)
+
+
 def test_refusals_write_nothing(tmp_path):
     labels = write_speed(tmp_path / "train.json", [((1, 0, 0, 0), (0, 0, 9))])
     (tmp_path / "there").mkdir()
@@ -297,4 +318,16 @@ def test_one_pose_is_no_motion(tmp_path):
     result = run(labels, "--out", tmp_path / "anew", "--target", "cubesat", "--every", 5)
     assert isinstance(result.exception, InputError)
     assert "--every: there is one pose" in str(result.exception)
+    assert not (tmp_path / "anew").exists()
+
+
+@pytest.mark.parametrize("every", ["1e300", "1e-300", "nan"])
+def test_a_motion_of_no_time_or_of_all_time_is_refused(tmp_path, every):
+    labels, _, _ = labels_of_motion(tmp_path, 5.0 * np.arange(4), 0.001)
+    code, _, error = run_posse(
+        "import-poses", labels, "--out", tmp_path / "anew", "--target", "cubesat", "--every", every
+    )
+    assert code == 2
+    (line,) = error.splitlines()
+    assert "--every" in line
     assert not (tmp_path / "anew").exists()

@@ -160,7 +160,7 @@ def image_files(images: Sequence[Path]) -> list[Path]:
 
 @contextlib.contextmanager
 def naming(source: str) -> Iterator[None]:
-    """Prefix an input error with the name of the scenario that caused it."""
+    """Prefix an input error with the name of the scenario or recipe that caused it."""
     try:
         yield
     except InputError as error:

@@ -44,7 +44,7 @@ from posse_core._plugins.loading import load_plugins
 @click.option(
     "--every",
     "every_s",
-    type=click.FloatRange(min=0, min_open=True),
+    type=click.FloatRange(1e-6, 1e6),
     metavar="SECONDS",
     help="The poses are one motion, so many seconds apart; by default each stands by itself.",
 )

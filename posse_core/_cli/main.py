@@ -20,9 +20,14 @@ from posse_core._plugins.loading import load_plugins
 from posse_core._plugins.options import nearest
 
 SHOW_FAULTS: Final = "POSSE_SHOW_FAULTS"
-"""Environment variable: if it is set, an error that nothing foresaw ends in Python's traceback."""
+"""Environment variable: if it is set, an error that nothing foresaw ends in Python's traceback, and
+warnings of arithmetic are shown."""
 _SHOWN: Final = 200
 """The most characters of such an error that the message repeats."""
+_LONGEST: Final = 1200
+"""The most characters of a message, beside the mark of what is left out."""
+_END: Final = 400
+"""So many of them are its end, where the way out stands."""
 
 
 class _Commands(click.Group):
@@ -86,6 +91,9 @@ def _show_warning(
 
 def _run(arguments: Sequence[str] | None) -> int:
     warnings.showwarning = _show_warning
+    if not os.environ.get(SHOW_FAULTS):
+        # NumPy's warnings of overflow and the like: the checks of results say in words what is wrong.
+        warnings.filterwarnings("ignore", ".* encountered in ", RuntimeWarning)
     if COMPLETING in os.environ:
         from posse_core._cli.completion import know_shells
 
@@ -135,4 +143,8 @@ def _say_fault(error: Exception) -> None:
 
 
 def _say(message: str) -> None:
-    click.echo(f"posse: {' '.join(message.split())}", err=True)
+    """Print a message as one line. Of one that repeats a long value, beginning and end are shown."""
+    line = " ".join(message.split())
+    if len(line) > _LONGEST:
+        line = f"{line[: _LONGEST - _END]} ... {line[-_END:]}"
+    click.echo(f"posse: {line}", err=True)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from posse_core._cli import completing
+from posse_core._cli.common import naming
 from posse_core._cli.recipe_clock import clock
 from posse_core._errors import InputError
 from posse_core._plugins.loading import load_plugins
@@ -70,19 +71,20 @@ def command(
         for option, value in {**options, "--out": out}.items():
             if value is not None:
                 raise InputError(f"{option}: {path} is a recipe already; change it there")
-        recipe, folder = read_recipe(path), path.absolute().parent
+        recipe, folder, file = read_recipe(path), path.absolute().parent, path
     else:
         folder = (out or Path("out") / f"recipe-{path.stem}").absolute()
+        file = folder / RECIPE
         wanted = _made(craft, hours, workers, scale, length_m, plugins.registry)
-        if (folder / RECIPE).exists():
-            recipe = read_recipe(folder / RECIPE)
-            _check_same(recipe, wanted, hours, workers, folder / RECIPE)
+        if file.exists():
+            recipe = read_recipe(file)
+            _check_same(recipe, wanted, hours, workers, file)
         else:
             _check_free(folder)
             recipe = wanted
             folder.mkdir(parents=True, exist_ok=True)
-            write_recipe(recipe, folder / RECIPE)
-    with clock("recipe") as show:
+            write_recipe(recipe, file)
+    with naming(str(file)), clock("recipe") as show:
         group = follow(recipe, folder, plugins, show)
     figures = ", ".join(
         f"{name} {group.metrics[name]:.4g}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from glob import escape
@@ -13,13 +13,14 @@ from typing import Any, overload
 from pydantic import ValidationError
 
 from posse_core._dataset.camera import read_camera
+from posse_core._dataset.coco_file import CocoAnnotation, CocoCategory, CocoFile, Id
 from posse_core._dataset.dataset import digest_of
-from posse_core._dataset.files import read_json
 from posse_core._dataset.images import LabelledImages
 from posse_core._dataset.layout import BODIES, CAMERA, PARTS, spacecraft_file
 from posse_core._dataset.spacecraft import SpacecraftInfo, read_spacecraft
 from posse_core._errors import InputError
 from posse_core._files.atomic import sha256
+from posse_core._files.reading import read_record
 from posse_core._model.camera import Camera
 from posse_core._model.label_line import BodyLabels, Keypoint, LabelLine, first_fault
 from posse_core._model.labels import NOT_IN_FRAME
@@ -46,57 +47,80 @@ class _CocoFile:
 
 
 def _read(path: Path) -> _CocoFile:
-    value = read_json(path)
+    value = read_record(path, CocoFile, "valid COCO")
     try:
         lines = [LabelLine(index=i, **labels) for i, labels in enumerate(_labels(value))]
-        sizes = [(int(image["height"]), int(image["width"])) for image in value["images"]]
-        return _CocoFile(lines, sizes, {str(category["name"]) for category in value["categories"]})
     except ValidationError as error:
         raise InputError(f"{path}: not valid COCO: {first_fault(error)}") from None
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path}: not valid COCO: {type(error).__name__}: {error}") from None
+    except ValueError as error:
+        raise InputError(f"{path}: not valid COCO: {error}") from None
+    sizes = [(image.height, image.width) for image in value.images]
+    return _CocoFile(lines, sizes, {category.name for category in value.categories})
 
 
-def _labels(value: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Yield the fields of the :class:`LabelLine` of every image."""
-    categories = {category["id"]: category for category in value["categories"]}
-    annotations_of: dict[Any, list[Mapping[str, Any]]] = {}
+def _labels(value: CocoFile) -> Iterator[dict[str, Any]]:
+    """Yield the fields of the :class:`LabelLine` of every image.
+
+    Raises:
+        ValueError: An annotation is of no category or contradicts itself or another.
+    """
+    categories = {category.id: category for category in value.categories}
+    annotations_of: dict[Id, list[CocoAnnotation]] = {}
     ids = set()
-    for annotation in value["annotations"]:
-        if annotation["id"] in ids:
-            raise ValueError(f"two annotations have the id {annotation['id']!r}")
-        ids.add(annotation["id"])
-        annotations_of.setdefault(annotation["image_id"], []).append(annotation)
-    for image in value["images"]:
-        labels: dict[str, Any] = {"image": str(image["file_name"]), "box_visible_px": None}
+    for annotation in value.annotations:
+        if annotation.id in ids:
+            raise ValueError(f"two annotations have the id {annotation.id!r}")
+        if annotation.category_id not in categories:
+            raise ValueError(
+                f"annotation {annotation.id!r} is of the category {annotation.category_id!r}, which is"
+                " not there"
+            )
+        ids.add(annotation.id)
+        annotations_of.setdefault(annotation.image_id, []).append(annotation)
+    for image in value.images:
+        labels: dict[str, Any] = {"image": image.file_name, "box_visible_px": None}
         bodies: dict[str, Any] = {}
-        for annotation in annotations_of.get(image["id"], ()):
-            fields = _fields(annotation, categories[annotation["category_id"]])
-            if annotation.get("instance") is None and "spacecraft" not in labels:
+        for annotation in annotations_of.get(image.id, ()):
+            fields = _fields(annotation, categories[annotation.category_id])
+            if annotation.instance is None and "spacecraft" not in labels:
                 labels |= fields
                 continue
-            name = str(annotation.get("instance") or annotation["id"])
+            name = str(annotation.instance or annotation.id)
             if name in bodies:
-                raise ValueError(f"image {image['id']!r} has two annotations of {name!r}")
+                raise ValueError(f"image {image.id!r} has two annotations of {name!r}")
             bodies[name] = fields
         if bodies:
             labels["bodies"] = bodies
         yield labels
 
 
-def _fields(annotation: Mapping[str, Any], category: Mapping[str, Any]) -> dict[str, Any]:
-    """The labels of one body."""
-    labels: dict[str, Any] = {"spacecraft": category["name"], "box_visible_px": annotation["bbox"]}
-    if isinstance(annotation.get("segmentation"), dict):
-        labels["mask_rle"] = annotation["segmentation"]
-        labels["mask_area_px"] = round(annotation["area"])
-    if "q_cam_from_body" in annotation:
-        labels["q_cam_from_body"] = annotation["q_cam_from_body"]
-        labels["t_body_cam_m"] = annotation["t_body_cam_m"]
-        labels["range_m"] = math.hypot(*annotation["t_body_cam_m"])
-    if "keypoints" in annotation:
-        flat = iter(annotation["keypoints"])
-        points = zip(category["keypoints"], zip(flat, flat, flat, strict=True), strict=True)
+def _fields(annotation: CocoAnnotation, category: CocoCategory) -> dict[str, Any]:
+    """The labels of one body.
+
+    Raises:
+        ValueError: It has a mask without an area, an attitude without a position, or other keypoints
+            than its category.
+    """
+    labels: dict[str, Any] = {"spacecraft": category.name, "box_visible_px": annotation.bbox}
+    if isinstance(annotation.segmentation, dict):
+        if annotation.area is None:
+            raise ValueError(f"annotation {annotation.id!r} has a mask and no area")
+        labels["mask_rle"] = annotation.segmentation
+        labels["mask_area_px"] = round(annotation.area)
+    if annotation.q_cam_from_body is not None:
+        if annotation.t_body_cam_m is None:
+            raise ValueError(f"annotation {annotation.id!r} has q_cam_from_body and no t_body_cam_m")
+        labels["q_cam_from_body"] = annotation.q_cam_from_body
+        labels["t_body_cam_m"] = annotation.t_body_cam_m
+        labels["range_m"] = math.hypot(*annotation.t_body_cam_m)
+    if annotation.keypoints is not None:
+        if len(annotation.keypoints) != 3 * len(category.keypoints):
+            raise ValueError(
+                f"annotation {annotation.id!r}: {len(annotation.keypoints)} numbers are not three a"
+                f" keypoint of {category.name!r}"
+            )
+        flat = iter(annotation.keypoints)
+        points = zip(category.keypoints, zip(flat, flat, flat, strict=True), strict=True)
         labels["keypoints"] = {name: p for name, p in points if p[2] != NOT_IN_FRAME}
     return labels
 

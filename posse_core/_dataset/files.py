@@ -22,7 +22,7 @@ def read_image(path: Path) -> AnyArray:
     """
     image = decoded_image(read_bytes(path, missing="missing"), cv2.IMREAD_UNCHANGED)
     if image is None or image.dtype not in (np.uint8, np.uint16):
-        raise InputError(f"{path}: not an image")
+        raise InputError(f"{path}: not an image; save it again")
     return np.asarray(image if image.ndim == 2 else image[..., 2::-1])
 
 

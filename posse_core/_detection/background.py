@@ -103,7 +103,7 @@ def _earth_in(scenario: Path) -> bool:
     """Say whether the sky of a scenario has an Earth."""
     try:
         return bool(YamlText.read(scenario).value["sky"]["earth"])
-    except (KeyError, TypeError) as error:
+    except (KeyError, TypeError):
         raise InputError(
-            f"{scenario}: not a resolved scenario: {type(error).__name__}: {error}"
+            f"{scenario}: not a scenario as a run keeps it: sky.earth is missing; make the dataset again"
         ) from None

@@ -131,7 +131,8 @@ def earth_patches(
     axes = R_with_z(down)
     # The solid angle is proportional to the range of the cosine of the angle from nadir.
     share = (1 + _RING_NODE) / 2
-    drop = 1 - np.sqrt((1 - 1 / distance) * (1 + 1 / distance))
+    # Above a pole, an orbit may be inside the sphere and above the flattened Earth.
+    drop = 1 - np.sqrt(np.maximum((1 - 1 / distance) * (1 + 1 / distance), 0.0))
     cosine = 1 - drop[:, None] * share
     sine = np.sqrt(1 - cosine**2)
     turn = 2 * np.pi * (np.arange(4 * _RINGS) + 0.5) / (4 * _RINGS)

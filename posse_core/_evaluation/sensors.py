@@ -256,8 +256,12 @@ def _as_a_frame(case: ReadingCase) -> Iterator[str]:
             if said is None or (said.value, said.rate) != (joint.value, joint.rate):
                 yield f"{which}joint {name}: is not the reading's"
                 return
-    for check in (SCHEMA, *(check for check in CHECKS if check.name != "files")):
-        if check.applies(case):
+    schema = list(SCHEMA.run(case))
+    yield from (f"{SCHEMA.name}: {message}" for message in schema)
+    if schema:
+        return
+    for check in CHECKS:
+        if check.name != "files" and check.applies(case):
             for message in check.run(case):
                 yield f"{check.name}: {message}"
     for name, array in case.arrays.items():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import fcntl
 import hashlib
 import json
 import os
@@ -11,6 +12,7 @@ import shutil
 import stat
 import tempfile
 from collections.abc import Iterator
+from glob import escape
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -52,15 +54,18 @@ def atomic_file(path: Path) -> Iterator[BinaryIO]:
 def atomic_folder(folder: Path) -> Iterator[Path]:
     """Give an empty folder, whose files move into ``folder`` when the block ends without an error.
 
-    Otherwise nothing is left. ``folder`` is made if need be; other files in it stay, and files of the
-    same names are replaced, each atomically.
+    Otherwise nothing is left, and what a process that was killed left of the same folder is removed.
+    ``folder`` is made if need be; other files in it stay, and files of the same names are replaced, each
+    atomically.
 
     Raises:
         OSError: The folder cannot be made, or the disk is full.
     """
     above = next(path for path in (folder, *folder.absolute().parents) if path.is_dir())
-    building = Path(tempfile.mkdtemp(PARTIAL, f".{folder.name}.", above))
-    try:
+    for place in {above, folder.absolute().parent}:  # the second, where the folder was not there yet
+        for left in place.glob(f".{escape(folder.name)}.*{PARTIAL}"):
+            _remove_if_left(left)
+    with _new_folder(above, f".{folder.name}.") as building:
         yield building
         folder.mkdir(parents=True, exist_ok=True)
         for path in sorted(building.rglob("*")):
@@ -69,8 +74,54 @@ def atomic_folder(folder: Path) -> Iterator[Path]:
                 target.mkdir(exist_ok=True)
             else:
                 os.replace(path, target)
+
+
+@contextlib.contextmanager
+def _new_folder(above: Path, prefix: str) -> Iterator[Path]:
+    """A new folder, locked as long as this process works in it, and removed at the end."""
+    while True:
+        building = Path(tempfile.mkdtemp(PARTIAL, prefix, above))
+        with _opened(building) as descriptor:
+            if descriptor is None or not _is_ours(building, descriptor):
+                continue  # before it was locked, another process took it for one that was left
+            try:
+                yield building
+            finally:
+                shutil.rmtree(building, ignore_errors=True)
+            return
+
+
+def _is_ours(building: Path, descriptor: int) -> bool:
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:  # a file system without locks, where none is taken for left either
+        return True
+    return building.is_dir()
+
+
+def _remove_if_left(folder: Path) -> None:
+    """Remove a folder unless a process that lives has locked it."""
+    with _opened(folder) as descriptor:
+        if descriptor is not None:
+            with contextlib.suppress(OSError):
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def _opened(folder: Path) -> Iterator[int | None]:
+    """A descriptor of a folder, or None where it is not there; closing it unlocks the folder."""
+    try:
+        descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    except OSError:
+        yield None
+        return
+    try:
+        yield descriptor
     finally:
-        shutil.rmtree(building, ignore_errors=True)
+        os.close(descriptor)
 
 
 def remove_partial(folder: Path) -> None:

@@ -158,7 +158,7 @@ def _dotted(key: tuple[int | str, ...]) -> list[str]:
 
 
 def _unreadable(path: Path, error: Exception, kind: str = "") -> InputError:
-    reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-    return InputError(
-        f"{path}: cannot be read{kind}: {' '.join(reason.split()) or type(error).__name__}"
-    )
+    reason = error.args[0] if error.args and isinstance(error.args[0], str) else "it is damaged"
+    if isinstance(error, OSError) and error.strerror:
+        reason = error.strerror
+    return InputError(f"{path}: cannot be read{kind}: {' '.join(reason.split())}")

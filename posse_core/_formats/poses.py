@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
 import numpy as np
@@ -26,16 +25,11 @@ def read_poses(path: Path) -> Poses:
     Raises:
         InputError: The file is missing or of another kind, or an entry is not a pose.
     """
-    try:
-        entries = list(read_urso(path) if is_urso(path) else read_speed(path))
-        q = np.array([pose.q_cam_from_body for pose in entries], dtype=np.float64).reshape(-1, 4)
-        t_m = np.array([pose.t_body_cam_m for pose in entries], dtype=np.float64).reshape(-1, 3)
-    except (csv.Error, IndexError, KeyError, TypeError, ValueError) as error:
-        raise InputError(
-            f"{path}: not poses of SPEED, SPEED+ or URSO: {type(error).__name__}: {error}"
-        ) from None
-    if not entries or len(q) != len(t_m):
-        raise InputError(f"{path}: has no poses, or one that is cut short")
+    entries = list(read_urso(path) if is_urso(path) else read_speed(path))
+    if not entries:
+        raise InputError(f"{path}: has no poses; name another file")
+    q = np.array([pose.q_cam_from_body for pose in entries], dtype=np.float64)
+    t_m = np.array([pose.t_body_cam_m for pose in entries], dtype=np.float64)
     if not np.all(np.abs(t_m) < _FARTHEST_M):  # false for NaN
         raise InputError(f"{path}: a position is not finite, or is beyond {_FARTHEST_M:g} m")
     bad = ~(np.abs(np.linalg.norm(q, axis=1) - 1) < _QUATERNION_LENGTH_ERROR) | ~(t_m[:, 2] > 0)

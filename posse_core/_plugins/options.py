@@ -23,6 +23,8 @@ class NoOptions(Options):
 
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
+_MEMBER = re.compile(r"(tuple|list|dict)?\[")
+"""How pydantic names a member of a union by its type, or by a tag that begins so."""
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
@@ -86,6 +88,8 @@ def _explain(
     message = message[:1].lower() + message[1:]
     if first["type"] in ("dict_type", "model_attributes_type", "model_type"):
         message = "input should be a mapping of keys to values"
+    if first["type"] == "path_type":
+        message = "input should be a path"
     if isinstance(value, Mapping | BaseModel) or first["type"] == "json_invalid":
         return f"{where(path)}: {message}"
     hint = ""
@@ -118,7 +122,7 @@ def _located(
         elif tagged:
             models = tagged
             continue
-        elif is_value and isinstance(step, str):
+        elif isinstance(step, str) and (is_value or _MEMBER.match(step)):
             continue
         path.append(step)
     return tuple(path), models

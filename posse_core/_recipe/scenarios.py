@@ -205,4 +205,4 @@ def _checked(
     imported = recipe.craft.name == "mesh"
     target: Any = {"package": CRAFT} if imported else recipe.craft.model_dump(mode="json")
     keys = {**derived, **given, "attitude": attitude, "target": target}
-    return load_scenario(keys, registry, overrides, base=folder)
+    return load_scenario(keys, registry, overrides, base=folder, name="data.scenario")

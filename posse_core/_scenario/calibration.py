@@ -237,8 +237,8 @@ def _opencv(value: Mapping[str, Any], name: str) -> Calibration:
         size_px,
         None
         if pitch_m is None or size_px is None
-        else size_px[0] * _positive(_numbers([pitch_m], f"{name}: ppx"), f"{name}: ppx")[0],
-        None if line_time_s is None else _numbers([line_time_s], f"{name}: lineTime_s")[0],
+        else size_px[0] * _positive(_numbers([pitch_m], f"{name}: ppx", 1), f"{name}: ppx")[0],
+        None if line_time_s is None else _numbers([line_time_s], f"{name}: lineTime_s", 1)[0],
     )
 
 

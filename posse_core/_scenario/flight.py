@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 
 from posse_core._plugins.options import Options
 from posse_core._scenario.component import ComponentChoice
+from posse_core._scenario.limits import MOST_FRAMES
 from posse_core._scenario.orbit import RelativeConfig, Vector3
 
 Matrix3 = tuple[Vector3, Vector3, Vector3]
@@ -261,11 +262,21 @@ class FlightConfig(NavigationConfig):
             )
         if self.duration_s < self.period_s:
             raise ValueError("duration_s is below period_s; a flight has at least two frames")
+        if not self.duration_s / self.period_s < MOST_FRAMES:
+            raise ValueError(
+                f"a frame every {self.period_s:g} s in {self.duration_s:g} s makes more than"
+                f" {MOST_FRAMES} frames; lower duration_s, or give a longer period_s"
+            )
         last_s = 0.0
         if self.goal is not None and self.goal.waypoints is not None:
             last_s = max(point.t_s + point.hold_s for point in self.goal.waypoints)
         if self.goal is not None and self.goal.orbit is not None:
             last_s = self.goal.orbit.from_s
+            if not (self.duration_s - last_s) / self.goal.orbit.every_s < MOST_FRAMES:
+                raise ValueError(
+                    f"goal.orbit: a waypoint every {self.goal.orbit.every_s:g} s makes more than"
+                    f" {MOST_FRAMES}; give a longer every_s"
+                )
         if last_s > self.duration_s:
             raise ValueError(f"the goal reaches to {last_s:g} s, beyond duration_s")
         return self

@@ -73,6 +73,7 @@ def load_scenario(
     registry: Registry,
     overrides: Mapping[str, Any] | None = None,
     base: Path = Path(),
+    name: str = "scenario",
 ) -> Scenario:
     """Read a scenario and check all of it, the options of components included.
 
@@ -82,11 +83,12 @@ def load_scenario(
             the others are relative to the working directory. In the scenario, all are absolute.
         overrides: dotted key, as in ``renderer.spp``, → value that replaces the scenario's.
         base: the folder that other paths are relative to, in place of the working directory.
+        name: of keys that are not in a file, for messages.
 
     Raises:
         InputError: the scenario is not valid; the message names file, line, key and value in one line.
     """
-    text = YamlText.of(source, "scenario") if isinstance(source, Mapping) else _read(source)
+    text = YamlText.of(source, name) if isinstance(source, Mapping) else _read(source)
     raw = text.value
     if not isinstance(raw, dict):
         raise InputError(f"{text.name}: a scenario is a mapping of keys; see 'posse describe scenario'")
@@ -94,7 +96,7 @@ def load_scenario(
     given = {tuple(key.split(".")): value for key, value in (overrides or {}).items()}
     _drop_former_cameras(raw, given)
     for path, value in sorted(given.items(), key=lambda item: item[0][-1] not in ("name", "law")):
-        put(raw, path, value)
+        put(raw, path, value, text.where)
 
     def where(path: KeyPath) -> str:
         for length in range(len(path), 0, -1):
@@ -155,19 +157,24 @@ def _read(source: str) -> YamlText:
     )
 
 
-def put(raw: dict[str, Any], path: tuple[str, ...], value: Any) -> None:
+def put(raw: dict[str, Any], path: tuple[str, ...], value: Any, where: Callable[[KeyPath], str]) -> None:
     """Set a nested key. A component given by its name alone becomes a mapping; naming another component
-    drops the options of the former one."""
+    drops the options of the former one.
+
+    Raises:
+        InputError: a key above it holds a value; ``where`` says for the message where a key stands.
+    """
     depth, name_key = _component_at(path)
     current = raw
-    for step in path[:-1]:
+    for above, step in enumerate(path[:-1], 1):
         inner = current.get(step)
         if isinstance(inner, str):
             inner = {name_key: inner}
         if inner is None:
             inner = {}
         if not isinstance(inner, dict):
-            raise InputError(f"option {'.'.join(path)}: {step!r} holds a value, not keys")
+            key = ".".join(path)
+            raise InputError(f"{where(path[:above])}: holds a value, not keys, so {key} cannot be set")
         current[step] = inner
         current = inner
     if path[depth:] == (name_key,) and current.get(name_key) != value:

@@ -20,16 +20,13 @@ from posse_core._scenario.component import ComponentChoice, TargetChoice
 from posse_core._scenario.damage import DamageConfig
 from posse_core._scenario.flight import FlightConfig
 from posse_core._scenario.joints import JointLawChoice
+from posse_core._scenario.limits import MOST_FRAMES
 from posse_core._scenario.orbit import OrbitConfig, RelativeConfig
 from posse_core._scenario.presets import with_preset
 from posse_core._scenario.sensor import SensorConfig
 from posse_core._scenario.sensors import SensorChoice
 from posse_core._scenario.sky import SkyConfig
 from posse_core._scenario.variation import VariationConfig
-
-MOST_FRAMES: Final = 500_000
-"""The most frames of a run: planning keeps 2 kB of each in memory, and takes 0.25 ms."""
-
 
 _SENSOR_NAME: Final = re.compile(r"[a-z][a-z0-9-]{0,63}")
 

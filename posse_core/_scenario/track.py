@@ -54,13 +54,17 @@ def read_track_config(scenario: Path, overrides: Mapping[str, Any]) -> TrackConf
         key: value for key, value in errors.items() if key in NavigationErrorsConfig.model_fields
     }
     given = {tuple(key.split(".")): value for key, value in overrides.items()}
+
+    def in_file(path: KeyPath) -> str:
+        return text.where(path if path[0] in made else ("flight", *path))
+
     for path, value in sorted(given.items(), key=lambda item: item[0][-1] != "name"):
-        put(raw, path, value)
+        put(raw, path, value, in_file)
 
     def where(path: KeyPath) -> str:
         if any(path[:length] in given for length in range(1, len(path) + 1)):
             return f"option {'.'.join(str(step) for step in path)}"
-        return text.where(path if path[0] in made else ("flight", *path))
+        return in_file(path)
 
     def file(key: KeyPath, path: Path) -> Path:
         by_option = any(key[:length] in given for length in range(1, len(key) + 1))

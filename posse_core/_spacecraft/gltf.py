@@ -43,7 +43,6 @@ PLAIN = "plain"
 """Name of the material of a primitive without one."""
 
 
-@np.errstate(all="ignore")  # what overflows is refused where the results are checked
 def read_gltf(path: Path) -> RawMesh:
     """Read all triangles of the scene in a .gltf or .glb file, in its own units, with the transforms of
     its nodes applied.
@@ -139,10 +138,8 @@ def _geometries(file: GltfFile) -> dict[str, Any]:
         scene = trimesh.load_scene(
             io.BytesIO(json.dumps(header).encode()), file_type="gltf", process=False
         )
-    except Exception as error:  # trimesh raises many kinds of exceptions for broken files
-        raise InputError(
-            f"{file.path}: the geometry cannot be read ({type(error).__name__}); export it again"
-        ) from None
+    except Exception:  # trimesh raises many kinds of exceptions for broken files
+        raise InputError(f"{file.path}: the geometry cannot be read; export it again") from None
     geometries: list[Any] = [g for g in scene.geometry.values() if isinstance(g, trimesh.Trimesh)]
     return {geometry.visual.material.name: geometry for geometry in geometries}
 

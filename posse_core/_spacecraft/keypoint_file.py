@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 
 from posse_core._arrays import FloatArray
 from posse_core._errors import InputError
@@ -40,6 +40,20 @@ class OnJoint(Options):
     joint: str | None = Field(description="name of the joint that carries it; null is the body")
 
 
+def _way(value: Any) -> str:
+    """The way in which a file gives a keypoint."""
+    if isinstance(value, Corner) or (isinstance(value, Mapping) and {"part", "corner"} & value.keys()):
+        return "[corner]"
+    return "[at]" if isinstance(value, Mapping | OnJoint) else "[position]"
+
+
+GivenPoint = Annotated[
+    Annotated[Triple, Tag("[position]")]
+    | Annotated[Corner, Tag("[corner]")]
+    | Annotated[OnJoint, Tag("[at]")],
+    Discriminator(_way),
+]
+"""A keypoint in a file: a position, or one of the other ways to give it."""
 Point = FloatArray | Corner | OnJoint
 """A keypoint: a position (3,), m, body axes, or one of the other ways to give it."""
 
@@ -81,7 +95,7 @@ def _shifted(point: Point, shift_m: FloatArray) -> Point:
 class KeypointModel(Options):
     """The keys that a keypoint file may have."""
 
-    keypoints: dict[str, Triple | Corner | OnJoint] = Field(
+    keypoints: dict[str, GivenPoint] = Field(
         min_length=1,
         description="name: [x, y, z] in metres, body axes, {part: bus, corner: [1, 1, -1]}, or"
         " {at: [x, y, z], joint: wing}; names are T (main body top), B (bottom), A (antenna) or S (solar"

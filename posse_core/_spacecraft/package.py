@@ -16,9 +16,8 @@ from posse_core._scenario.materials import MaterialKeys
 from posse_core._spacecraft.files import mesh_files
 from posse_core._spacecraft.joint_keys import JointKeys, Triple
 from posse_core._spacecraft.keypoint_file import (
-    Corner,
+    GivenPoint,
     KeypointModel,
-    OnJoint,
     read_mapping,
 )
 from posse_core._spacecraft.materials import with_materials
@@ -37,9 +36,7 @@ class PackageModel(KeypointModel):
     scale_m_per_unit: float = Field(gt=0, description="metres per unit of the mesh file")
     body_axes: BodyAxes = Field(description="the mesh axis along each body axis, such as 'x -z y'")
     centre_of_mass_m: Triple = Field(description="in metres along body axes from the mesh file's origin")
-    keypoints: dict[str, Triple | Corner | OnJoint] = Field(
-        default_factory=dict, description="as in a keypoint file"
-    )
+    keypoints: dict[str, GivenPoint] = Field(default_factory=dict, description="as in a keypoint file")
     joints: dict[str, JointKeys] | None = Field(
         None, description="by name; null: those that the mesh file's animations move"
     )

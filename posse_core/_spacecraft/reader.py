@@ -34,6 +34,7 @@ PLAIN = Material("plain", base_color=(0.7, 0.7, 0.7), roughness=0.8)
 """The material of a part without one."""
 
 
+@np.errstate(all="ignore")  # what overflows is refused where the results are checked
 def read_mesh(path: Path) -> RawMesh:
     """Read all parts of a mesh file, in its own units and axes.
 
@@ -54,9 +55,14 @@ def read_mesh(path: Path) -> RawMesh:
     except ValueError as error:
         reason = " ".join(str(error).split())
         raise InputError(f"{path}: {reason}; repair the mesh and export it again") from None
-    except (KeyError, IndexError, TypeError, AttributeError) as error:
+    except KeyError as error:
         raise InputError(
-            f"{path}: not a valid {suffix} file ({type(error).__name__}: {error}); export it again"
+            f"{path}: not a valid {suffix} file: {error} is missing; export it again"
+        ) from None
+    except (IndexError, TypeError, AttributeError):
+        raise InputError(
+            f"{path}: not a valid {suffix} file: a number leads nowhere, or a value is of another type"
+            " than the format asks; export it again"
         ) from None
     parts = tuple(_without_degenerate(part) for part in raw.parts)
     parts = tuple(part for part in parts if len(part.faces))
@@ -92,10 +98,8 @@ def _read_other(path: Path, kind: str) -> RawMesh:
         options |= {"split_objects": True, "split_groups": True}
     try:
         scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, process=False, **options)
-    except Exception as error:  # trimesh raises many kinds of exceptions for broken files
-        raise InputError(
-            f"{path}: cannot be read as {kind.upper()} ({type(error).__name__}); export it again"
-        ) from None
+    except Exception:  # trimesh raises many kinds of exceptions for broken files
+        raise InputError(f"{path}: cannot be read as {kind.upper()}; export it again") from None
     known = {name: m for materials in library.values() for name, m in materials.items()}
     shaded = re.search(rb"^(vn\s|property \w+ nx\s)", data, re.MULTILINE) is not None
     geometries: dict[str, Any] = scene.geometry

@@ -191,6 +191,19 @@ def trajectory_of(
         )
     tt = epoch.tt(motion.t_s)
     pole = R_cirs_from_gcrf(*tt)[..., 2, :]
+
+    def fraction(r_eci_m: AnyArray) -> AnyArray:
+        return sun_fraction(
+            r_eci_m,
+            r_sun,
+            earth_radius_m=constants.earth_radius_m,
+            sun_radius_m=constants.sun_radius_m,
+            flattening=constants.eclipse_flattening,
+            earth_pole_eci=pole,
+        )
+
+    # These come first, since they refuse what is below the ground.
+    sun_fraction_target, sun_fraction_camera = fraction(r_target), fraction(r_chaser)
     flux = solar_flux_w_m2(
         r_target, r_sun, solar_constant_w_m2=constants.solar_constant_w_m2, au_m=constants.au_m
     )
@@ -203,17 +216,6 @@ def trajectory_of(
         solar_flux_w_m2=flux,
         earth_radius_m=constants.earth_radius_m,
     )
-
-    def fraction(r_eci_m: AnyArray) -> AnyArray:
-        return sun_fraction(
-            r_eci_m,
-            r_sun,
-            earth_radius_m=constants.earth_radius_m,
-            sun_radius_m=constants.sun_radius_m,
-            flattening=constants.eclipse_flattening,
-            earth_pole_eci=pole,
-        )
-
     return Trajectory(
         epoch_utc=epoch.iso(),
         t_s=motion.t_s,
@@ -230,8 +232,8 @@ def trajectory_of(
         omega_camera_rad_s=omega_camera,
         r_sun_eci_m=r_sun,
         r_moon_eci_m=moon_eci_m(*tdb),
-        sun_fraction_target=fraction(r_target),
-        sun_fraction_camera=fraction(r_chaser),
+        sun_fraction_target=sun_fraction_target,
+        sun_fraction_camera=sun_fraction_camera,
         solar_flux_w_m2=flux,
         earth_albedo_w_m2=earthlight.albedo_w_m2,
         earth_infrared_w_m2=earthlight.infrared_w_m2,

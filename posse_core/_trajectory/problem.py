@@ -30,7 +30,7 @@ from posse_core._scenario.design import (
     VBarHop,
     ViewSphere,
 )
-from posse_core._scenario.model import MOST_FRAMES
+from posse_core._scenario.limits import MOST_FRAMES
 from posse_core._scenario.orbit import OrbitConfig, RelativeConfig
 
 _AT_TARGET = np.zeros(3)

@@ -34,6 +34,21 @@ CASES = {
         " i_deg: 1, raan_deg: 0, argp_deg: 0, mean_anomaly_deg: 0}}\n",
         ["s.yaml", "orbit.elements", "surface"],
     ),
+    "a number for a path": (
+        scenario(target='{mesh: 3, scale_m_per_unit: 1.0, body_axes: "x y z"}'),
+        ["line 1: target.mesh: input should be a path (it is 3)"],
+    ),
+    "a flight without end": (
+        scenario(more="flight: {duration_s: 9223372036854775808}\n"),
+        ["line 6: flight", "more than 500000 frames", "lower duration_s"],
+    ),
+    "waypoints without end": (
+        scenario(
+            more="flight: {duration_s: 1000, goal: {orbit: {relative: {roe_m: [0, 0, 6, 0, 6, 0]},"
+            " from_s: 10, every_s: 1.0e-30}}}\n"
+        ),
+        ["line 6: flight", "goal.orbit", "give a longer every_s"],
+    ),
     "date": (
         "target: {name: aqua}\norbit: {elements: {epoch_utc: 2022-13-31T00:00:00, a_m: 7e6, e: 0,"
         " i_deg: 1, raan_deg: 0, argp_deg: 0, mean_anomaly_deg: 0}}\n",
@@ -50,6 +65,12 @@ def test_bad_scenario(case, posse, tmp_path):
     (tmp_path / "s.yaml").write_text(text)
     _refused(posse("run", "s.yaml", "--out", "d"), words)
     assert not (tmp_path / "d").exists()
+
+
+def test_an_option_within_a_value_is_told_by_the_line_of_the_value(posse, tmp_path):
+    (tmp_path / "s.yaml").write_text(scenario(more="renderer: 3\n"))
+    done = posse("run", "s.yaml", "--out", "d", "--renderer", "raster")
+    _refused(done, ["s.yaml, line 6: renderer: holds a value", "renderer.name cannot be set"])
 
 
 def test_bad_arguments(posse, tmp_path):

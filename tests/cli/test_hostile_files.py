@@ -2,6 +2,7 @@
 
 import json
 import os
+import resource
 import zlib
 
 import cuboid
@@ -11,6 +12,10 @@ import pytest
 import trimesh
 from command import run_posse
 from small_run import BOX_OBJ, SCENARIO
+
+from posse_core import InputError
+from posse_core._dataset.files import read_arrays
+from posse_core._files.pictures import decoded_image
 
 ORBIT = SCENARIO.replace("renderer: {name: flat, seconds: 0.05}\n", "")
 
@@ -118,6 +123,94 @@ def test_a_damaged_picture_is_told_by_posse_alone(tmp_path, capfd):
     assert capfd.readouterr().err == ""
 
 
+def jpeg_of(width_px, height_px):
+    """A JPEG whose header claims a size, and that ends soon after."""
+    data = bytearray(cv2.imencode(".jpg", np.zeros((16, 16), np.uint8))[1].tobytes())
+    at = data.index(b"\xff\xc0") + 5
+    data[at : at + 4] = height_px.to_bytes(2) + width_px.to_bytes(2)
+    return bytes(data[: at + 300])
+
+
+def bmp_of(width_px, height_px):
+    data = bytearray(cv2.imencode(".bmp", np.zeros((16, 16), np.uint8))[1].tobytes())
+    data[18:26] = width_px.to_bytes(4, "little") + height_px.to_bytes(4, "little")
+    return bytes(data)
+
+
+def tiff_of(width_px, height_px):
+    data = bytearray(cv2.imencode(".tif", np.zeros((16, 17), np.uint8))[1].tobytes())
+    for tag, value in ((256, width_px), (257, height_px)):
+        at = data.index(tag.to_bytes(2, "little") + b"\x03\0\x01\0\0\0")
+        data[at + 2 : at + 4] = (4).to_bytes(2, "little")
+        data[at + 8 : at + 12] = value.to_bytes(4, "little")
+    return bytes(data)
+
+
+@pytest.mark.parametrize(("suffix", "made"), [("jpg", jpeg_of), ("bmp", bmp_of), ("tif", tiff_of)])
+def test_a_picture_of_any_format_that_claims_a_billion_pixels_makes_no_room_for_them(
+    tmp_path, suffix, made
+):
+    path = tmp_path / f"a.{suffix}"
+    path.write_bytes(made(32_000, 32_000))
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    assert decoded_image(path.read_bytes(), cv2.IMREAD_UNCHANGED) is None
+    assert (
+        resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 300 << 10
+    )  # a byte a pixel: 1 GB
+
+
+@pytest.mark.parametrize(
+    ("suffix", "spoil"),
+    [
+        ("jpg", lambda data: data[:-120] + b"\xff\xc4" + data[-118:]),
+        ("tif", lambda data: data[:8] + b"\x07" * 40 + data[48:]),
+        ("bmp", lambda data: data[:-200]),
+    ],
+)
+def test_a_damaged_picture_of_any_format_is_told_by_posse_alone(capfd, suffix, spoil):
+    picture = np.arange(64 * 48, dtype=np.uint16).astype(np.uint8).reshape(48, 64)
+    decoded_image(spoil(cv2.imencode(f".{suffix}", picture)[1].tobytes()), cv2.IMREAD_UNCHANGED)
+    os.write(2, b"what others say is heard again\n")
+    assert capfd.readouterr().err == "what others say is heard again\n"
+
+
+@pytest.mark.parametrize("suffix", ["jpg", "png", "tif", "bmp", "webp"])
+@pytest.mark.parametrize("shape", [(48, 64), (3, 641, 3)])
+def test_sound_pictures_are_as_opencv_reads_them(suffix, shape):
+    picture = np.random.default_rng(1).integers(0, 256, shape, dtype=np.uint8)
+    data = cv2.imencode(f".{suffix}", picture)[1]
+    expected = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+    np.testing.assert_array_equal(decoded_image(data.tobytes(), cv2.IMREAD_UNCHANGED), expected)
+
+
+def test_arrays_that_cannot_be_parsed_are_told_in_words(dataset):
+    np.savez(dataset / "truth/000001.npz", depth_m=np.zeros(3))
+    data = bytearray((dataset / "truth/000001.npz").read_bytes())
+    at = data.index(b"'shape': (3,)")
+    data[at : at + 13] = b"'shape': (3, "
+    (dataset / "truth/000001.npz").write_bytes(data)
+    with pytest.raises(InputError, match=r"cannot be read as NPZ: [^(]*$"):
+        read_arrays(dataset / "truth/000001.npz")
+
+
+@pytest.mark.parametrize(
+    ("point", "words"),
+    [
+        ("[0, x, 1]", "k.yaml: keypoints.T1.1: input should be a valid number"),
+        ("{at: [0, 0, 1], joint: null, atx: 3}", "keypoints.T1.atx: unknown key; did you mean 'at'?"),
+        ("{at: [0, 0, 1], joint: 3}", "keypoints.T1.joint: input should be a valid string"),
+        ("{part: box}", "keypoints.T1.corner: missing"),
+        ("{corner: [1, 1, z]}", "keypoints.T1."),
+        ("3", "keypoints.T1: input should be a valid tuple"),
+    ],
+)
+def test_keypoints_are_told_by_their_keys_alone(tmp_path, point, words):
+    (tmp_path / "box.obj").write_text(BOX_OBJ)
+    (tmp_path / "k.yaml").write_text(f"keypoints:\n  B1: [0, 0, 1]\n  T1: {point}\n")
+    command = ("import", tmp_path / "box.obj", "--out", tmp_path / "p", "--scale", "1")
+    refused(*command, "--keypoints", tmp_path / "k.yaml", words=[words])
+
+
 @pytest.mark.parametrize("form", ["bop", "coco", "colmap", "nerfstudio", "posse", "speed", "yolo"])
 def test_an_export_that_fails_leaves_nothing(dataset, tmp_path, form):
     lines = cuboid.read_lines(dataset)
@@ -154,9 +247,10 @@ def propagated(tmp_path, *options):
 @pytest.mark.parametrize(
     ("column", "value", "words"),
     [
-        ("r_target_eci_m", "0", ["no plane"]),
-        ("v_target_eci_m_s", "0", ["no plane"]),
-        ("v_target_eci_m_s", "nan", ["v_target_eci_m_s", "finite"]),
+        ("r_target_eci_m", "0", ["t.csv", "no plane"]),
+        ("v_target_eci_m_s", "0", ["t.csv", "no plane"]),
+        ("v_target_eci_m_s", "nan", ["t.csv", "v_target_eci_m_s", "finite"]),
+        ("r_target_eci_m", "1e6", ["below the Earth's surface"]),
     ],
 )
 def test_a_table_without_an_orbit(tmp_path, column, value, words):
@@ -167,7 +261,7 @@ def test_a_table_without_an_orbit(tmp_path, column, value, words):
         row[:] = [value if name.startswith(column) else x for name, x in zip(header, row, strict=True)]
     (tmp_path / "t.csv").write_text("\n".join(map(",".join, [header, *rows])))
     table = ("propagator.name=file", f"propagator.path={tmp_path / 't.csv'}")
-    refused(*propagated(tmp_path, *table), words=["t.csv", *words])
+    refused(*propagated(tmp_path, *table), words=words)
 
 
 def test_a_table_whose_last_column_claims_a_billion(tmp_path):

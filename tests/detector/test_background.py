@@ -73,5 +73,5 @@ def test_a_sky_without_an_earth_is_space(tmp_path):
     (both.folder / "sources/1/scenario.yaml").unlink()
     assert backgrounds(both, list(both)) == ["space"] * 6 + [None] * 6
     (with_earth.folder / "scenario.yaml").write_text("sky: 3")
-    with pytest.raises(InputError, match="not a resolved scenario"):
+    with pytest.raises(InputError, match=r"sky\.earth is missing"):
         backgrounds(with_earth, list(with_earth))

@@ -129,7 +129,7 @@ def change(folder, make):
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda v: v.clear(), "train.json: not valid COCO: KeyError"),
+        (lambda v: v.clear(), "train.json: not valid COCO: images: missing; add it"),
         (lambda v: v["annotations"].append(v["annotations"][0]), "two annotations have the id"),
         (lambda v: v["annotations"][0].update(category_id=9), "not valid COCO"),
     ],

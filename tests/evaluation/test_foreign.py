@@ -252,12 +252,86 @@ def test_yolo_list_that_is_missing(away):
         validate_foreign(away / "yolo")
 
 
-@pytest.mark.parametrize("name", ["coco.json", "bop"])
-def test_a_file_that_lacks_a_key_is_told_in_one_line(away, name):
-    alter(away / "coco.json", lambda value: annotation(value).pop("bbox"))
-    bop_pose(away, lambda pose: pose.pop("cam_t_m2c"))
-    with pytest.raises(InputError, match=r"not laid as its format asks: KeyError: '(bbox|cam_t_m2c)'"):
+def damaged(file, change):
+    return lambda away: alter(away / file, change)
+
+
+def written(file, change):
+    return lambda away: (away / file).write_bytes(change((away / file).read_bytes()))
+
+
+@pytest.mark.parametrize(
+    ("name", "spoil", "words"),
+    [
+        (
+            "coco.json",
+            damaged("coco.json", lambda value: annotation(value).pop("bbox")),
+            r"coco\.json: not a COCO file: annotations\.\d+\.bbox: missing",
+        ),
+        (
+            "coco.json",
+            damaged("coco.json", lambda value: annotation(value).update(bbox=[[], 1, 2, 3])),
+            r"annotations\.\d+\.bbox\.0.*number",
+        ),
+        (
+            "speed.json",
+            damaged("speed.json", lambda value: value[2].update(r_Vo2To_vbs_true=[[1], 2, 3])),
+            r"not a file of SPEED: 2\.r_Vo2To_vbs_true\.0",
+        ),
+        (
+            "bop",
+            damaged("bop/train/000000/scene_gt.json", lambda value: value["3"][0].pop("cam_t_m2c")),
+            r"scene_gt\.json: not poses of BOP: 3\.0\.cam_t_m2c: missing",
+        ),
+        (
+            "bop",
+            damaged(
+                "bop/train/000000/scene_gt.json", lambda value: value["3"][0].update(cam_R_m2c=[1.0] * 8)
+            ),
+            r"scene_gt\.json.*cam_R_m2c.*at least 9",
+        ),
+        (
+            "bop",
+            damaged("bop/train/000000/scene_camera.json", lambda value: value.update(x={})),
+            r"scene_camera\.json.*x",
+        ),
+        (
+            "bop",
+            written("bop/models/obj_000001.ply", lambda data: data[:-40]),
+            r"obj_000001\.ply: cannot be read as PLY",
+        ),
+        (
+            "bop",
+            written(
+                "bop/models/obj_000001.ply", lambda data: data[:-8] + b"\xff\xff\xff\x7f" + data[-4:]
+            ),
+            r"obj_000001\.ply: triangles refer to vertices that do not exist",
+        ),
+        (
+            "yolo",
+            written("yolo/data.yaml", lambda data: data.replace(b"kpt_shape: [", b"kpt_shape: [x, ")),
+            r"data\.yaml, line \d+: kpt_shape",
+        ),
+        ("yolo", written("yolo/data.yaml", lambda data: b"- 1\n"), "a mapping of keys"),
+    ],
+)
+def test_what_a_format_does_not_have_is_told_by_file_and_key(away, name, spoil, words):
+    spoil(away)
+    with pytest.raises(InputError, match=words) as told:
         validate_foreign(away / name)
+    assert "Error" not in str(told.value)
+
+
+def test_yolo_row_of_words_is_a_fault_of_its_image(away):
+    (text,) = (away / "yolo/labels").rglob("000003.txt")
+    text.write_text(text.read_text().replace(" 0.", " seed", 1))
+    assert_found(away / "yolo", "rows", "000003.txt")
+
+
+def test_bop_image_without_a_camera(away):
+    (path,) = (away / "bop").rglob("scene_camera.json")
+    alter(path, lambda value: value.pop("3"))
+    assert_found(away / "bop", "pose", "no camera")
 
 
 def test_what_is_no_label_file(away):

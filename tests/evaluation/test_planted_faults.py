@@ -64,6 +64,15 @@ def assert_only(report: Report, *checks: str) -> None:
     assert {result.name for result in report.results if result.faults} == set(checks)
 
 
+def test_labels_of_a_reading_that_lack_a_keypoint(folder):
+    """The checks that need all keypoints are not made of it."""
+    cuboid.add_twin(folder)
+    assert prove(folder).passed
+    change(folder, lambda line: line["sensors"]["twin"][0]["labels"]["keypoints"].pop("B3"))
+    report = assert_found(folder, "sensor twin", "keypoints: their names are not those of")
+    assert_only(report, "sensor twin")
+
+
 def test_a_clean_dataset_passes_every_check(dataset_folder):
     report = prove(dataset_folder)
     assert report.passed

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import yaml
+from command import run_posse
 from scipy import stats
 from scipy.spatial.transform import Rotation
 from small_recipe import KEYS, write_recipe
@@ -178,6 +180,35 @@ def test_a_wrong_key_is_told_in_one_line_with_its_place(
         read_recipe(path)
     assert str(error.value).startswith(f"{path}, line ") or str(error.value).startswith(f"{path}: ")
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"craft": {"name": "aqqa"}}, "recipe.yaml: .*aqqa"),
+        ({"boxes": {"name": "nanno", "epochs": 1}}, "recipe.yaml: .*nanno"),
+        (
+            {"data": {"scenario": {**KEYS["data"]["scenario"], "sky": 3}}},
+            r"recipe.yaml: data\.scenario: sky: .*\(it is 3\)",
+        ),
+        (
+            {"data": {"sources": {"a": {"share": 1, "set": {"sky.eath": False}}}}},
+            r"recipe.yaml: data\.sources\.a: .*eath",
+        ),
+    ],
+)
+def test_what_is_wrong_beyond_the_keys_is_told_with_the_file(
+    changes: dict[str, Any], words: str, tmp_path: Path
+) -> None:
+    data = {**KEYS["data"], "scenario": {**KEYS["data"]["scenario"], "renderer": "raster"}}
+    nets = {"boxes": {"name": "nano", "epochs": 1}, "keypoints": {"name": "heatmap", "epochs": 1}}
+    changed = {"craft": {"name": "aqua"}, **nets, **changes}
+    changed["data"] = {**data, **changes.get("data", {})}
+    path = write_recipe(tmp_path, **changed)
+    code, _, error = run_posse("recipe", path)
+    assert code == 2
+    (line,) = error.splitlines()
+    assert re.search(words, line), line
 
 
 def test_a_recipe_is_read_as_it_was_written(tmp_path: Path) -> None:

@@ -200,6 +200,16 @@ def test_a_dataset_s_camera(tmp_path, lens):
     np.testing.assert_allclose(read.project(POINTS_M), projected_px(camera, POINTS_M), atol=1e-9)
 
 
+@pytest.mark.parametrize("key", ["ppx", "lineTime_s"])
+@pytest.mark.parametrize("value", [[], [1e-5, 1e-5]])
+def test_a_length_or_time_is_one_number(tmp_path, key, value):
+    path = tmp_path / "camera.json"
+    write_camera(Camera(640, 480, 612.5, 613.75, 331.25, 238.5, 0.0072, 1e-5), path)
+    path.write_text(json.dumps({**json.loads(path.read_text()), key: value}))
+    with pytest.raises(InputError, match=f"{key}: has {len(value)} numbers instead of 1"):
+        camera_of(path)
+
+
 # In a scenario
 
 

@@ -202,6 +202,27 @@ def damage_npz(path: Path, draw: random.Random) -> None:
     np.savez(path, **arrays)
 
 
+def damaged_glb(data: bytes, draw: random.Random) -> bytes:
+    """Binary glTF of which the JSON is damaged, and whose lengths are right."""
+    length = int.from_bytes(data[12:16], "little")
+    text = damaged_json(data[20 : 20 + length].decode(), draw).encode()
+    text += b" " * (-len(text) % 4)
+    body = len(text).to_bytes(4, "little") + data[16:20] + text + data[20 + length :]
+    return data[:8] + (12 + len(body)).to_bytes(4, "little") + body
+
+
+def damaged_safetensors(data: bytes, key: str, draw: random.Random) -> bytes:
+    """A file of tensors whose header is damaged, or the JSON under a key of its metadata."""
+    length = int.from_bytes(data[:8], "little")
+    header = json.loads(data[8 : 8 + length])
+    if draw.random() < 0.7:
+        header["__metadata__"][key] = damaged_json(header["__metadata__"][key], draw)
+    else:
+        header = damaged_value(header, draw)
+    text = json.dumps(header).encode()
+    return len(text).to_bytes(8, "little") + text + data[8 + length :]
+
+
 def damage_place(path: Path, draw: random.Random) -> None:
     """Something else in place of a file: a folder, a pipe, a link, nothing."""
     path.unlink()
@@ -240,7 +261,11 @@ def damage(path: Path, draw: random.Random) -> None:
             path.write_text(damaged_csv(path.read_text(), draw))
         case ".npz":
             damage_npz(path, draw)
-        case ".yaml" | ".obj" | ".mtl" | ".oem" | ".aem" | ".sha256":
+        case ".glb" if draw.random() < 0.7:
+            path.write_bytes(damaged_glb(path.read_bytes(), draw))
+        case ".gltf":
+            path.write_text(damaged_json(path.read_text(), draw))
+        case ".yaml" | ".obj" | ".mtl" | ".txt" | ".oem" | ".aem" | ".sha256":
             text = damaged_text(path.read_text(), draw)
             path.write_bytes(text.encode("utf-8", "surrogatepass"))
         case _:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
+import importlib
 import os
 import resource
 import select
 import signal
 import sys
 import tempfile
+import time
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,49 +18,93 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 MOST_S = 60
+"""The most processor time of a process, so that a machine with other work does not matter."""
+_HANGS_S = 5 * MOST_S
+"""After so long a command is taken to hang, whatever it waits for."""
 MOST_BYTES = 2 << 30
+_LIMIT_BYTES = 2 * MOST_BYTES
+"""What a process cannot exceed. It is above what none may have, or a large allocation would fail and be
+told as damage of the input."""
 
 
 @dataclass(frozen=True)
 class Ended:
-    """How a command ended: its exit code, or minus the signal that ended it; and what it said."""
+    """How a command ended.
+
+    Attributes:
+        code: its exit code, or minus the signal that ended it.
+        out: what it said.
+        error: what it said on stderr.
+        seconds: that it took.
+        most_bytes: of memory that the largest of its processes had at once, beside what this one had.
+        is_alone: whether all processes ended that it had started; those that did not are killed.
+        temporary: names of the temporary files that it left.
+        modules: names of the modules that it imported.
+    """
 
     code: int
     out: str
     error: str
+    seconds: float
+    most_bytes: int
+    is_alone: bool
+    temporary: tuple[str, ...]
+    modules: tuple[str, ...]
 
 
 def run_forked(folder: Path, arguments: Sequence[str]) -> Ended:
-    """Run a command in ``folder``; after a minute it is killed, and it gets no more than 2 GiB.
+    """Run a command in ``folder``.
 
+    It is killed after a minute of processor time, or when it hangs; no process gets more than 4 GiB.
     The process is forked, so what this one has imported need not be imported again.
     """
     (command,) = entry_points(group="console_scripts", name="posse")
     main = command.load()
-    with tempfile.TemporaryFile("w+b") as out, tempfile.TemporaryFile("w+b") as error:
+    with contextlib.ExitStack() as stack:
+        streams = [stack.enter_context(tempfile.TemporaryFile("w+b")) for _ in range(3)]
+        temporary = stack.enter_context(tempfile.TemporaryDirectory(ignore_cleanup_errors=True))
+        # What the process has from the start is this one's.
+        before = _resident_bytes()
+        started = time.monotonic()
         process = os.fork()
         if not process:
-            _work(main, folder, arguments, out.fileno(), error.fileno())
-        code = _awaited(process)
+            _work(main, folder, arguments, [stream.fileno() for stream in streams], temporary)
+        code, usage = _awaited(process)
+        seconds = time.monotonic() - started
+        is_alone = _is_group_gone(process)
+        left = tuple(sorted(path.name for path in Path(temporary).iterdir()))
         texts = []
-        for stream in (out, error):
+        for stream in streams:
             stream.seek(0)
             texts.append(stream.read().decode(errors="replace"))
-    return Ended(code, *texts)
+    most = max(0, usage.ru_maxrss * 1024 - before)
+    return Ended(code, texts[0], texts[1], seconds, most, is_alone, left, tuple(texts[2].split()))
 
 
-def _work(main, folder: Path, arguments: Sequence[str], out: int, error: int) -> None:
+def import_alike(ended: Ended) -> None:
+    """Import what a command imported, so that the processes forked from now on need not."""
+    for name in ended.modules:
+        if name not in sys.modules:
+            with contextlib.suppress(ImportError), warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                importlib.import_module(name)
+
+
+def _work(main, folder: Path, arguments: Sequence[str], streams: Sequence[int], temporary: str) -> None:
     code: object = 99
+    known = set(sys.modules)
     try:
-        os.dup2(out, 1)
-        os.dup2(error, 2)
+        os.setpgid(0, 0)  # so that what it starts and leaves can be found
+        os.dup2(streams[0], 1)
+        os.dup2(streams[1], 2)
         sys.stdout, sys.stderr = (open(k, "w", closefd=False) for k in (1, 2))  # noqa: SIM115
         os.chdir(folder)
         os.environ.pop("POSSE_SHOW_FAULTS", None)
-        tempfile.tempdir = str(folder.parent)  # where the details of a fault are written
+        os.environ["TMPDIR"] = tempfile.tempdir = temporary
         pages = int(Path("/proc/self/statm").read_text().split()[0])
-        bytes_ = pages * resource.getpagesize() + MOST_BYTES
+        bytes_ = pages * resource.getpagesize() + _LIMIT_BYTES
         resource.setrlimit(resource.RLIMIT_AS, (bytes_, bytes_))
+        resource.setrlimit(resource.RLIMIT_CPU, (MOST_S, MOST_S))
         warnings.simplefilter("default")  # as for users, who are told of them
         main(list(arguments))
     except SystemExit as ended:
@@ -67,14 +114,32 @@ def _work(main, folder: Path, arguments: Sequence[str], out: int, error: int) ->
     finally:
         sys.stdout.flush()
         sys.stderr.flush()
+        os.write(streams[2], "\n".join(sorted(set(sys.modules) - known)).encode())
         os._exit(code if isinstance(code, int) else 99)
 
 
-def _awaited(process: int) -> int:
+def _resident_bytes() -> int:
+    return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
+
+
+def _awaited(process: int) -> tuple[int, resource.struct_rusage]:
     pipe = os.pidfd_open(process)
     try:
-        if not select.select([pipe], [], [], MOST_S)[0]:
+        if not select.select([pipe], [], [], _HANGS_S)[0]:
             os.kill(process, signal.SIGKILL)
-        return os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
+        _, status, usage = os.wait4(process, 0)
+        return os.waitstatus_to_exitcode(status), usage
     finally:
         os.close(pipe)
+
+
+def _is_group_gone(group: int) -> bool:
+    """Whether no process is left in a group; those that are are killed."""
+    for _ in range(20):  # what was ended at the end may still be ending
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.05)
+    os.killpg(group, signal.SIGKILL)
+    return False

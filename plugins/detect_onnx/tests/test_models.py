@@ -148,6 +148,15 @@ def test_a_file_that_cannot_be_run_is_told_with_the_reason_alone(write, reason, 
     assert "\n" not in str(told.value)
 
 
+def test_a_graph_for_no_picture_is_refused(tmp_path):
+    def change(model):
+        model.graph.input[0].type.tensor_type.shape.dim[0].dim_value = 0
+
+    broken_by(tmp_path / "m.onnx", change)
+    with pytest.raises(InputError, match=r"takes {'picture': \[0, 1, 64, 64\]}, but POSSE gives"):
+        OnnxDetector(OnnxOptions()).load(tmp_path / "m.onnx")
+
+
 def test_the_shipped_nets_are_taken_where_none_is_named(tmp_path):
     registry = load_plugins().registry
     detector, finder = open_models(None, None, registry, {})

@@ -25,6 +25,8 @@ from posse_core import (
 )
 from posse_detect_onnx.options import OnnxOptions
 
+onnxruntime.disable_telemetry_events()
+
 _BOXES, _KEYPOINTS = ["boxes", "scores", "labels"], ["points", "sigma"]
 """Names of the outputs of the two tasks' graphs."""
 _SHARE = "share"
@@ -73,7 +75,12 @@ def _open(
     if card.task != task:
         raise InputError(f"{path}: this model finds {card.task}, but one that finds {task} is needed")
     square = [1, card.input_px, card.input_px]
-    taken = {entry.name: entry.shape[1:] for entry in session.get_inputs()}
+    taken = {
+        entry.name: entry.shape[1:]
+        if entry.shape[:1] == [1] or isinstance(entry.shape[0], str)
+        else entry.shape
+        for entry in session.get_inputs()
+    }
     if taken != {"picture": square}:
         raise InputError(f"{path}: takes {taken}, but POSSE gives it {{'picture': {square}}}")
     missing = set(outputs) - {entry.name for entry in session.get_outputs()}

@@ -24,7 +24,7 @@ from posse_core._interfaces.detector import Detection, Detector, KeypointFinder,
 from posse_core._interfaces.trust import ANGLE_RAD, RANGE_SHARE
 from posse_core._model.label_line import BodyLabels, LabelLine
 
-_LEAST_FLUX_W_M2 = 1.0
+LEAST_FLUX_W_M2 = 1.0
 """Sunlight below this flux is lost in any other light: it is 50 W/m² at Jupiter."""
 
 
@@ -179,7 +179,7 @@ def sun_direction_cam(labels: LabelLine) -> FloatArray | None:
     Sun is not what lights the target: in the Earth's shadow, and between the lamps of a laboratory."""
     if not (labels.has("sun_direction_body") and labels.has("q_cam_from_body")):
         return None
-    if labels.has("solar_flux_w_m2") and labels.solar_flux_w_m2 < _LEAST_FLUX_W_M2:
+    if labels.has("solar_flux_w_m2") and labels.solar_flux_w_m2 < LEAST_FLUX_W_M2:
         return None
     if labels.has("sun_fraction_target") and labels.sun_fraction_target == 0:
         return None

@@ -78,11 +78,9 @@ class Shapes:
         if not poses or detection.label not in self._crafts:
             pose = next(iter(poses), None)
             return Sighting(detection, pose, start=pose)
-        refinement, start = None, poses[0]
-        pose = start
-        if self._refiner is not None:
-            refiner = self._opened(self._refiner, detection.label, camera)
-            refinement = refiner.refine(image, poses, sun_direction_cam)
+        pose = start = poses[0]
+        refinement = self.refined(image, detection.label, poses, camera, sun_direction_cam)
+        if refinement is not None:
             if refinement.is_better:
                 pose = refinement.pose
             elif not refinement.is_confirmed:
@@ -94,6 +92,26 @@ class Shapes:
         if box_px is not None and float(box_iou(box_px, detection.box_px)) > least:
             detection = replace(detection, box_px=box_px)
         return Sighting(detection, replace(pose, detection=detection), refinement, start)
+
+    def __contains__(self, label: object) -> bool:
+        """Whether the mesh of a class is known."""
+        return label in self._crafts
+
+    def refined(
+        self,
+        image: AnyArray,
+        label: str,
+        poses: Sequence[PoseEstimate],
+        camera: Camera,
+        sun_direction_cam: FloatArray | None = None,
+    ) -> Refinement | None:
+        """What the refiner makes of the poses of a class; None without a refiner, or without the mesh.
+
+        The arguments are as in :meth:`posse_core.Refiner.refine`.
+        """
+        if self._refiner is None or label not in self._crafts:
+            return None
+        return self._opened(self._refiner, label, camera).refine(image, poses, sun_direction_cam)
 
     def box_px(self, label: str, pose: PoseEstimate, camera: Camera) -> FloatArray | None:
         """The box (4,) x, y, width, height of the pixels that the mesh covers at a pose, as the label

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -15,7 +15,9 @@ from posse_core._detection.hypotheses import poses_of
 from posse_core._detection.models import open_models
 from posse_core._detection.pnp import MIN_POINTS, solve_pose
 from posse_core._detection.pose_detector import PoseDetector
+from posse_core._detection.shapes import Shapes
 from posse_core._errors import InputError
+from posse_core._flight.expected import NOTHING, Expected, PoseRefiner
 from posse_core._interfaces.detector import Detection, PoseEstimate
 from posse_core._interfaces.navigator import KeypointReading, LineOfSight, RangeReading, Readings
 from posse_core._model.camera import Camera
@@ -30,7 +32,7 @@ _MIDDLE_SHARE = 0.1
 
 
 class Craft(Protocol):
-    """The name and the keypoints of a spacecraft."""
+    """The name, the keypoints and the joints of a spacecraft."""
 
     @property
     def name(self) -> str: ...
@@ -41,27 +43,41 @@ class Craft(Protocol):
     @property
     def keypoint_joints(self) -> Mapping[str, str]: ...
 
+    @property
+    def joints(self) -> Sequence[object]: ...
+
 
 @dataclass(frozen=True)
 class _Seen:
-    """What was found in an image: keypoints, and the box (4,) x, y, width, height."""
+    """What was found in an image: keypoints, the box (4,) x, y, width, height, and the poses on which
+    the keypoints may agree, likeliest first, where there are several."""
 
     keypoints: KeypointReading | None
     box_px: FloatArray
+    poses: Sequence[PoseEstimate] = ()
 
 
 class Eye(ABC):
     """Reads frames, by :func:`open_eye`."""
 
-    def __init__(self, config: MeasurementConfig, craft: Craft, camera: Camera, seed: int) -> None:
+    def __init__(
+        self,
+        config: MeasurementConfig,
+        craft: Craft,
+        camera: Camera,
+        seed: int,
+        refiner: PoseRefiner | None = None,
+    ) -> None:
+        """refiner: of poses; None takes those of the keypoints."""
         self._config, self._craft, self._camera, self._seed = config, craft, camera, seed
+        self._refiner = refiner
 
     def read(
         self,
         labels: LabelLine,
         image: AnyArray,
         q_eci_from_camera: FloatArray,
-        expected: Frame | None = None,
+        expected: Expected = NOTHING,
     ) -> Readings:
         """The readings of a frame.
 
@@ -69,12 +85,18 @@ class Eye(ABC):
             labels: the frame's true labels.
             image: (H, W) or (H, W, 3) its image.
             q_eci_from_camera: (4,) the camera's attitude as the chaser knows it.
-            expected: the frame that the chaser expected to see, by which keypoints are corrected; None
-                where there is none.
+            expected: what the chaser expected to see: keypoints are corrected by the frame, and poses
+                refined from the pose.
         """
         config = self._config
         began_s = time.perf_counter()
         seen = self._look(labels, image)
+        alone = None if seen is None or seen.keypoints is None else self._pose(seen.keypoints)
+        refined = None
+        if self._refiner is not None:
+            found = [alone] if seen is None or not seen.poses else seen.poses
+            poses = [pose for pose in found if pose is not None]
+            refined = self._refiner.pose(image, poses, expected)
         took_s = time.perf_counter() - began_s
         arrives_s = labels.t_s + (took_s if config.delay_s == "measured" else config.delay_s)
         readings = Readings(labels.index, labels.t_s, arrives_s, q_eci_from_camera)
@@ -82,23 +104,29 @@ class Eye(ABC):
             noise = random_generator(self._seed, labels.index, "range-finder").standard_normal()
             range_m = labels.range_m + config.range_sigma_m * float(noise)
             readings = replace(readings, range=RangeReading(range_m, config.range_sigma_m))
+        if refined is not None:
+            return replace(readings, pose=refined, pose_alone=alone)
         if seen is None:
             return readings
         if config.use == "line-of-sight":
             return replace(readings, line_of_sight=self._line_of_sight(seen.box_px))
         if seen.keypoints is None:
             return readings
-        found = seen.keypoints
-        alone = pose = self._pose(found)
-        if expected is not None:
-            found = self._corrected(found, expected)
-            pose = self._pose(found)
+        keypoints, pose = seen.keypoints, alone
+        if expected.frame is not None:
+            keypoints = self._corrected(keypoints, expected.frame)
+            pose = self._pose(keypoints)
         return replace(
             readings,
-            keypoints=found if config.use == "keypoints" else None,
+            keypoints=keypoints if config.use == "keypoints" else None,
             pose=pose,
             pose_alone=alone,
         )
+
+    def close(self) -> None:
+        """Close what refines poses."""
+        if self._refiner is not None:
+            self._refiner.close()
 
     @abstractmethod
     def _look(self, labels: LabelLine, image: AnyArray) -> _Seen | None:
@@ -144,8 +172,9 @@ class NetEye(Eye):
         camera: Camera,
         seed: int,
         detector: PoseDetector,
+        refiner: PoseRefiner | None = None,
     ) -> None:
-        super().__init__(config, craft, camera, seed)
+        super().__init__(config, craft, camera, seed, refiner)
         self._detector = detector
         body_m = np.array(list(craft.keypoints_body_m.values()))
         self._points_body_m = np.where(_fixed(craft)[:, None], body_m, np.nan)
@@ -154,23 +183,23 @@ class NetEye(Eye):
         for detection in self._detector.detect(image):
             if detection.label != self._craft.name:
                 continue
-            sure, box_px = self._sure(detection), np.asarray(detection.box_px, np.float64)
-            if sure is not None:
-                return _Seen(self._keypoints(sure), box_px)
+            poses, box_px = self._poses(detection), np.asarray(detection.box_px, np.float64)
+            if poses:
+                return _Seen(self._keypoints(poses[0]), box_px, poses)
             if detection.keypoints_px is None and self._config.use == "line-of-sight":
                 return _Seen(None, box_px)
         return None
 
-    def _sure(self, detection: Detection) -> PoseEstimate | None:
-        """The pose of a detection's keypoints; None where the net is not sure enough of them."""
+    def _poses(self, detection: Detection) -> list[PoseEstimate]:
+        """The poses of a detection's keypoints; none where the net is not sure enough of them."""
         poses = poses_of(self._points_body_m, detection, self._camera)
         if not poses:
-            return None
+            return []
         if detection.places is not None:
-            return poses[0] if poses[0].trust >= self._config.least_trust else None
+            return poses if poses[0].trust >= self._config.least_trust else []
         side_px = float(np.max(detection.box_px[2:]))
         sigma_px = float(np.mean(np.asarray(detection.keypoints_sigma_px)))
-        return poses[0] if sigma_px <= self._config.largest_sigma * side_px else None
+        return poses if sigma_px <= self._config.largest_sigma * side_px else []
 
     def _keypoints(self, pose: PoseEstimate) -> KeypointReading:
         """The keypoints of a pose: of a net that tells several places of each, those that agree with it,
@@ -224,19 +253,31 @@ def open_eye(
     camera: Camera,
     seed: int,
     registry: Registry,
+    shapes: Shapes | None = None,
     *,
     where: str = "flight.measurement",
 ) -> Eye:
     """The eye that a scenario chooses.
 
     Args:
+        shapes: meshes, and the refiner that ``config`` names; they are closed with the eye. None where
+            poses are not refined.
         where: the key of ``config``, for messages.
 
     Raises:
-        InputError: a model file cannot be used, or its classes or keypoints are not the spacecraft's.
+        InputError: a model file cannot be used, or its classes or keypoints are not the spacecraft's; or
+            poses cannot be refined, since there is no mesh without joints.
     """
+    refiner = None
+    if shapes is not None:
+        if craft.name not in shapes or craft.joints:
+            raise InputError(
+                f"{where}.refiner: {craft.name!r} has joints that move, or its mesh is not known; say"
+                " null"
+            )
+        refiner = PoseRefiner(shapes, craft.name, camera, config.least_trust)
     if config.source == "truth":
-        return TrueEye(config, craft, camera, seed)
+        return TrueEye(config, craft, camera, seed, refiner)
     try:
         detector, finder = open_models(
             config.boxes, config.keypoints, registry, {}, [craft.name], in_flight=True
@@ -256,7 +297,8 @@ def open_eye(
                 f"{where}.keypoints: the model does not find the keypoints of {craft.name!r};"
                 " name one that was trained on this spacecraft"
             )
-    return NetEye(config, craft, camera, seed, PoseDetector(detector, finder, config.least_score))
+    finds = PoseDetector(detector, finder, config.least_score)
+    return NetEye(config, craft, camera, seed, finds, refiner)
 
 
 def _fixed(craft: Craft) -> BoolArray:

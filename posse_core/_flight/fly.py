@@ -13,6 +13,7 @@ import numpy as np
 
 from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.layout import FLIGHT, FLIGHT_PAGE, SCENARIO, TRAJECTORY
+from posse_core._detection.known import target_shapes
 from posse_core._errors import InputError
 from posse_core._evaluation.flight import FlightSummary, summarise
 from posse_core._files.atomic import write_bytes
@@ -112,7 +113,11 @@ def _flight(
             "seed": derived_seed(scenario.seed, -1, "expected-frames"),
         }
         expecting = stack.enter_context(Simulator(scenario.model_copy(update=own), plugins.registry))
-    eye = open_eye(measurement, craft, simulator.camera, scenario.seed, plugins.registry)
+    shapes = None
+    if measurement.refiner is not None:
+        shapes = target_shapes(craft, plugins.registry, measurement.refiner)
+    eye = open_eye(measurement, craft, simulator.camera, scenario.seed, plugins.registry, shapes)
+    stack.callback(eye.close)
     return Flight(scenario, problem, simulator, eye, plugins.registry, expecting)
 
 

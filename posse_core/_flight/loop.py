@@ -9,6 +9,7 @@ import numpy as np
 from posse_core._arrays import FloatArray
 from posse_core._dynamics.plan import Burn
 from posse_core._flight.chaser import Chaser, as_known, carried_out, disturbed
+from posse_core._flight.expected import expected
 from posse_core._flight.eye import Eye
 from posse_core._flight.problem import FlightProblem
 from posse_core._flight.returned import commanded
@@ -79,8 +80,8 @@ class Flight:
         if readings is None:
             frame = self._simulator.frame(self._states.of_row(row, index))
             q_known = quaternion_from_matrix(R_eci_from_camera_known)
-            expected = self._expected(index, aim, q_known)
-            readings = self._eye.read(frame.labels, frame.image, q_known, expected)
+            expects = expected(aim, row, q_known, self._expected_frame(index, aim, q_known))
+            readings = self._eye.read(frame.labels, frame.image, q_known, expects)
         self._watch.read(readings, row)
         burn_s = t_s + config.burn_after_s
         innovations = self._watch.deliver(burn_s)
@@ -96,8 +97,10 @@ class Flight:
                 self._watch.burned(Burn(burn_s, dv_commanded))
         return Step(row, frame, readings, estimate, innovations, burn_s, dv_commanded, dv)
 
-    def _expected(self, index: int, aim: Estimate | None, q_eci_from_camera: FloatArray) -> Frame | None:
-        """The frame that the chaser expects to see."""
+    def _expected_frame(
+        self, index: int, aim: Estimate | None, q_eci_from_camera: FloatArray
+    ) -> Frame | None:
+        """The frame that the chaser expects to see, as its own renderer makes it."""
         if self._expecting is None or aim is None or aim.q_eci_from_body is None:
             return None
         state = self._expecting.state(

@@ -88,4 +88,10 @@ def _parsed(line: bytes, path: Path) -> Readings:
 
 
 def _with_arrays(raw: dict[str, Any]) -> dict[str, Any]:
-    return {name: np.array(value) if isinstance(value, list) else value for name, value in raw.items()}
+    return {
+        # An empty list does not say of what.
+        name: np.array(value, dtype=bool if name == "inliers" else None)
+        if isinstance(value, list)
+        else value
+        for name, value in raw.items()
+    }

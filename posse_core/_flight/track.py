@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -12,12 +13,14 @@ import numpy as np
 from posse_core._arrays import FloatArray, array_fault
 from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.layout import FLIGHT, TRACK, TRACK_PAGE, TRAJECTORY
+from posse_core._detection.known import dataset_shapes
 from posse_core._dynamics.plan import Burn
 from posse_core._dynamics.start import Target
 from posse_core._environment.time import Epoch
 from posse_core._errors import InputError
 from posse_core._files.flight import load_flight, save_flight
 from posse_core._flight.chaser import as_known, start_error
+from posse_core._flight.expected import expected
 from posse_core._flight.eye import open_eye
 from posse_core._flight.problem import thruster_errors
 from posse_core._flight.record import flight_record, single_pose
@@ -59,8 +62,8 @@ def track(
         ComponentError: the navigator failed.
     """
     frames = frames_of(dataset, sequence)
-    tracking = _Tracking(dataset, frames, config, registry)
-    record = flight_record(list(progress(tracking.steps(), len(frames))), None, np.nan)
+    with contextlib.closing(_Tracking(dataset, frames, config, registry)) as tracking:
+        record = flight_record(list(progress(tracking.steps(), len(frames))), None, np.nan)
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         save_flight(record, out / TRACK)
@@ -123,21 +126,27 @@ class _Tracking:
         self._registry = registry
         self._rows = dataset.trajectory.rows(dataset.indices[frames])
         self._impulses = _impulses(dataset, frames, self._rows.t_s)
+        refiner = config.measurement.refiner
         self._eye = open_eye(
             config.measurement,
             dataset.spacecraft,
             dataset.camera,
             config.seed,
             registry,
+            None if refiner is None else dataset_shapes(dataset, registry, refiner),
             where="measurement",
         )
+
+    def close(self) -> None:
+        """Close what refines poses."""
+        self._eye.close()
 
     def steps(self) -> Iterator[Step]:
         """Track, and yield each frame with what followed from it."""
         watch: Watch | None = None
         for i, position in enumerate(self._frames):
             row = self._rows.rows(np.array([i]))
-            readings = self._read(position, row)
+            readings = self._read(position, row, watch)
             is_used = False
             if watch is None and (start := self._start(readings, row)) is not None:
                 watch = self._watch(start)
@@ -160,12 +169,15 @@ class _Tracking:
                 self._impulses.rtn_m_s[i],
             )
 
-    def _read(self, position: int, row: Trajectory) -> Readings:
+    def _read(self, position: int, row: Trajectory, watch: Watch | None) -> Readings:
         labels = self._dataset[position]
         sigma_deg, seed = self._config.errors.camera_attitude_deg, self._config.seed
         R_true = matrix_from_quaternion(row.q_eci_from_camera[0])
         R_known = as_known(R_true, sigma_deg, seed, labels.index)
-        return self._eye.read(labels, self._dataset.image(position), quaternion_from_matrix(R_known))
+        q_known = quaternion_from_matrix(R_known)
+        estimate = None if watch is None else watch.estimate(float(row.t_s[0]))
+        image = self._dataset.image(position)
+        return self._eye.read(labels, image, q_known, expected(estimate, row, q_known))
 
     def _start(self, readings: Readings, row: Trajectory) -> Estimate | None:
         """What is known before the readings of a frame; None while nothing is."""

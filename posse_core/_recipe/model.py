@@ -12,6 +12,7 @@ from pydantic import Field, field_validator, model_validator
 from posse_core._errors import InputError
 from posse_core._plugins.options import Options
 from posse_core._scenario.component import ComponentChoice, TargetChoice
+from posse_core._scenario.limits import MOST_FRAMES
 from posse_core._selection.rules import named
 
 _SOURCE_NAME: Final = re.compile(r"[a-z][a-z0-9-]{0,63}")
@@ -51,7 +52,7 @@ class DataConfig(Options):
     """The frames to learn from."""
 
     frames: int | None = Field(
-        None, ge=10, description="number of frames; null is as many as the time allows"
+        None, ge=10, le=MOST_FRAMES, description="number of frames; null is as many as the time allows"
     )
     apparent_size: tuple[float, float] = Field(
         (0.15, 1.2),

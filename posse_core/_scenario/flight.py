@@ -102,6 +102,12 @@ class MeasurementConfig(Options):
         " what the chaser expects to see, and what the nets get wrong there is taken off what they"
         " found; null: no correction",
     )
+    refiner: ComponentChoice | None = Field(
+        None,
+        description="with 'use: pose', refines the pose in each image, from those that the nets find and"
+        " from the one that the chaser expects: a name, or {name, options}; null: poses are those of the"
+        " keypoints",
+    )
     range_sigma_m: float | None = Field(
         None, gt=0, description="standard deviation of a laser range finder, m; null: there is none"
     )
@@ -117,6 +123,10 @@ class MeasurementConfig(Options):
             raise ValueError("delay_s is negative; readings arrive after their frame")
         if self.correction is not None and (self.source == "truth" or self.use == "line-of-sight"):
             raise ValueError("correction is of the keypoints that nets find; leave it out, or say null")
+        if self.refiner is not None and self.use != "pose":
+            raise ValueError(f"refiner is for poses, and use is {self.use!r}; say use: pose, or null")
+        if self.refiner is not None and self.correction is not None:
+            raise ValueError("correction and refiner both improve the pose; say null to one of them")
         return self
 
 

@@ -323,10 +323,13 @@ def _with_complete_options(scenario: Scenario, registry: Registry, where: Any) -
             key: complete(key, getattr(flight, key), "flight", key)
             for key in ("navigator", "controller")
         }
-        correction = flight.measurement.correction
-        if correction is not None:
-            done = complete("renderer", correction, "flight", "measurement", "correction")
-            chosen["measurement"] = flight.measurement.model_copy(update={"correction": done})
+        chosen["measurement"] = flight.measurement.model_copy(
+            update={
+                key: complete(kind, choice, "flight", "measurement", key)
+                for key, kind in (("correction", "renderer"), ("refiner", "refiner"))
+                if (choice := getattr(flight.measurement, key)) is not None
+            }
+        )
         flight = flight.model_copy(update=chosen)
     return scenario.model_copy(
         update={

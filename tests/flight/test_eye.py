@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import posse_core as posse
+from posse_core._flight.expected import Expected
 from posse_core._flight.eye import NetEye, TrueEye
 from posse_core._scenario.flight import MeasurementConfig
 
@@ -213,7 +214,7 @@ def test_the_error_in_the_expected_image_is_taken_off():
     eye = NetEye(MeasurementConfig(sigma_px=0.5, largest_sigma=0.1), CRAFT, CAMERA, 0, nets)
     plain = eye.read(labels(), IMAGE, Q)
     np.testing.assert_allclose(plain.keypoints.points_px, TRUE_PX + Errs.ERROR_PX)
-    corrected = eye.read(labels(), IMAGE, Q, expected)
+    corrected = eye.read(labels(), IMAGE, Q, Expected(frame=expected))
     np.testing.assert_allclose(corrected.keypoints.points_px, TRUE_PX, atol=1e-9)
     np.testing.assert_allclose(corrected.pose.t_body_cam_m, T_BODY_CAM_M, atol=1e-4)
     np.testing.assert_array_equal(corrected.pose_alone.t_body_cam_m, plain.pose.t_body_cam_m)
@@ -224,5 +225,5 @@ def test_without_a_detection_in_the_expected_image_nothing_is_taken_off():
     expected = expected_frame(R_CAM_FROM_BODY, T_BODY_CAM_M)
     nets.detect = lambda image: [] if image is expected.image else [nets.found]
     eye = NetEye(MeasurementConfig(largest_sigma=0.1), CRAFT, CAMERA, 0, nets)
-    readings = eye.read(labels(), IMAGE, Q, expected)
+    readings = eye.read(labels(), IMAGE, Q, Expected(frame=expected))
     np.testing.assert_array_equal(readings.keypoints.points_px, TRUE_PX)

@@ -52,6 +52,9 @@ SHIFT_GAIN, RIVAL_LEAD, BESIDE_LEAD, BESIDE_PX = 0.03, 0.05, 0.1, 400
 """By how much more a shifted picture must correlate, a mirrored one or another frame's drawing, and both
 where it is a body beside the target, or a target that need not be seen; of these, only one of so many
 pixels tells: a small one may look like what it is before or behind."""
+TOLD_APART = 0.1
+"""Two frames' pictures tell them apart if they correlate more with their own drawings than with each
+other's, by so much of what one of them correlates more with the other's."""
 RIVAL_SHARE = 0.35
 """Least correlation of a mirrored picture or of another frame's drawing."""
 MIRRORED = ((True, False), (False, True), (True, True))
@@ -189,11 +192,7 @@ class PictureChecks:
         faults = list(self._faults(kept))
         if must_be_seen and not faults:
             faults += _something_else(kept.fits[""])
-        of_earlier = [
-            each
-            for each in self._before
-            if not each.is_at_fault and list(_better(scene, each.slopes, each))
-        ]
+        of_earlier = [each for each in self._before if not each.is_at_fault and list(_shows(each, kept))]
         text = f"the picture shows frame {kept.index}: what light shows then fits it better"
         self._places.faults += [Fault(each.index, text) for each in of_earlier]
         kept.is_at_fault = bool(faults)
@@ -217,7 +216,7 @@ class PictureChecks:
             for name in _better(kept.scene, kept.slopes.mirrored(x, y), kept):
                 yield f"the picture is mirrored in {axes}: what light shows fits that better{_of(name)}"
         for other in self._before:
-            for name in _better(other.scene, kept.slopes, kept):
+            for name in _shows(kept, other):
                 yield (
                     f"the picture shows frame {other.index}: what light shows then fits it better"
                     f"{_of(name)}"
@@ -290,6 +289,23 @@ def _better(scene: Scene, slopes: Slopes, kept: _Kept) -> Iterator[str]:
         correlation = rival.correlation(slopes)
         if correlation > RIVAL_SHARE and correlation - own.correlation > lead:
             yield name
+
+
+def _shows(accused: _Kept, other: _Kept) -> Iterator[str]:
+    """Names of the bodies by which a frame's picture shows what another frame's light shows.
+
+    A drawing may fit all pictures of nearly the same view better than the next drawing does. So the two
+    frames' pictures must not tell them apart: if each fits its own frame better than the other picture
+    does, both are right.
+    """
+    for name in _better(other.scene, accused.slopes, accused):
+        if not other.is_at_fault:
+            own, theirs = accused.fits[name].correlation, other.fits[name].correlation
+            ours_there = other.scene.drawings[name].correlation(accused.slopes)
+            theirs_here = accused.scene.drawings[name].correlation(other.slopes)
+            if own + theirs - ours_there - theirs_here > TOLD_APART * (ours_there - own):
+                continue
+        yield name
 
 
 def _of(name: str) -> str:

@@ -190,15 +190,15 @@ def _materials(path: Path) -> dict[str, Material]:
                 name = value
                 materials[name] = replace(PLAIN, name=value)
             elif key == "Kd":
-                red, green, blue = (min(max(float(c), 0.0), 1.0) for c in value.split())
+                red, green, blue = (_share(word) for word in value.split())
                 materials[name] = replace(materials[name], base_color=(red, green, blue))
             elif key == "Ns":
-                alpha = (2.0 / (max(float(value), 0.0) + 2.0)) ** 0.5
+                alpha = (2.0 / (max(_number(value), 0.0) + 2.0)) ** 0.5
                 materials[name] = replace(materials[name], roughness=alpha**0.5)
             elif key == "Pr":
-                materials[name] = replace(materials[name], roughness=min(max(float(value), 0.0), 1.0))
+                materials[name] = replace(materials[name], roughness=_share(value))
             elif key == "Pm":
-                materials[name] = replace(materials[name], metallic=min(max(float(value), 0.0), 1.0))
+                materials[name] = replace(materials[name], metallic=_share(value))
             elif key == "map_Kd":
                 picture = beside(path, value)
                 texture = decoded(read_bytes(picture), path, picture.name)
@@ -206,3 +206,15 @@ def _materials(path: Path) -> dict[str, Material]:
         except (ValueError, KeyError):
             raise InputError(f"{path}, line {number}: {line.strip()!r} is not understood") from None
     return materials
+
+
+def _share(word: str) -> float:
+    """A number within 0 … 1, or the end that it is beyond."""
+    return min(max(_number(word), 0.0), 1.0)
+
+
+def _number(word: str) -> float:
+    number = float(word)
+    if np.isnan(number):
+        raise ValueError(f"{word} is no number")
+    return number

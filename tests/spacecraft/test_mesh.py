@@ -283,6 +283,15 @@ def test_obj_materials_and_groups(tmp_path):
 # Meshes that are refused
 
 
+@pytest.mark.parametrize("line", ["Kd 1 nan 0", "Kd 1 0", "Ns nan", "Pr nan", "Pm x"])
+def test_a_material_with_what_is_no_number_is_told_by_its_line(tmp_path, line):
+    (tmp_path / "a.mtl").write_text(f"newmtl foil\n{line}\n")
+    faces = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl foil\nf 1 2 3\n"
+    (tmp_path / "a.obj").write_text(faces)
+    with pytest.raises(InputError, match=rf"a\.mtl, line 2: '{line}' is not understood"):
+        read_mesh(tmp_path / "a.obj")
+
+
 def test_the_message_about_a_missing_scale_names_the_size_and_the_key(files):
     message = refusal(files / "wedge.stl")
     assert "scale_m_per_unit" in message

@@ -202,9 +202,9 @@ def _judge(every: Sequence[PhotoPose]) -> None:
     for each in every:
         for fault in each.faults:
             lost = "; no pose is written" if each.pose is None else ""
-            click.echo(f"posse: {each.photo}: {fault}{lost}", err=True)
+            click.echo(f"posse: warning: {each.photo}: {fault}{lost}", err=True)
         if each.remark:
-            click.echo(f"posse: {each.photo}: {each.remark}", err=True)
+            click.echo(f"posse: warning: {each.photo}: {each.remark}", err=True)
     wrong = sum(1 for each in every if each.faults)
     if wrong:
         raise CheckFailed(f"{wrong} of {len(every)} photographs have points that do not fit")

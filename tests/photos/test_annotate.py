@@ -101,7 +101,7 @@ def test_an_exchanged_pair_is_told_by_photograph_and_names(photos, annotate, wri
     done = annotate("--points", write_points(points))
     assert isinstance(done.exception, CheckFailed)
     (told,) = (text for text in done.output.splitlines() if text.startswith("posse: "))
-    assert told.startswith("posse: 000000.png: ")
+    assert told.startswith("posse: warning: 000000.png: ")
     assert "exchanged" in told
     assert {one, other} <= set(told.split())
     # The poses are written all the same, that of the first photograph without the two.
@@ -114,7 +114,7 @@ def test_photographs_without_a_pose_are_told_and_left_out(photos, annotate, writ
     points["000001.png"] = dict(list(points["000001.png"].items())[:3])
     done = annotate("--points", write_points(points))
     assert isinstance(done.exception, CheckFailed)
-    assert "posse: 000001.png: has 3 of the 4 points" in done.output
+    assert "posse: warning: 000001.png: has 3 of the 4 points" in done.output
     speed = json.loads((photos.folder / "labelled" / "speed.json").read_text())
     assert [entry["filename"] for entry in speed] == ["images/000000.png", "images/000002.png"]
     del points["000001.png"], points["000002.png"]

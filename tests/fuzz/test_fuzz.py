@@ -34,6 +34,8 @@ CASE = os.environ.get("POSSE_FUZZ_CASE")
 CASES = 12
 """Cases of each kind where no time is given."""
 SHOWN = 15
+PACKAGE = "spacecraft.yaml"
+"""The file that a folder lacks which is no package."""
 CACHES = (".ses", "torchinductor_")
 """Temporary files that onnxruntime and torch keep between processes."""
 LONGEST = 1500
@@ -126,7 +128,7 @@ def files_in(folder: Path) -> dict[str, str]:
 
 def words_of(arguments: list[str], files: dict[str, str]) -> set[str]:
     """Words by which a line may name what is at fault: of the command, or files."""
-    words = {re.split("[=#]", word)[0] for word in arguments[1:]}
+    words = {re.split("[=#]", word)[0] for word in arguments[1:]} | {PACKAGE}
     return {word for word in words | {Path(name).name for name in files} if word}
 
 

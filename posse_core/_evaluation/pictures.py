@@ -55,6 +55,9 @@ pixels tells: a small one may look like what it is before or behind."""
 TOLD_APART = 0.1
 """Two frames' pictures tell them apart if they correlate more with their own drawings than with each
 other's, by so much of what one of them correlates more with the other's."""
+RIVAL_SCATTER = 1.5
+"""A mirrored picture or another frame's drawing leads by chance by less than this over the root of the
+number of the body's pixels."""
 RIVAL_SHARE = 0.35
 """Least correlation of a mirrored picture or of another frame's drawing."""
 MIRRORED = ((True, False), (False, True), (True, True))
@@ -286,6 +289,8 @@ def _better(scene: Scene, slopes: Slopes, kept: _Kept) -> Iterator[str]:
         rival, lead = scene.drawings.get(name), kept.lead(name, RIVAL_LEAD)
         if rival is None or lead is None or (lead == BESIDE_LEAD and rival.px < BESIDE_PX):
             continue
+        least_px = min(rival.px, kept.scene.drawings[name].px)
+        lead = max(lead, RIVAL_SCATTER / np.sqrt(least_px))
         correlation = rival.correlation(slopes)
         if correlation > RIVAL_SHARE and correlation - own.correlation > lead:
             yield name

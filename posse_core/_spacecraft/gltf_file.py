@@ -26,7 +26,11 @@ DRACO = "KHR_draco_mesh_compression"
 GLOSSY = "KHR_materials_pbrSpecularGlossiness"
 _READ = {DRACO, GLOSSY, "EXT_texture_webp", "KHR_texture_transform", "KHR_mesh_quantization"}
 _HARMLESS = ("KHR_materials_", "KHR_lights_")
-
+_LISTS = (
+    *("accessors", "animations", "buffers", "bufferViews", "images", "materials", "meshes", "nodes"),
+    *("samplers", "scenes", "textures"),
+)
+"""Keys of a header whose values are lists of objects."""
 
 _TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 """Component types of accessors, as NumPy names them."""
@@ -75,6 +79,7 @@ def open_gltf(path: Path) -> GltfFile:
     header = parsed_json(text, f"{path}: not a glTF file")
     if not isinstance(header, dict):
         raise InputError(f"{path}: not a glTF file; export it again")
+    _check_lists(path, header)
     _check_extensions(path, header)
     _check_counts(path, header)
     buffers = [
@@ -82,6 +87,13 @@ def open_gltf(path: Path) -> GltfFile:
         for buffer in header.get("buffers", [])
     ]
     return GltfFile(path, header, buffers)
+
+
+def _check_lists(path: Path, header: dict[str, Any]) -> None:
+    for key in _LISTS:
+        entries = header.get(key, [])
+        if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+            raise InputError(f"{path}: {key} is not a list of objects; export it again")
 
 
 def _check_extensions(path: Path, header: dict[str, Any]) -> None:

@@ -283,6 +283,14 @@ def test_obj_materials_and_groups(tmp_path):
 # Meshes that are refused
 
 
+@pytest.mark.parametrize("key", ["images", "buffers", "meshes", "animations"])
+@pytest.mark.parametrize("value", ["x", ["x"], {"a": {}}])
+def test_a_gltf_key_that_is_no_list_of_objects_is_told(tmp_path, key, value):
+    (tmp_path / "a.glb").write_bytes(triangle_glb(**{key: value}))
+    with pytest.raises(InputError, match=f"{key} is not a list of objects"):
+        read_mesh(tmp_path / "a.glb")
+
+
 @pytest.mark.parametrize("line", ["Kd 1 nan 0", "Kd 1 0", "Ns nan", "Pr nan", "Pm x"])
 def test_a_material_with_what_is_no_number_is_told_by_its_line(tmp_path, line):
     (tmp_path / "a.mtl").write_text(f"newmtl foil\n{line}\n")

@@ -135,7 +135,7 @@ def _awaited(process: int) -> tuple[int, resource.struct_rusage]:
 
 def _is_group_gone(group: int) -> bool:
     """Whether no process is left in a group; those that are are killed."""
-    for _ in range(20):  # what was ended at the end may still be ending
+    for _ in range(200):  # what was ended at the end may still be ending
         try:
             os.killpg(group, 0)
         except ProcessLookupError:

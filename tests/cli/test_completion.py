@@ -155,7 +155,15 @@ def test_a_path_to_every_component_that_a_scenario_chooses_knows_its_kind() -> N
         return {key.kind for key in keys.values() if key.kind}.union(*inner)
 
     found = kinds(dict(table.scenario)) | kinds(dict(table.track))
-    assert found == {"scene", "propagator", "renderer", "attitude-law", "navigator", "controller"}
+    assert found == {
+        "scene",
+        "propagator",
+        "renderer",
+        "attitude-law",
+        "refiner",
+        "navigator",
+        "controller",
+    }
 
 
 def test_keys_are_read_anew_when_a_file_changed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -195,7 +195,7 @@ def test_coco_of_an_image_that_is_not_there(folder):
 def test_coco_cut_short(folder):
     path = folder / "coco.json"
     path.write_text(path.read_text()[:-100])
-    assert_found(folder, "coco", "not JSON", frame=None)
+    assert_found(folder, "coco", "not valid COCO: invalid JSON", frame=None)
 
 
 def test_yolo_keypoints_without_the_half_pixel(folder):

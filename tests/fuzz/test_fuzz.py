@@ -139,8 +139,8 @@ def faults_of(ended: Ended, changed: list[str], words: set[str]) -> list[str]:
         faults.append(f"exit code {ended.code} after {ended.seconds:.0f} s")
     if ended.most_bytes > MOST_BYTES:
         faults.append(f"{ended.most_bytes / 2**30:.1f} GiB of memory")
-    if not ended.is_alone:
-        faults.append("a process goes on")
+    if ended.alive:
+        faults.append(f"processes that go on: {', '.join(ended.alive)}")
     left = [name for name in ended.temporary if not name.startswith(CACHES)]
     if left and ended.code != 4:
         faults.append(f"left the temporary files {', '.join(left[:5])}")

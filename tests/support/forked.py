@@ -37,7 +37,7 @@ class Ended:
         error: what it said on stderr.
         seconds: that it took.
         most_bytes: of memory that the largest of its processes had at once, beside what this one had.
-        is_alone: whether all processes ended that it had started; those that did not are killed.
+        alive: names of the processes that it started and that went on after it; they are killed.
         temporary: names of the temporary files that it left.
         modules: names of the modules that it imported.
     """
@@ -47,7 +47,7 @@ class Ended:
     error: str
     seconds: float
     most_bytes: int
-    is_alone: bool
+    alive: tuple[str, ...]
     temporary: tuple[str, ...]
     modules: tuple[str, ...]
 
@@ -71,14 +71,14 @@ def run_forked(folder: Path, arguments: Sequence[str]) -> Ended:
             _work(main, folder, arguments, [stream.fileno() for stream in streams], temporary)
         code, usage = _awaited(process)
         seconds = time.monotonic() - started
-        is_alone = _is_group_gone(process)
+        alive = _ended_group(process)
         left = tuple(sorted(path.name for path in Path(temporary).iterdir()))
         texts = []
         for stream in streams:
             stream.seek(0)
             texts.append(stream.read().decode(errors="replace"))
     most = max(0, usage.ru_maxrss * 1024 - before)
-    return Ended(code, texts[0], texts[1], seconds, most, is_alone, left, tuple(texts[2].split()))
+    return Ended(code, texts[0], texts[1], seconds, most, alive, left, tuple(texts[2].split()))
 
 
 def import_alike(ended: Ended) -> None:
@@ -133,13 +133,25 @@ def _awaited(process: int) -> tuple[int, resource.struct_rusage]:
         os.close(pipe)
 
 
-def _is_group_gone(group: int) -> bool:
-    """Whether no process is left in a group; those that are are killed."""
-    for _ in range(200):  # what was ended at the end may still be ending
-        try:
-            os.killpg(group, 0)
-        except ProcessLookupError:
-            return True
+def _ended_group(group: int) -> tuple[str, ...]:
+    """Names of the processes of a group that do not end within ten seconds; they are killed."""
+    for _ in range(200):
+        alive = _alive_in(group)
+        if not alive:
+            return ()
         time.sleep(0.05)
     os.killpg(group, signal.SIGKILL)
-    return False
+    return alive
+
+
+def _alive_in(group: int) -> tuple[str, ...]:
+    """Names of the processes of a group, without those that have ended and that nobody has waited for:
+    the first process of a container may wait for none."""
+    alive = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):  # it has ended since
+            name, _, numbers = path.read_text().partition("(")[2].rpartition(") ")
+            state, _, its_group = numbers.split()[:3]
+            if int(its_group) == group and state not in "ZX":
+                alive.append(name)
+    return tuple(alive)

@@ -32,6 +32,9 @@ _STRETCH: FloatArray = RADIUS_M / SEMI_AXES_M
 """(3,) scale factors that map the ellipsoid to a sphere of the equatorial radius. Straight lines stay
 straight. Vectors scaled by it are called stretched below."""
 
+_FLATTENED = float(SEMI_AXES_M[2] / RADIUS_M)
+"""Length of the polar axis in that of the equator's."""
+
 _AIR_STEP_M = 2e3
 _MOST_AIR_STEPS = 16
 """How wide a pixel is for which the air above the limb is sampled once, and the most samples of a wider
@@ -177,11 +180,20 @@ class EarthView:
     def touches(self, directions_cam: FloatArray, reach_rad: float) -> BoolArray:
         """(..., 3) unit vectors, camera axes → (...): whether the Earth or its air is within an angle of
         them."""
+        edge_rad = np.arcsin(min(1.0, (RADIUS_M + TOP_M) / (_FLATTENED * self._distance_m)))
+        return np.asarray(self._from_nadir_rad(directions_cam) < edge_rad + reach_rad)
+
+    def fills(self, directions_cam: FloatArray, reach_rad: float) -> BoolArray:
+        """(..., 3) unit vectors, camera axes → (...): whether all that is within an angle of them is
+        ground."""
+        edge_rad = np.arcsin(min(1.0, _FLATTENED * RADIUS_M / self._distance_m))
+        return np.asarray(self._from_nadir_rad(directions_cam) < edge_rad - reach_rad)
+
+    def _from_nadir_rad(self, directions_cam: FloatArray) -> FloatArray:
+        """(..., 3) unit vectors, camera axes → (...) angle from the direction to the Earth's centre."""
         nadir_cam = -(self._R_ecef_from_cam.T @ (self._origin_m / _STRETCH))
         nadir_cam /= np.linalg.norm(nadir_cam)
-        edge = np.arcsin(min(1.0, (RADIUS_M + TOP_M) / (SEMI_AXES_M[2] / RADIUS_M * self._distance_m)))
-        from_nadir = np.arccos(np.clip(directions_cam @ nadir_cam, -1, 1))
-        return np.asarray(from_nadir < edge + reach_rad)
+        return np.asarray(np.arccos(np.clip(directions_cam @ nadir_cam, -1, 1)))
 
     def samples(self, pixel_rad: float) -> int:
         """How many samples, in each direction, a pixel of a width needs so that there are enough across

@@ -12,6 +12,10 @@ from posse_core._sky.laboratory import Room
 SHAPE = (64, 128)
 """Rows and columns."""
 _LEAST_SAMPLES = 4
+_INSIDE_SAMPLES = 2
+_LIMB_PX = 3
+"""The fewest samples, in each direction, of a pixel near the limb, and of one that is farther than so
+many pixels within it."""
 
 
 def environment_map(earth: EarthView) -> EnvironmentMap:
@@ -24,11 +28,17 @@ def environment_map(earth: EarthView) -> EnvironmentMap:
     middles = _directions(
         np.cos(np.pi * (np.arange(rows)[:, None] + 0.5) / rows), np.arange(0.5, columns)
     )
-    row, column = np.nonzero(earth.touches(middles, pixel_rad))
-    n = max(_LEAST_SAMPLES, earth.samples(pixel_rad))
+    inside = earth.fills(middles, _LIMB_PX * pixel_rad)
     radiance_rgb = np.zeros((rows, columns, 3), dtype=np.float32)
-    within = _directions_within(row, column, n)
-    radiance_rgb[row, column] = earth.light(within, pixel_rad / n).mean(axis=(1, 2))
+    for which, least in (
+        (inside, _INSIDE_SAMPLES),
+        (earth.touches(middles, pixel_rad) & ~inside, _LEAST_SAMPLES),
+    ):
+        row, column = np.nonzero(which)
+        if len(row):
+            n = max(least, earth.samples(pixel_rad))
+            within = _directions_within(row, column, n)
+            radiance_rgb[row, column] = earth.light(within, pixel_rad / n).mean(axis=(1, 2))
     return EnvironmentMap(radiance_rgb)
 
 

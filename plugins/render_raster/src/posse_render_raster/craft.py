@@ -32,6 +32,12 @@ class _LoadedPiece:
 
     textures: Sequence[moderngl.Texture]
     radiance: moderngl.VertexArray
+
+
+@dataclass(frozen=True)
+class _Shape:
+    """All parts of a link as one, loaded into OpenGL: for depth alone, one call draws them all."""
+
     depth: moderngl.VertexArray
     shadow: moderngl.VertexArray
 
@@ -47,6 +53,7 @@ class Link:
         radius_m: of a sphere about the origin of its axes that contains them.
         pieces: its parts.
         indices: of its parts among the scene's pieces.
+        shape: of all of them.
     """
 
     number: int
@@ -55,6 +62,7 @@ class Link:
     radius_m: float
     pieces: Sequence[_LoadedPiece]
     indices: Sequence[int]
+    shape: _Shape
 
 
 class Craft:
@@ -75,6 +83,7 @@ class Craft:
         self._white = context.texture((1, 1), 3, np.full(3, 255, dtype=np.uint8).tobytes())
         textures: dict[int, Sequence[moderngl.Texture]] = {}
         loaded: dict[tuple[int, int], _LoadedPiece] = {}
+        shapes: dict[tuple[tuple[int, int], ...], _Shape] = {}
         links: dict[int, list[int]] = {}
         for index, piece in enumerate(scene.pieces):
             links.setdefault(piece.link, []).append(index)
@@ -82,6 +91,10 @@ class Craft:
                 textures[id(piece.material)] = self._textures(piece.material)
             if _key(piece) not in loaded:
                 loaded[_key(piece)] = self._loaded(piece, textures[id(piece.material)])
+        for own in links.values():
+            pieces = [scene.pieces[i] for i in own]
+            if _keys(pieces) not in shapes:
+                shapes[_keys(pieces)] = self._shape(pieces)
         self.links = tuple(
             Link(
                 number=number,
@@ -90,6 +103,7 @@ class Craft:
                 radius_m=float(scene.link_radii_m[number]),
                 pieces=[loaded[_key(scene.pieces[i])] for i in own],
                 indices=own,
+                shape=shapes[_keys([scene.pieces[i] for i in own])],
             )
             for number, own in sorted(links.items())
         )
@@ -98,14 +112,12 @@ class Craft:
         """Draw the depth of links with the program :attr:`depth`."""
         for link in links:
             _place(self.depth, link, poses)
-            for piece in link.pieces:
-                piece.depth.render()
+            link.shape.depth.render()
 
     def draw_shadow(self, link: Link, shadow_from_link: FloatArray) -> None:
         """Draw the depth of a link, as the Sun sees it, with the program :attr:`shadow`."""
         set_matrix(self.shadow, "shadow_from_link", shadow_from_link)
-        for piece in link.pieces:
-            piece.shadow.render()
+        link.shape.shadow.render()
 
     def draw_radiance(self, link: Link, poses: LinkPoses, materials: Sequence[Material]) -> None:
         """Draw a link with the program :attr:`radiance`, each part with the material that its piece has
@@ -131,20 +143,35 @@ class Craft:
         vertices = context.buffer(np.hstack(columns).astype(np.float32).tobytes())
         faces = context.buffer(part.faces.astype(np.int32).tobytes())
         attributes = ("position_link_m", "normal_link", "uv")
-        position = [(vertices, "3f 5x4", attributes[0])]
         return _LoadedPiece(
             textures=textures,
             radiance=context.vertex_array(
                 self.radiance, [(vertices, "3f 3f 2f", *attributes)], index_buffer=faces
             ),
-            depth=context.vertex_array(self.depth, position, index_buffer=faces),
-            shadow=context.vertex_array(self.shadow, position, index_buffer=faces),
         )
+
+    def _shape(self, pieces: Sequence[Piece]) -> _Shape:
+        parts, context = [piece.part for piece in pieces], self._context
+        firsts = np.cumsum([0, *(len(part.vertices_body_m) for part in parts)])[:-1]
+        positions = np.concatenate([part.vertices_body_m for part in parts]).astype(np.float32)
+        faces = np.concatenate([part.faces + first for part, first in zip(parts, firsts, strict=True)])
+        vertices = context.buffer(positions.tobytes())
+        indices = context.buffer(faces.astype(np.int32).tobytes())
+        of_depth, of_shadow = (
+            context.vertex_array(target, [(vertices, "3f", "position_link_m")], index_buffer=indices)
+            for target in (self.depth, self.shadow)
+        )
+        return _Shape(of_depth, of_shadow)
 
 
 def _key(piece: Piece) -> tuple[int, int]:
     """What two pieces that are loaded once have in common."""
     return id(piece.part), id(piece.material)
+
+
+def _keys(pieces: Sequence[Piece]) -> tuple[tuple[int, int], ...]:
+    """What two links that are loaded once have in common."""
+    return tuple(map(_key, pieces))
 
 
 def set_matrix(target: moderngl.Program, name: str, matrix: FloatArray) -> None:

@@ -5,9 +5,10 @@ import time
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from posse_core._spacecraft.cubesat import Cubesat, CubesatOptions
-from posse_core._threads import in_threads, thread_count
+from posse_core._threads import in_threads, one_thread_for_algebra, thread_count
 
 
 def test_the_results_are_in_the_order_of_the_items(monkeypatch):
@@ -63,3 +64,13 @@ def test_the_textures_of_a_built_in_craft_are_the_same_to_the_bit(monkeypatch):
             assert material.base_color == other[name].base_color
             for key in ("base_color_texture", "metallic_roughness_texture", "normal_texture"):
                 assert np.array_equal(getattr(material, key), getattr(other[name], key))
+
+
+def test_within_the_context_algebra_has_one_thread() -> None:
+    def threads() -> list[int]:
+        return [each["num_threads"] for each in threadpool_info() if each["user_api"] == "blas"]
+
+    with threadpool_limits(2, "blas"):
+        with one_thread_for_algebra():
+            assert set(threads()) == {1}
+        assert set(threads()) == {2}

@@ -444,3 +444,10 @@ def test_a_law_that_has_no_answer_is_not_asked_where_the_attitude_is_given(
 def test_a_given_attitude_that_is_no_rotation(trajectory: Trajectory, q: list[float]) -> None:
     with pytest.raises(InputError, match="q_eci_from_body: a quaternion is not of length one"):
         at_one(trajectory, 0, GivenAttitude(q_eci_from_body=np.array([q])))
+
+
+def test_an_epoch_that_is_none(trajectory: Trajectory, tmp_path: Path) -> None:
+    path = tmp_path / "t.npz"
+    save_trajectory(dataclasses.replace(trajectory, epoch_utc="[]"), path)
+    with pytest.raises(InputError, match=r"t\.npz: epoch '\[\]' is not ISO 8601"):
+        load_trajectory(path)

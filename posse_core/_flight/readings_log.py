@@ -81,10 +81,8 @@ def _parsed(line: bytes, path: Path) -> Readings:
             if raw[name] is not None:
                 raw[name] = kind(**_with_arrays(raw[name]))
         return Readings(**_with_arrays(raw))
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(
-            f"{path}: a line is not the readings of a frame: {' '.join(str(error).split())}; fly anew"
-        ) from None
+    except (ValueError, KeyError, TypeError, AttributeError):
+        raise InputError(f"{path}: a line is not the readings of a frame; fly anew") from None
 
 
 def _with_arrays(raw: dict[str, Any]) -> dict[str, Any]:

@@ -45,7 +45,7 @@ class Surface:
             [part.normals_body[part.faces].astype(np.float64) for part in parts]
         )
         self._materials = [piece.material for piece in pieces]
-        self._material = np.repeat(np.arange(len(parts)), [len(part.faces) for part in parts])
+        self._piece = np.repeat(np.arange(len(parts)), [len(part.faces) for part in parts])
 
     def at(
         self,
@@ -89,10 +89,13 @@ class Surface:
         materials = self._materials if materials is None else materials
         on = np.flatnonzero(triangle >= 0)
         uv = _between(self._weights(triangle[on], point_body_m[on]), self._uv[triangle[on]])
-        used = self._material[triangle[on]]
+        # Pieces of one material are sampled together.
+        alike = list({id(material): material for material in materials}.values())
+        number = {id(material): k for k, material in enumerate(alike)}
+        used = np.array([number[id(material)] for material in materials])[self._piece[triangle[on]]]
         for index in np.unique(used):
             own = np.flatnonzero(used == index)
-            yield materials[index], on[own], uv[own]
+            yield alike[index], on[own], uv[own]
 
     def normals(self, triangle: IntArray, point_body_m: FloatArray) -> FloatArray:
         """(N, 3) unit shading normals in the axes of each point's link, on the side of the parts' own
@@ -106,9 +109,9 @@ class Surface:
         weights = self._weights(triangle[on], point_body_m[on])
         smooth = unit(_between(weights, self._normals[triangle[on]]))
         uv = _between(weights, self._uv[triangle[on]])
-        for index in np.unique(self._material[triangle[on]]):
+        for index in np.unique(self._piece[triangle[on]]):
             texture = self._materials[index].normal_texture
-            rows = np.flatnonzero(self._material[triangle[on]] == index)
+            rows = np.flatnonzero(self._piece[triangle[on]] == index)
             if texture is not None:
                 tilt = _sampled(texture, _SIGNED, uv[rows])
                 along_u, along_v, known = self._tangents(triangle[on][rows], smooth[rows])

@@ -118,7 +118,7 @@ class Spacecraft:
             keypoint_joints={point: joint for point, joint in carriers.items() if joint is not None},
         )
 
-    @property
+    @cached_property
     def bounds_body_m(self) -> FloatArray:
         """(2, 3) lower and upper corner of the axis-aligned box around all parts, m, with every joint at
         zero."""

@@ -14,7 +14,10 @@ class ThesisOptions(Options):
     """Options of the propagator ``thesis``."""
 
     relative_orbits: int = Field(
-        25, ge=1, description="H of Algorithm 3.1: number of relative orbits, each over all times"
+        25,
+        ge=1,
+        le=10_000,
+        description="H of Algorithm 3.1: number of relative orbits, each over all times",
     )
 
 

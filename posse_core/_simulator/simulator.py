@@ -26,6 +26,7 @@ from posse_core._simulator.reopening import chosen_renderer
 from posse_core._simulator.scene import scene_of
 from posse_core._simulator.sensing import Sensing, annotated_look, open_sensors
 from posse_core._simulator.states import States
+from posse_core._threads import one_thread_for_algebra
 from posse_core._trajectory.joints import GivenJoints
 from posse_core._trajectory.problem import orbit_epoch
 
@@ -168,6 +169,10 @@ class Simulator:
             ComponentError: the renderer, an annotator or a sensor failed.
             WorkerLost: the renderer's process died at every try.
         """
+        with one_thread_for_algebra():
+            return self._frame(state)
+
+    def _frame(self, state: FrameState) -> Frame:
         seed = self.scenario.seed
         photograph = self._image_sensor.photograph(
             lambda exposure_s, instants: self._optics.light(

@@ -471,3 +471,9 @@ def test_keys_of_joints_and_bodies_are_overridden(tmp_path, key, value, expected
     for step in key.split(".")[:-1]:
         found = found[step]
     assert {name: found[name] for name in expected} == expected
+
+
+def test_so_many_relative_orbits_that_they_do_not_fit_into_memory_are_refused(tmp_path):
+    many = {"propagator.name": "thesis", "propagator.relative_orbits": 100_000}
+    with pytest.raises(InputError, match=r"propagator\.relative_orbits: .*less than or equal to 10000"):
+        load(tmp_path, MINIMAL, **many)

@@ -113,8 +113,9 @@ def _check_extensions(path: Path, header: dict[str, Any]) -> None:
 
 def _check_counts(path: Path, header: dict[str, Any]) -> None:
     for accessor in header.get("accessors", []):
-        if not 0 <= int(accessor["count"]) <= MOST_VALUES:
-            raise InputError(f"{path}: an accessor has {accessor['count']} values; export it again")
+        count = accessor.get("count")
+        if not isinstance(count, int | float) or not 0 <= count <= MOST_VALUES:
+            raise InputError(f"{path}: an accessor has {count} values; export it again")
 
 
 def content(path: Path, uri: str) -> bytes:

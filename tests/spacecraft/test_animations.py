@@ -287,6 +287,7 @@ def times(header):
         (lambda h: times(h).update(byteOffset=4), "longer than its buffer view"),
         (lambda h: times(h).update(sparse={}), "sparse"),
         (lambda h: times(h).update(count=-3), "an accessor has -3 values"),
+        (lambda h: times(h).update(count=float("inf")), "an accessor has inf values"),
         (lambda h: times(h).update(componentType=5121), "do not increase"),
         (lambda h: times(h).update(componentType=5130), "not a valid .glb file"),
         (lambda h: h["animations"][0]["samplers"][0].update(interpolation="SPLINE"), "'SPLINE'"),

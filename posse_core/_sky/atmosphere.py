@@ -8,7 +8,6 @@ heights above the ellipsoid.
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -37,12 +36,8 @@ AEROSOL_ASYMMETRY = 0.7
 OZONE_DEPTH: FloatArray = np.array([0.026, 0.024, 0.002])
 """(3,) vertical optical depth of 300 Dobson units of ozone (Chappuis band), averaged over each band."""
 
-_STEPS = 24
 _HEIGHTS = 64
 _SUNS = 128
-GROUND_ROWS = 64
-LIMB_ROWS = 64
-AZIMUTHS = 72
 
 
 def densities(height_m: RealArray) -> FloatArray:
@@ -88,30 +83,30 @@ def _sun_table() -> Float32Array:
     columns = np.einsum(
         "hsnk,hsn->hsk", densities(np.maximum(0, heights)), way_m[..., None] * np.diff(edges)
     )
-    return _padded(np.exp(-columns @ EXTINCTION))
+    return padded(np.exp(-columns @ EXTINCTION))
 
 
-def _padded(light: RealArray) -> Float32Array:
+def padded(light: RealArray) -> Float32Array:
     """(..., 3) → (..., 4) float32 with an empty last channel."""
-    padded = np.zeros((*light.shape[:-1], 4), dtype=np.float32)
-    padded[..., :3] = light
-    return padded
+    wider = np.zeros((*light.shape[:-1], 4), dtype=np.float32)
+    wider[..., :3] = light
+    return wider
 
 
 def sunlight(height_m: RealArray, mu: RealArray) -> Float32Array:
     """Heights and cosines of the Sun's zenith angle, of shapes that broadcast to (...) → (..., 3)
     transmission of sunlight to there."""
     height: FloatArray = np.asarray(np.clip(height_m, 0, TOP_M), dtype=np.float64)
-    above = ((mu - _horizon(height)) / (1 - _horizon(height))).astype(np.float32)
-    return _transmitted(height, above)[..., :3]
+    above = ((mu - horizon_cosine(height)) / (1 - horizon_cosine(height))).astype(np.float32)
+    return transmitted(height, above)[..., :3]
 
 
-def _horizon(height_m: FloatArray) -> FloatArray:
+def horizon_cosine(height_m: FloatArray) -> FloatArray:
     """(...) heights → (...) cosine of the horizon's zenith angle."""
     return np.asarray(-np.sqrt(np.maximum(0, 1 - (RADIUS_M / (RADIUS_M + height_m)) ** 2)))
 
 
-def _transmitted(height_m: FloatArray, above: Float32Array) -> Float32Array:
+def transmitted(height_m: FloatArray, above: Float32Array) -> Float32Array:
     """Transmission of sunlight, (..., 4) with an empty last channel, at heights that broadcast to (...),
     where the Sun's cosine is the share ``above`` (...) of the way from the horizon's to 1."""
     row = (np.sqrt(height_m / TOP_M) * (_HEIGHTS - 1)).astype(np.float32)
@@ -143,125 +138,4 @@ def ground_irradiance() -> Float32Array:
         [RAYLEIGH_DEPTH, AEROSOL_ALBEDO * AEROSOL_DEPTH]
     )
     diffuse = 0.5 * np.einsum("hsb,hb,h->sb", lit, scattering, np.diff(edges_m))
-    return _padded(direct + diffuse[None])
-
-
-@dataclass(frozen=True)
-class AirTables:
-    """Scattered light and transmission along all rays from one position.
-
-    Rows 0 … GROUND_ROWS−1 are rays that hit the ground, where the cosine of their zenith angle is
-    i/(GROUND_ROWS−1). They are followed by LIMB_ROWS rows of rays that pass the ground at the height
-    TOP_M (i/(LIMB_ROWS−1))². Columns are azimuths relative to the Sun's, 0 … π.
-
-    Attributes:
-        light: (rows, AZIMUTHS, 4) scattered radiance per solar irradiance, sr⁻¹; the last channel is
-            empty.
-        passed: (rows, 1, 4) transmission of light from the ground, or from beyond the limb, likewise.
-    """
-
-    light: Float32Array
-    passed: Float32Array
-
-    def glow(self, row: Float32Array, azimuth_rad: Float32Array) -> Float32Array:
-        """(n,) row positions and azimuths → (n, 3) scattered radiance."""
-        column = azimuth_rad * np.float32((AZIMUTHS - 1) / np.pi)
-        return np.asarray(lookup(self.light, column, row)[:, :3])
-
-    def transmission(self, row: Float32Array) -> Float32Array:
-        """(n,) row positions → (n, 3) transmission."""
-        return np.asarray(lookup(self.passed, np.zeros_like(row), row)[:, :3])
-
-
-def limb_row(height_m: FloatArray) -> Float32Array:
-    """Table rows of rays that pass the ground at a height: (...) → (...)."""
-    share = np.sqrt(np.clip(height_m, 0, TOP_M) / TOP_M)
-    return (GROUND_ROWS + share * (LIMB_ROWS - 1)).astype(np.float32)
-
-
-def ground_row(mu: FloatArray) -> Float32Array:
-    """Table rows of rays that hit the ground at a cosine of their zenith angle: (...) → (...)."""
-    return (mu * (GROUND_ROWS - 1)).astype(np.float32)
-
-
-@functools.lru_cache(maxsize=1)  # a frame's background and its environment map share one
-def air_tables(distance_m: float, sun_zenith_cosine: float) -> AirTables:
-    """Trace all rays from a position at ``distance_m`` from the Earth's centre."""
-    distance_m = max(distance_m, RADIUS_M + TOP_M)
-    azimuth = np.linspace(0, np.pi, AZIMUTHS)
-    mu = np.linspace(0, 1, GROUND_ROWS)
-    passing_m = TOP_M * np.linspace(0, 1, LIMB_ROWS) ** 2
-    squares = (np.linspace(1, 0, _STEPS + 1)) ** 2  # from the top down
-    b_ground = RADIUS_M * np.sqrt(1 - mu**2)
-    to_ground = _way_m(b_ground, np.zeros_like(mu), squares)
-    b_limb = RADIUS_M + passing_m
-    near = _way_m(b_limb, passing_m, squares)
-    through = np.concatenate([near, -near[:, -2::-1]], axis=1)
-    parts = [
-        _trace(b, way, behind, distance_m, sun_zenith_cosine, azimuth)
-        for b, way, behind in ((b_ground, to_ground, DIMMING), (b_limb, through, EXTINCTION))
-    ]
-    return AirTables(*(_padded(np.concatenate(part)) for part in zip(*parts, strict=True)))
-
-
-def _way_m(b_m: FloatArray, lowest_m: FloatArray, squares: FloatArray) -> FloatArray:
-    """(rays, steps + 1) distances along each ray, counted backwards from its point nearest to the
-    Earth's centre."""
-    height_m = lowest_m[:, None] + (TOP_M - lowest_m[:, None]) * squares
-    return np.asarray(np.sqrt(np.maximum(0, (RADIUS_M + height_m) ** 2 - b_m[:, None] ** 2)))
-
-
-def _trace(
-    b_m: FloatArray,
-    way_m: FloatArray,
-    behind: FloatArray,
-    distance_m: float,
-    sun_zenith_cosine: float,
-    azimuth_rad: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Integrate along rays.
-
-    Args:
-        b_m: (rays,) impact parameters, the rays' least distances from the Earth's centre.
-        way_m: (rays, steps + 1) borders of the steps, as of :func:`_way_m`.
-        behind: (3, 3) optical depths for light from the end of the ray, species × band.
-        distance_m: distance of the rays' origin from the Earth's centre.
-        sun_zenith_cosine: cosine of the Sun's zenith angle at the origin.
-        azimuth_rad: (azimuths,) azimuths of the rays relative to the Sun's.
-
-    Returns:
-        (rays, azimuths, 3) glow and (rays, 1, 3) transmission.
-    """
-    step_m = -np.diff(way_m)
-    middle_m = (way_m[:, 1:] + way_m[:, :-1]) / 2
-    radius_m = np.hypot(middle_m, b_m[:, None])
-    column = densities(np.maximum(0, radius_m - RADIUS_M)) * step_m[..., None]
-    depth = column @ EXTINCTION
-    passed = np.exp(-(np.cumsum(depth, axis=1) - depth / 2))
-    scattered = passed[:, :, None, :] * np.stack(
-        [column[..., :1] * RAYLEIGH_DEPTH, column[..., 1:2] * AEROSOL_ALBEDO * AEROSOL_DEPTH], axis=2
-    )
-    # The ray's direction in the plane of zenith and Sun is (−cos η, sin η cos φ).
-    sine = np.minimum(1, b_m / distance_m)
-    cosine = np.sqrt(1 - sine**2)
-    sun_horizontal = np.sqrt(max(0.0, 1 - sun_zenith_cosine**2))
-    forward = -cosine[:, None] * sun_zenith_cosine + sine[:, None] * np.cos(azimuth_rad) * sun_horizontal
-    # The Sun's cosine at a step is a + b forward, of which the share above the horizon is taken.
-    along_m = (distance_m * cosine)[:, None] - middle_m
-    height_m = np.clip(radius_m - RADIUS_M, 0, TOP_M)
-    horizon = _horizon(height_m)
-    a = ((distance_m * sun_zenith_cosine / radius_m - horizon) / (1 - horizon)).astype(np.float32)
-    b = (along_m / (radius_m * (1 - horizon))).astype(np.float32)
-    above = a[:, :, None] + b[:, :, None] * forward.astype(np.float32)[:, None, :]
-    rays, steps, azimuths = above.shape
-    lit = _transmitted(height_m.reshape(-1, 1), above.reshape(-1, azimuths))
-    # (rays, species and bands, steps) @ (rays, steps, azimuths and bands), of which equal bands count.
-    by_species = scattered.astype(np.float32).reshape(rays, steps, 6).transpose(0, 2, 1) @ lit.reshape(
-        rays, steps, azimuths * 4
-    )
-    of_air, of_haze = np.einsum("rsbab->srab", by_species.reshape(rays, 2, 3, azimuths, 4)[..., :3])
-    rayleigh = 3 / (16 * np.pi) * (1 + forward**2)
-    g = AEROSOL_ASYMMETRY
-    haze = (1 - g * g) / (4 * np.pi * (1 + g * g - 2 * g * forward) ** 1.5)
-    glow = of_air * rayleigh[..., None] + of_haze * haze[..., None]
-    return glow, np.exp(-column.sum(axis=1) @ behind)[:, None, :]
+    return padded(direct + diffuse[None])

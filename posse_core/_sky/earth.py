@@ -10,16 +10,13 @@ import numpy as np
 from posse_core._arrays import BoolArray, Float32Array, FloatArray, IntArray
 from posse_core._model.bands import SOLAR_BAND_FRACTIONS
 from posse_core._model.scene import FrameState
+from posse_core._sky.air import AirTables, air_tables, ground_row, limb_row
 from posse_core._sky.atmosphere import (
     GROUND_MU_MIN,
     GROUND_SUNS,
     RADIUS_M,
     TOP_M,
-    AirTables,
-    air_tables,
     ground_irradiance,
-    ground_row,
-    limb_row,
     sunlight,
 )
 from posse_core._sky.clouds import Clouds, cover_and_light, drifted, threshold

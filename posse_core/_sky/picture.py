@@ -93,10 +93,10 @@ class _Nodes:
     """What is at nodes in rows and columns.
 
     Attributes:
-        fields: (Surface.COUNT, ..., m, n) angles, light and weather.
-        usable: (..., m, n) whether what is around a node may be interpolated.
-        on_ground: (..., m, n) whether some of the node's pixel is below the limb.
-        away: (..., m, n) whether nothing of the Earth is within ``apart_px`` of the node.
+        fields: (Surface.COUNT, m, n, ...) angles, light and weather.
+        usable: (m, n, ...) whether what is around a node may be interpolated.
+        on_ground: (m, n, ...) whether some of the node's pixel is below the limb.
+        away: (m, n, ...) whether nothing of the Earth is within ``apart_px`` of the node.
     """
 
     fields: Float32Array
@@ -106,7 +106,7 @@ class _Nodes:
 
     @classmethod
     def at(cls, earth: EarthView, camera: Camera, nodes_px: FloatArray, apart_px: float) -> _Nodes:
-        """Nodes at (..., m, n, 2) positions in an image, which may be up to a cell outside it."""
+        """Nodes at (m, n, ..., 2) positions in an image, which may be up to a cell outside it."""
         nodes_cam = camera.rays(nodes_px)
         shape, pixel_rad = nodes_cam.shape[:-1], camera.pixel_rad
         # Outside the image a lens may have no directions.
@@ -174,14 +174,14 @@ class _Canvas:
         """Draw cells (n, 2) in which the nodes must be closer to each other."""
         steps = np.linspace(0, 1, _FINER + 1)
         within_px = np.stack(np.meshgrid(steps, steps), axis=-1) * self.cell_px
-        nodes_px = (self.corner_px + cells[:, ::-1] * self.cell_px)[:, None, None] + within_px
+        nodes_px = within_px[:, :, None] + (self.corner_px + cells[:, ::-1] * self.cell_px)
         nodes = _Nodes.at(earth, self.camera, nodes_px, 0)
         width, height = self.cell_px
         fine = _cells(nodes.usable)
         rows, columns = (np.arange(side) * _FINER // side for side in (height, width))
-        fine = fine[:, rows[:, None], columns].reshape(len(cells), -1)
+        fine = fine[rows[:, None], columns].reshape(-1, len(cells)).T
         some = fine.any(axis=1)
-        fields = nodes.fields.reshape(Surface.COUNT, len(cells), -1)[:, some]
+        fields = nodes.fields.reshape(Surface.COUNT, -1, len(cells))[..., some].swapaxes(1, 2)
         self.draw(earth, cells[some], Surface(fields, _weights(height, width, _FINER)))
         v, u = self.pixels(cells)
         self.trace(earth, v[~fine], u[~fine])
@@ -236,47 +236,43 @@ def _tiles(camera: Camera, earth: EarthView, first_row: int, rows: int) -> list[
 
 
 def _smooth(fields: Float32Array, sun_w_m2: Float32Array) -> BoolArray:
-    """(Surface.COUNT, ..., m, n) at nodes, and (3,) sunlight → (..., m, n): whether what is around a
+    """(Surface.COUNT, m, n, ...) at nodes, and (3,) sunlight → (m, n, ...): whether what is around a
     node may be interpolated.
 
     The error of linear interpolation is at most an eighth of the second difference, for each axis.
     """
-    surface = Surface(fields)
+    surface, off = Surface(fields), Surface(_off(fields))
     turn = 2 * np.pi * np.sqrt(np.maximum(0, 1 - np.square(surface.normal[2])))
     ground_radians = np.float32(TOLERANCE_PX / RADIUS_M) * np.exp2(surface.log_footprint)
-    fine = turn * _off(surface.longitude, turns=True) <= ground_radians
-    fine &= turn * _off(surface.drifted_longitude, turns=True) <= ground_radians
-    fine &= np.float32(np.pi) * _off(surface.latitude) <= ground_radians
-    for along in (*surface.normal, *surface.drifted):
-        fine &= _off(along) <= ground_radians
-    fine &= _off(surface.log_footprint) <= np.log2(1 + TOLERANCE_SHARE)
-    fine &= _off(surface.threshold) <= TOLERANCE_SHARE
-    fine &= _off(surface.relief) <= TOLERANCE_SHARE * surface.relief
-    for light in (surface.daylight, surface.sea, surface.airlight):
-        for band, sun in zip(light, sun_w_m2, strict=True):
-            fine &= _off(band) <= TOLERANCE * sun
+    fine = turn * off.fields[Surface.LONGITUDES].max(axis=0) <= ground_radians
+    fine &= np.float32(np.pi) * off.latitude <= ground_radians
+    fine &= off.fields[Surface.NORMALS].max(axis=0) <= ground_radians
+    fine &= off.log_footprint <= np.log2(1 + TOLERANCE_SHARE)
+    fine &= off.threshold <= TOLERANCE_SHARE
+    fine &= off.relief <= TOLERANCE_SHARE * surface.relief
+    light = np.maximum(np.maximum(off.daylight, off.sea), off.airlight)
+    for band, sun in zip(light, sun_w_m2, strict=True):
+        fine &= band <= TOLERANCE * sun
     return np.asarray(fine)
 
 
-def _off(field: Float32Array, turns: bool = False) -> Float32Array:
-    """(..., m, n) at nodes → (..., m, n): how far linear interpolation around each may be off, at most.
-
-    turns: the field is the same again after a whole turn, 1.
-    """
-    off = np.zeros_like(field)
-    for along, error in ((field, off), (field.swapaxes(-2, -1), off.swapaxes(-2, -1))):
-        steps = along[..., 1:] - along[..., :-1]
-        if turns:
-            steps -= np.rint(steps)
-        curved = np.abs(steps[..., 1:] - steps[..., :-1])
-        error[..., 1:-1] += curved
-        error[..., 0] += curved[..., 0]
-        error[..., -1] += curved[..., -1]
+def _off(fields: Float32Array) -> Float32Array:
+    """(Surface.COUNT, m, n, ...) at nodes → the same shape: how far linear interpolation around each may
+    be off, at most."""
+    off = np.zeros_like(fields)
+    for along, error in ((fields, off), (fields.swapaxes(1, 2), off.swapaxes(1, 2))):
+        steps = along[:, 1:] - along[:, :-1]
+        turns = steps[Surface.LONGITUDES]
+        turns -= np.rint(turns)
+        curved = np.abs(steps[:, 1:] - steps[:, :-1])
+        error[:, 1:-1] += curved
+        error[:, 0] += curved[:, 0]
+        error[:, -1] += curved[:, -1]
     off *= np.float32(1 / 8)
     return off
 
 
 def _cells(nodes: BoolArray) -> BoolArray:
-    """(..., m, n) nodes → (..., m − 1, n − 1): whether all four nodes around a cell are true."""
-    across = nodes[..., 1:] & nodes[..., :-1]
-    return np.asarray(across[..., 1:, :] & across[..., :-1, :])
+    """(m, n, ...) nodes → (m − 1, n − 1, ...): whether all four nodes around a cell are true."""
+    across = nodes[:, 1:] & nodes[:, :-1]
+    return np.asarray(across[1:] & across[:-1])

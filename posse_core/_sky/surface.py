@@ -25,6 +25,8 @@ class Surface:
     """
 
     COUNT: ClassVar[int] = 21
+    NORMALS: ClassVar[slice] = slice(0, 6)
+    """Both unit normals."""
     LONGITUDES: ClassVar[slice] = slice(6, 8)
     """Fields that are the same again after a whole turn, 1."""
     LIGHT: ClassVar[slice] = slice(12, 21)

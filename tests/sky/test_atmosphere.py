@@ -4,18 +4,16 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from posse_core._sky.air import GROUND_ROWS, LIMB_ROWS, air_tables
 from posse_core._sky.atmosphere import (
     AEROSOL_DEPTH,
     EXTINCTION,
     GROUND_MU_MIN,
-    GROUND_ROWS,
     GROUND_SUNS,
-    LIMB_ROWS,
     OZONE_DEPTH,
     RADIUS_M,
     RAYLEIGH_DEPTH,
     TOP_M,
-    air_tables,
     densities,
     ground_irradiance,
     sunlight,
@@ -106,3 +104,41 @@ def test_the_glow_of_thin_air_is_single_scattering() -> None:
             RAYLEIGH_DEPTH * depth * phase, rel=0.03
         )
     assert tables.light[GROUND_ROWS + row, 0, 2] > 3 * tables.light[GROUND_ROWS + row, 0, 0]
+
+
+@pytest.mark.parametrize("sun_zenith_cosine", [0.7, 0.1, -0.1, -0.3])
+@pytest.mark.parametrize("altitude_m", [300e3, 700e3, 36e6])
+def test_the_light_of_the_air_is_the_sum_along_each_ray(
+    altitude_m: float, sun_zenith_cosine: float
+) -> None:
+    """Of 4000 short steps in Cartesian coordinates, of air and haze in sunlight, dimmed on the way."""
+    camera_m = np.array([0.0, 0.0, RADIUS_M + altitude_m])
+    sun = np.array([np.sqrt(1 - sun_zenith_cosine**2), 0.0, sun_zenith_cosine])
+    light = air_tables(camera_m[2], sun_zenith_cosine).light[..., :3].astype(float)
+    columns = light.shape[1]
+    for row in (5, 30, 60, GROUND_ROWS + 1, GROUND_ROWS + 15, GROUND_ROWS + 40):
+        for column in (0, columns // 3, columns // 2, columns - 1):
+            if row < GROUND_ROWS:
+                nearest_m = RADIUS_M * np.sqrt(1 - (row / (GROUND_ROWS - 1)) ** 2)
+            else:
+                nearest_m = RADIUS_M + TOP_M * ((row - GROUND_ROWS) / (LIMB_ROWS - 1)) ** 2
+            sine, azimuth = nearest_m / camera_m[2], np.pi * column / (columns - 1)
+            ray = np.array([sine * np.cos(azimuth), sine * np.sin(azimuth), -np.sqrt(1 - sine**2)])
+            ahead_m = -camera_m @ ray
+            half_m = np.sqrt((RADIUS_M + TOP_M) ** 2 - nearest_m**2)
+            below_m = np.sqrt(max(0.0, RADIUS_M**2 - nearest_m**2))
+            last_m = -below_m if row < GROUND_ROWS else half_m
+            borders_m = ahead_m + np.linspace(-half_m, last_m, 4001)
+            step_m = borders_m[1] - borders_m[0]
+            points_m = camera_m + (borders_m[:-1, None] + step_m / 2) * ray
+            radius_m = np.linalg.norm(points_m, axis=1)
+            density = densities(np.maximum(0, radius_m - RADIUS_M)) * step_m
+            depth = density @ EXTINCTION
+            reaches = np.exp(-(np.cumsum(depth, axis=0) - depth / 2))
+            reaches *= sunlight(radius_m - RADIUS_M, (points_m @ sun) / radius_m)
+            cosine = float(ray @ sun)
+            of_air = 3 / (16 * np.pi) * (1 + cosine**2) * RAYLEIGH_DEPTH
+            of_haze = 0.95 * AEROSOL_DEPTH * (1 - 0.49) / (4 * np.pi * (1.49 - 1.4 * cosine) ** 1.5)
+            scattered = density[:, :1] * of_air + density[:, 1:2] * of_haze
+            expected = (reaches * scattered).sum(axis=0)
+            assert light[row, column] == pytest.approx(expected, rel=0.02, abs=4e-4), (row, column)

@@ -63,9 +63,9 @@ class AirTables:
     passed: Float32Array
 
     def glow(self, row: Float32Array, azimuth_rad: Float32Array) -> Float32Array:
-        """(n,) row positions and azimuths → (n, 3) scattered radiance."""
+        """(...) row positions and azimuths → (..., 3) scattered radiance."""
         column = azimuth_rad * np.float32((AZIMUTHS - 1) / np.pi)
-        return np.asarray(lookup(self.light, column, row)[:, :3])
+        return np.asarray(lookup(self.light, column, row)[..., :3])
 
     def transmission(self, row: Float32Array) -> Float32Array:
         """(n,) row positions → (n, 3) transmission."""

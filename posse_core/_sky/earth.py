@@ -16,6 +16,7 @@ from posse_core._sky.atmosphere import (
     GROUND_SUNS,
     RADIUS_M,
     TOP_M,
+    RealArray,
     ground_irradiance,
     sunlight,
 )
@@ -140,15 +141,15 @@ class EarthView:
             # to each other at the bottom, where the air is densest.
             high_m = rays.nearest_m[air] + rays.width_m[air] / 2 - RADIUS_M
             low_m = np.maximum(0, high_m - rays.width_m[air])
-            azimuth = self._azimuth(rays.directions[:, air])
             at_limb_m = np.sqrt(max(0.0, self._distance_m**2 - RADIUS_M**2)) * pixel_rad
             count = int(np.clip(np.ceil(at_limb_m / _AIR_STEP_M), 1, _MOST_AIR_STEPS))
-            for at in (np.arange(count) + 0.5) / count:
-                height_m = low_m + at**2 * (high_m - low_m)
-                glow = self._air.glow(limb_row(height_m), azimuth)
-                glow[height_m > TOP_M] = 0
-                radiance[air] += (2 * at / count) * glow
-            radiance[air] *= (1 - rays.on_ground[air, None]) * self.sun_rgb_w_m2
+            at = ((np.arange(count) + 0.5) / count)[:, None]
+            height_m = low_m + at**2 * (high_m - low_m)
+            azimuth = np.tile(self._azimuth(rays.directions[:, air]), (count, 1))
+            glow = self._air.glow(limb_row(height_m), azimuth)
+            share = np.where(height_m <= TOP_M, 2 * at / count, 0).astype(np.float32)
+            seen = (1 - rays.on_ground[air, None]) * self.sun_rgb_w_m2
+            radiance[air] = np.einsum("cn,cnb->nb", share, glow) * seen
         return radiance
 
     def passed(self, directions_cam: FloatArray, pixel_rad: float) -> Float32Array:
@@ -198,7 +199,7 @@ class EarthView:
         width_rad = 2 * np.arcsin(min(1.0, RADIUS_M / self._distance_m))
         return int(np.clip(np.ceil(_SAMPLES_ACROSS * pixel_rad / width_rad), 1, _SAMPLES_ACROSS))
 
-    def _azimuth(self, d: FloatArray) -> Float32Array:
+    def _azimuth(self, d: RealArray) -> Float32Array:
         """(3, n) stretched directions → (n,) angle from the Sun's azimuth, 0 … π."""
         x, y = self._azimuth_axes @ d
         return np.asarray(np.arctan2(np.abs(y), x), dtype=np.float32)
@@ -208,19 +209,22 @@ class EarthView:
 
         For pixels on the limb they are those in the middle of the part that is below it.
         """
-        d, share = rays.directions[:, which], rays.on_ground[which].astype(np.float64)
+        share = rays.on_ground[which].astype(np.float64)
         b_m = np.minimum(rays.nearest_m[which], RADIUS_M - rays.width_m[which] * share / 2)
         view_cosine = np.sqrt(np.maximum(0, 1 - (b_m / RADIUS_M) ** 2))
         way_m = rays.ahead_m[which] - RADIUS_M * view_cosine
-        normal = (self._origin_m[:, None] + way_m * d) * (_STRETCH / RADIUS_M)[:, None]
-        normal /= np.sqrt(np.einsum("in,in->n", normal, normal))
-        sun_cosine = (self._sun @ normal).astype(np.float32)
-        unstretched = d / _STRETCH[:, None]
-        length = np.sqrt(np.einsum("in,in->n", unstretched, unstretched))
-        to_eye = -(self._sun @ unstretched) / length
-        glint = glint_radiance(sun_cosine, view_cosine.astype(np.float32), to_eye.astype(np.float32))
+        d = rays.directions[:, which].astype(np.float32)
         surface = Surface(np.zeros((Surface.COUNT, d.shape[1]), dtype=np.float32))
-        surface.normal[:] = normal
+        normal = surface.normal
+        np.multiply(way_m.astype(np.float32), d, out=normal)
+        normal += self._origin_m.astype(np.float32)[:, None]
+        normal *= (_STRETCH / RADIUS_M).astype(np.float32)[:, None]
+        normal /= np.sqrt(np.einsum("in,in->n", normal, normal))
+        sun = self._sun.astype(np.float32)
+        sun_cosine = sun @ normal
+        unstretched = d / _STRETCH.astype(np.float32)[:, None]
+        to_eye = -(sun @ unstretched) / np.sqrt(np.einsum("in,in->n", unstretched, unstretched))
+        glint = glint_radiance(sun_cosine, view_cosine.astype(np.float32), to_eye)
         latitude_rad = np.arcsin(np.clip(surface.normal[2], -1, 1))
         surface.longitude[:] = longitude_turns(surface.normal)
         surface.latitude[:] = np.float32(0.5) - latitude_rad * np.float32(1 / np.pi)
@@ -238,7 +242,7 @@ class EarthView:
         else:
             column = (sun_cosine - GROUND_MU_MIN) * np.float32((GROUND_SUNS - 1) / (1 - GROUND_MU_MIN))
             irradiance = lookup(ground_irradiance(), column, np.zeros_like(column))[:, :3]
-            direct = sunlight(np.zeros_like(sun_cosine), sun_cosine)
+            direct = sunlight(np.zeros(()), sun_cosine)
             row = ground_row(view_cosine)
             transmission = self._air.transmission(row)
             surface.daylight[:] = (irradiance * transmission * np.float32(1 / np.pi)).T

@@ -25,8 +25,6 @@ _TILE_PX = (64, 256)
 """Height and width of the parts of an image that are asked whether the Earth is in them."""
 _CELL_PX = 8
 """Side of the cells between the nodes."""
-_FINER = 4
-"""How many finer cells, in each direction, take the place of one in which interpolation is too wrong."""
 _POINTS = 1 << 14
 """How many points are computed at once: few enough for the processor's cache."""
 
@@ -37,9 +35,8 @@ def picture(
     """Boxes of some rows of an image, and the radiance (h, w, 3) of the Earth and its air in each.
 
     Angles, light and weather are computed at nodes and interpolated linearly in the cells between them.
-    Where that would be wrong by more than the tolerances, as near the limb, the nodes are closer to each
-    other, or everything is computed in each pixel. If the Earth is only a few pixels wide, each is the
-    mean of several rays.
+    Where that would be wrong by more than the tolerances, as near the limb, everything is computed in
+    each pixel. If the Earth is only a few pixels wide, each is the mean of several rays.
     """
     boxes = _tiles(camera, earth, first_row, rows)
     samples = earth.samples(camera.pixel_rad)
@@ -79,12 +76,8 @@ def _drawn(earth: EarthView, camera: Camera, region: PixelBox) -> Float32Array:
     first = cells[:, :1] * (across + 1) + cells[:, 1:]
     corners = first + np.array([0, 1, across + 1, across + 2])
     fields = np.take(nodes.fields.reshape(Surface.COUNT, -1), corners, axis=1)
-    canvas.draw(earth, cells, Surface(fields, _weights(height, width, 1)))
-    sky = _cells(~nodes.on_ground) & ~(inside | empty)
-    canvas.trace(earth, *canvas.pixels(np.argwhere(sky)))
-    refined = np.argwhere(~(inside | empty | sky))
-    for part in _parts(np.arange(len(refined)), (_FINER + 1) ** 2):
-        canvas.refine(earth, refined[part])
+    canvas.draw(earth, cells, Surface(fields, _weights(height, width)))
+    canvas.trace(earth, *canvas.pixels(np.argwhere(~(inside | empty))))
     return image[: region.height, : region.width]
 
 
@@ -93,20 +86,18 @@ class _Nodes:
     """What is at nodes in rows and columns.
 
     Attributes:
-        fields: (Surface.COUNT, m, n, ...) angles, light and weather.
-        usable: (m, n, ...) whether what is around a node may be interpolated.
-        on_ground: (m, n, ...) whether some of the node's pixel is below the limb.
-        away: (m, n, ...) whether nothing of the Earth is within ``apart_px`` of the node.
+        fields: (Surface.COUNT, m, n) angles, light and weather.
+        usable: (m, n) whether what is around a node may be interpolated.
+        away: (m, n) whether nothing of the Earth is within ``apart_px`` of the node.
     """
 
     fields: Float32Array
     usable: BoolArray
-    on_ground: BoolArray
     away: BoolArray
 
     @classmethod
     def at(cls, earth: EarthView, camera: Camera, nodes_px: FloatArray, apart_px: float) -> _Nodes:
-        """Nodes at (m, n, ..., 2) positions in an image, which may be up to a cell outside it."""
+        """Nodes at (m, n, 2) positions in an image, which may be up to a cell outside it."""
         nodes_cam = camera.rays(nodes_px)
         shape, pixel_rad = nodes_cam.shape[:-1], camera.pixel_rad
         # Outside the image a lens may have no directions.
@@ -118,12 +109,8 @@ class _Nodes:
         whole = (rays.on_ground == 1).reshape(shape)
         gap_m = 1.5 * apart_px * pixel_rad * np.abs(rays.ahead_m)
         away = ((rays.nearest_m > RADIUS_M + TOP_M + gap_m) | (rays.ahead_m < 0)).reshape(shape)
-        return cls(
-            fields,
-            known & whole & _smooth(fields, earth.sun_rgb_w_m2),
-            (rays.on_ground > 0).reshape(shape) | ~known,
-            known & away,
-        )
+        usable = known & whole & _smooth(fields, earth.sun_rgb_w_m2)
+        return cls(fields, usable, known & away)
 
 
 @dataclass(frozen=True)
@@ -170,22 +157,6 @@ class _Canvas:
             row, column = cells[part].T
             self.light[row, :, column] = light.reshape(len(part), *self.light.shape[1::2], 3)
 
-    def refine(self, earth: EarthView, cells: IntArray) -> None:
-        """Draw cells (n, 2) in which the nodes must be closer to each other."""
-        steps = np.linspace(0, 1, _FINER + 1)
-        within_px = np.stack(np.meshgrid(steps, steps), axis=-1) * self.cell_px
-        nodes_px = within_px[:, :, None] + (self.corner_px + cells[:, ::-1] * self.cell_px)
-        nodes = _Nodes.at(earth, self.camera, nodes_px, 0)
-        width, height = self.cell_px
-        fine = _cells(nodes.usable)
-        rows, columns = (np.arange(side) * _FINER // side for side in (height, width))
-        fine = fine[rows[:, None], columns].reshape(-1, len(cells)).T
-        some = fine.any(axis=1)
-        fields = nodes.fields.reshape(Surface.COUNT, -1, len(cells))[..., some].swapaxes(1, 2)
-        self.draw(earth, cells[some], Surface(fields, _weights(height, width, _FINER)))
-        v, u = self.pixels(cells)
-        self.trace(earth, v[~fine], u[~fine])
-
     def pixels(self, cells: IntArray) -> tuple[IntArray, IntArray]:
         """Rows and columns of all pixels in cells (n, 2): (n, h w) each."""
         width, height = self.cell_px
@@ -208,13 +179,10 @@ def _parts(indices: IntArray, points_each: int) -> Iterator[IntArray]:
     return (indices[start : start + step] for start in range(0, len(indices), step))
 
 
-def _weights(height: int, width: int, finer: int) -> Float32Array:
-    """((finer + 1)², height width) shares of a cell's nodes in its pixels, of linear interpolation."""
-    hats = [
-        np.maximum(0, 1 - np.abs(np.arange(finer + 1)[:, None] - np.arange(side) * finer / side))
-        for side in (height, width)
-    ]
-    return np.kron(*hats).astype(np.float32)
+def _weights(height: int, width: int) -> Float32Array:
+    """(4, height width) shares of a cell's nodes in its pixels, of linear interpolation."""
+    along = [np.stack([1 - np.arange(side) / side, np.arange(side) / side]) for side in (height, width)]
+    return np.kron(*along).astype(np.float32)
 
 
 def _tiles(camera: Camera, earth: EarthView, first_row: int, rows: int) -> list[PixelBox]:
@@ -236,8 +204,8 @@ def _tiles(camera: Camera, earth: EarthView, first_row: int, rows: int) -> list[
 
 
 def _smooth(fields: Float32Array, sun_w_m2: Float32Array) -> BoolArray:
-    """(Surface.COUNT, m, n, ...) at nodes, and (3,) sunlight → (m, n, ...): whether what is around a
-    node may be interpolated.
+    """(Surface.COUNT, m, n) at nodes, and (3,) sunlight → (m, n): whether what is around a node may be
+    interpolated.
 
     The error of linear interpolation is at most an eighth of the second difference, for each axis.
     """
@@ -257,8 +225,8 @@ def _smooth(fields: Float32Array, sun_w_m2: Float32Array) -> BoolArray:
 
 
 def _off(fields: Float32Array) -> Float32Array:
-    """(Surface.COUNT, m, n, ...) at nodes → the same shape: how far linear interpolation around each may
-    be off, at most."""
+    """(Surface.COUNT, m, n) at nodes → the same shape: how far linear interpolation around each may be
+    off, at most."""
     off = np.zeros_like(fields)
     for along, error in ((fields, off), (fields.swapaxes(1, 2), off.swapaxes(1, 2))):
         steps = along[:, 1:] - along[:, :-1]
@@ -273,6 +241,6 @@ def _off(fields: Float32Array) -> Float32Array:
 
 
 def _cells(nodes: BoolArray) -> BoolArray:
-    """(m, n, ...) nodes → (m − 1, n − 1, ...): whether all four nodes around a cell are true."""
+    """(m, n) nodes → (m − 1, n − 1): whether all four nodes around a cell are true."""
     across = nodes[:, 1:] & nodes[:, :-1]
     return np.asarray(across[1:] & across[:-1])

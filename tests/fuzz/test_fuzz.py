@@ -22,7 +22,7 @@ from pathlib import Path
 
 import pytest
 from damage import copied
-from forked import MOST_BYTES, Ended, import_alike, run_forked
+from forked import MOST_BYTES, Ended, Origin
 from inputs import crafts, datasets, learning, models, pictures, scenarios, tables
 from inputs.kind import Kind
 
@@ -59,14 +59,20 @@ ENDS = re.compile(
 """How a sound input is refused that would be worked on for long."""
 
 
+@pytest.fixture(scope="module")
+def origin():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("OMP_NUM_THREADS", "1")
+        with Origin() as origin:
+            yield origin
+
+
 @pytest.mark.parametrize("kind", KINDS)
-def test_damaged_input_ends_in_one_line(kind, tmp_path, monkeypatch):
-    monkeypatch.setenv("OMP_NUM_THREADS", "1")
-    monkeypatch.setenv("TMPDIR", str(tmp_path))
+def test_damaged_input_ends_in_one_line(kind, tmp_path, origin):
     sound = tmp_path / "sound"
     sound.mkdir()
     KINDS[kind].write(sound)
-    check_sound(KINDS[kind], sound, tmp_path / f"{kind}-sound")
+    check_sound(KINDS[kind], origin, sound, tmp_path / f"{kind}-sound")
     until = time.monotonic() + SECONDS / len(KINDS)
     number = int(CASE or 0)
     failures = []
@@ -75,7 +81,7 @@ def test_damaged_input_ends_in_one_line(kind, tmp_path, monkeypatch):
     ):
         folder = copied(sound, tmp_path / f"{kind}-{number}")
         arguments = KINDS[kind].case(folder, random.Random(f"{SEED} {kind} {number}"))
-        faults, error = tried(KINDS[kind], folder, arguments)
+        faults, error = tried(KINDS[kind], origin, folder, arguments)
         if faults:
             failures.append(
                 f"case {number}: posse {' '.join(arguments)[:300]}: {'; '.join(faults)}\n{error[-2000:]}"
@@ -90,25 +96,25 @@ def test_damaged_input_ends_in_one_line(kind, tmp_path, monkeypatch):
     assert not failures, "\n".join([f"seed {SEED}, {len(failures)} of {number}", *failures[:SHOWN]])
 
 
-def check_sound(kind: Kind, sound: Path, folder: Path) -> None:
+def check_sound(kind: Kind, origin: Origin, sound: Path, folder: Path) -> None:
     """Check that the input is sound: were it refused, its damage would show nothing.
 
     What the commands import is imported here, so that no case imports it again.
     """
     for command in kind.sound:
         copied(sound, folder)
-        ended = run_forked(folder, shlex.split(command))
+        ended = origin.run(folder, shlex.split(command))
         assert ended.code == 0 or (ended.code == 2 and ENDS.search(ended.error)), (
             f"posse {command}: {ended}"
         )
-        import_alike(ended)
+        origin.import_alike(ended)
         shutil.rmtree(folder)
 
 
-def tried(kind: Kind, folder: Path, arguments: list[str]) -> tuple[list[str], str]:
+def tried(kind: Kind, origin: Origin, folder: Path, arguments: list[str]) -> tuple[list[str], str]:
     """What is wrong with how a case ends, and what it said."""
     before = files_in(folder)
-    ended = run_forked(folder, arguments)
+    ended = origin.run(folder, arguments)
     after = files_in(folder)
     changed = [
         name for name in after if after[name] != before.get(name) and not name.startswith(kind.keeps)

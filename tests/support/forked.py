@@ -1,4 +1,4 @@
-"""The command line in a forked process, with limits of time and memory."""
+"""The command line in forked processes, with limits of time and memory."""
 
 from __future__ import annotations
 
@@ -13,9 +13,13 @@ import tempfile
 import time
 import warnings
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from importlib.metadata import entry_points
+from multiprocessing import get_context
 from pathlib import Path
+from types import TracebackType
+from typing import Self
 
 MOST_S = 60
 """The most processor time of a process, so that a machine with other work does not matter."""
@@ -52,12 +56,40 @@ class Ended:
     modules: tuple[str, ...]
 
 
-def run_forked(folder: Path, arguments: Sequence[str]) -> Ended:
-    """Run a command in ``folder``.
+class Origin:
+    """A process from which commands are forked, so that what it has imported they need not import.
 
-    It is killed after a minute of processor time, or when it hangs; no process gets more than 4 GiB.
-    The process is forked, so what this one has imported need not be imported again.
+    It is not this process, which may have drawn by OpenGL: one that has cannot be forked into another
+    that draws.
     """
+
+    def __init__(self) -> None:
+        self._pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"))
+
+    def run(self, folder: Path, arguments: Sequence[str]) -> Ended:
+        """Run a command in ``folder``.
+
+        It is killed after a minute of processor time, or when it hangs; no process gets more than 4 GiB.
+        """
+        return self._pool.submit(_run, folder, arguments).result()
+
+    def import_alike(self, ended: Ended) -> None:
+        """Import what a command imported."""
+        self._pool.submit(_import_alike, ended).result()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._pool.shutdown()
+
+
+def _run(folder: Path, arguments: Sequence[str]) -> Ended:
     (command,) = entry_points(group="console_scripts", name="posse")
     main = command.load()
     with contextlib.ExitStack() as stack:
@@ -81,8 +113,7 @@ def run_forked(folder: Path, arguments: Sequence[str]) -> Ended:
     return Ended(code, texts[0], texts[1], seconds, most, alive, left, tuple(texts[2].split()))
 
 
-def import_alike(ended: Ended) -> None:
-    """Import what a command imported, so that the processes forked from now on need not."""
+def _import_alike(ended: Ended) -> None:
     for name in ended.modules:
         if name not in sys.modules:
             with contextlib.suppress(ImportError), warnings.catch_warnings():

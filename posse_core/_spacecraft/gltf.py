@@ -14,6 +14,7 @@ from __future__ import annotations
 import base64
 import io
 import json
+import logging
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -134,12 +135,24 @@ def _geometries(file: GltfFile) -> dict[str, Any]:
         }
         for data in file.buffers
     ]
+    told: list[str] = []
+
+    def is_told(record: logging.LogRecord) -> bool:
+        told.append(record.getMessage())
+        return False
+
+    trimesh.util.log.addFilter(is_told)
     try:
         scene = trimesh.load_scene(
             io.BytesIO(json.dumps(header).encode()), file_type="gltf", process=False
         )
     except Exception:  # trimesh raises many kinds of exceptions for broken files
         raise InputError(f"{file.path}: the geometry cannot be read; export it again") from None
+    finally:
+        trimesh.util.log.removeFilter(is_told)
+    # trimesh only says so, and goes on with zeros.
+    if any("didn't decode" in text for text in told):
+        raise InputError(f"{file.path}: compressed geometry cannot be decoded; export it again")
     geometries: list[Any] = [g for g in scene.geometry.values() if isinstance(g, trimesh.Trimesh)]
     return {geometry.visual.material.name: geometry for geometry in geometries}
 

@@ -371,6 +371,15 @@ def test_draco_is_read_with_its_decoder(tmp_path):
     assert volume == pytest.approx(ball.volume, rel=1e-3)
 
 
+def test_damaged_draco_is_refused_in_one_line(tmp_path, caplog):
+    pytest.importorskip("DracoPy")
+    ball = trimesh.creation.icosphere()
+    data = trimesh.exchange.gltf.export_glb(ball, extension_draco=True)
+    (tmp_path / "a.glb").write_bytes(data.replace(b"DRACO\x02", b"DRAC0\x02"))
+    assert "export it again" in refusal(tmp_path / "a.glb", scale_m_per_unit=1.0)
+    assert not caplog.records
+
+
 def test_unreadable_extensions_are_named(tmp_path):
     (tmp_path / "a.glb").write_bytes(triangle_glb(extensionsRequired=["EXT_meshopt_compression"]))
     assert "EXT_meshopt_compression" in refusal(tmp_path / "a.glb", scale_m_per_unit=1.0)

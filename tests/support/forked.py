@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import json
 import os
 import resource
 import select
 import signal
+import subprocess
 import sys
 import tempfile
 import time
 import warnings
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.metadata import entry_points
-from multiprocessing import get_context
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -43,7 +43,6 @@ class Ended:
         most_bytes: of memory that the largest of its processes had at once, beside what this one had.
         alive: names of the processes that it started and that went on after it; they are killed.
         temporary: names of the temporary files that it left.
-        modules: names of the modules that it imported.
     """
 
     code: int
@@ -51,9 +50,8 @@ class Ended:
     error: str
     seconds: float
     most_bytes: int
-    alive: tuple[str, ...]
-    temporary: tuple[str, ...]
-    modules: tuple[str, ...]
+    alive: Sequence[str]
+    temporary: Sequence[str]
 
 
 class Origin:
@@ -64,18 +62,21 @@ class Origin:
     """
 
     def __init__(self) -> None:
-        self._pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"))
+        command = [sys.executable, __file__]
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
 
     def run(self, folder: Path, arguments: Sequence[str]) -> Ended:
         """Run a command in ``folder``.
 
         It is killed after a minute of processor time, or when it hangs; no process gets more than 4 GiB.
+        What it imports is imported afterwards in the process that it is forked from.
         """
-        return self._pool.submit(_run, folder, arguments).result()
-
-    def import_alike(self, ended: Ended) -> None:
-        """Import what a command imported."""
-        self._pool.submit(_import_alike, ended).result()
+        requests, answers = self._process.stdin, self._process.stdout
+        assert requests is not None
+        assert answers is not None
+        requests.write(json.dumps([str(folder), list(arguments)]).encode() + b"\n")
+        requests.flush()
+        return Ended(**json.loads(answers.readline()))
 
     def __enter__(self) -> Self:
         return self
@@ -86,10 +87,21 @@ class Origin:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        self._pool.shutdown()
+        self._process.communicate()
 
 
-def _run(folder: Path, arguments: Sequence[str]) -> Ended:
+def _serve() -> None:
+    """Answer requests until there are no more."""
+    for request in sys.stdin.buffer:
+        folder, arguments = json.loads(request)
+        ended, modules = _run(Path(folder), arguments)
+        _import(modules)
+        sys.stdout.buffer.write(json.dumps(asdict(ended)).encode() + b"\n")
+        sys.stdout.buffer.flush()
+
+
+def _run(folder: Path, arguments: Sequence[str]) -> tuple[Ended, list[str]]:
+    """How a command ended, and the names of the modules that it imported."""
     (command,) = entry_points(group="console_scripts", name="posse")
     main = command.load()
     with contextlib.ExitStack() as stack:
@@ -110,11 +122,11 @@ def _run(folder: Path, arguments: Sequence[str]) -> Ended:
             stream.seek(0)
             texts.append(stream.read().decode(errors="replace"))
     most = max(0, usage.ru_maxrss * 1024 - before)
-    return Ended(code, texts[0], texts[1], seconds, most, alive, left, tuple(texts[2].split()))
+    return Ended(code, texts[0], texts[1], seconds, most, alive, left), texts[2].split()
 
 
-def _import_alike(ended: Ended) -> None:
-    for name in ended.modules:
+def _import(modules: Sequence[str]) -> None:
+    for name in modules:
         if name not in sys.modules:
             with contextlib.suppress(ImportError), warnings.catch_warnings():
                 warnings.simplefilter("ignore")
@@ -126,6 +138,7 @@ def _work(main, folder: Path, arguments: Sequence[str], streams: Sequence[int], 
     known = set(sys.modules)
     try:
         os.setpgid(0, 0)  # so that what it starts and leaves can be found
+        os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
         os.dup2(streams[0], 1)
         os.dup2(streams[1], 2)
         sys.stdout, sys.stderr = (open(k, "w", closefd=False) for k in (1, 2))  # noqa: SIM115
@@ -186,3 +199,7 @@ def _alive_in(group: int) -> tuple[str, ...]:
             if int(its_group) == group and state not in "ZX":
                 alive.append(name)
     return tuple(alive)
+
+
+if __name__ == "__main__":
+    _serve()

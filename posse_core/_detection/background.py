@@ -11,7 +11,6 @@ from posse_core._arrays import FloatArray
 from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.layout import SCENARIO, TRAJECTORY, inside
 from posse_core._environment.earth import R_itrf_from_gcrf
-from posse_core._environment.time import Epoch
 from posse_core._errors import InputError
 from posse_core._files.tables import read_table
 from posse_core._frames import matrix_from_quaternion, unit
@@ -40,9 +39,9 @@ def backgrounds(dataset: Dataset, lines: Sequence[LabelLine]) -> list[str | None
     if True not in has_earth.values():
         return [None if file is None else BACKGROUNDS[0] for file in files]
     table = read_table(dataset.folder / TRAJECTORY, _FIELDS)
-    if table.epoch_utc is None:
+    epoch, camera = table.epoch, dataset.camera
+    if epoch is None:
         raise InputError(f"{table.path} has no 'epoch_utc'; files made by 'posse run' have it")
-    epoch, camera = Epoch.from_iso(table.epoch_utc), dataset.camera
     result: list[str | None] = []
     for line, file in zip(lines, files, strict=True):
         if file is None or not has_earth[file]:

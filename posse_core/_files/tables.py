@@ -24,6 +24,7 @@ from typing import Any, Final
 import numpy as np
 
 from posse_core._arrays import AnyArray, FloatArray
+from posse_core._environment.time import Epoch
 from posse_core._errors import InputError
 from posse_core._files.atomic import atomic_file
 from posse_core._files.reading import read_npz, read_text
@@ -62,6 +63,20 @@ class Table:
     def __getitem__(self, name: str) -> FloatArray:
         self.require(name)
         return self.arrays[name]
+
+    @property
+    def epoch(self) -> Epoch | None:
+        """The instant of ``epoch_utc``.
+
+        Raises:
+            InputError: it is none; the message names the file.
+        """
+        if self.epoch_utc is None:
+            return None
+        try:
+            return Epoch.from_iso(self.epoch_utc)
+        except InputError as error:
+            raise InputError(f"{self.path}: {error}") from None
 
     def require(self, *names: str) -> None:
         """Check that the file has arrays.

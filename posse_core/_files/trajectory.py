@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from posse_core._arrays import AnyArray
-from posse_core._environment.time import Epoch
 from posse_core._errors import InputError
 from posse_core._files.tables import check_orbit, read_table, write_table
 from posse_core._model.trajectory import TRAJECTORY_ARRAYS, Trajectory
@@ -30,12 +29,8 @@ def load_trajectory(path: Path) -> Trajectory:
             finite number, or an epoch that is none; the message names the file and the field.
     """
     table = read_table(path, TRAJECTORY_ARRAYS, extras=True)
-    if table.epoch_utc is None:
+    if table.epoch_utc is None or table.epoch is None:
         raise InputError(f"{path} has no 'epoch_utc'; files made by 'posse propagate' have it")
-    try:
-        Epoch.from_iso(table.epoch_utc)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
     arrays: dict[str, AnyArray] = {name: table[name] for name in TRAJECTORY_ARRAYS}
     check_orbit(path, table["r_target_eci_m"], table["v_target_eci_m_s"])
     arrays["sequence"] = arrays["sequence"].astype(np.int64)

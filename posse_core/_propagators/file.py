@@ -56,14 +56,15 @@ class FilePropagator(Propagator[FileOptions]):
             target = read_oem(path, epoch)
             return FirstState(epoch, target.r_eci_m[0], target.v_eci_m_s[0])
         table = self._table()
-        if table.epoch_utc is None:
+        since = table.epoch
+        if since is None:
             raise InputError(
                 f"{path}: has no epoch_utc, and the scenario no orbit with an epoch; add one of them"
             )
         first = int(table["t_s"].argmin())
-        epoch, t_s = Epoch.from_iso(table.epoch_utc), float(table["t_s"][first])
+        t_s = float(table["t_s"][first])
         r, v = (table[name][first] for name in _TARGET[1:])
-        return FirstState(epoch if t_s == 0 else epoch.shifted(t_s), r, v)
+        return FirstState(since if t_s == 0 else since.shifted(t_s), r, v)
 
     @property
     def _is_oem(self) -> bool:
@@ -82,8 +83,8 @@ class FilePropagator(Propagator[FileOptions]):
         if _in_eci(table):
             r, v = rtn_from_eci(r_target, v_target, r, v, table.extras.get(PLANE_TURN, 0.0))
         sequence = table.arrays.get("sequence", np.zeros(len(t_s)))
-        if table.epoch_utc is not None:
-            t_s = t_s + epoch.seconds_until(Epoch.from_iso(table.epoch_utc))
+        if table.epoch is not None:
+            t_s = t_s + epoch.seconds_until(table.epoch)
         return Motion(t_s, r_target, v_target, r, v, sequence.astype(np.int64), table.extras)
 
     def _from_oem(self, problem: PropagationProblem) -> Motion:

@@ -91,22 +91,25 @@ class Craft:
                 textures[id(piece.material)] = self._textures(piece.material)
             if _key(piece) not in loaded:
                 loaded[_key(piece)] = self._loaded(piece, textures[id(piece.material)])
-        for own in links.values():
+        made = []
+        for number, own in sorted(links.items()):
             pieces = [scene.pieces[i] for i in own]
-            if _keys(pieces) not in shapes:
-                shapes[_keys(pieces)] = self._shape(pieces)
-        self.links = tuple(
-            Link(
-                number=number,
-                body=int(scene.body_of_part[own[0]]),
-                vertices_m=np.concatenate([scene.pieces[i].part.vertices_body_m for i in own]).T,
-                radius_m=float(scene.link_radii_m[number]),
-                pieces=[loaded[_key(scene.pieces[i])] for i in own],
-                indices=own,
-                shape=shapes[_keys([scene.pieces[i] for i in own])],
+            vertices_m = np.concatenate([piece.part.vertices_body_m for piece in pieces])
+            keys = tuple(map(_key, pieces))
+            if keys not in shapes:
+                shapes[keys] = self._shape(pieces, vertices_m)
+            made.append(
+                Link(
+                    number=number,
+                    body=int(scene.body_of_part[own[0]]),
+                    vertices_m=vertices_m.T,
+                    radius_m=float(scene.link_radii_m[number]),
+                    pieces=[loaded[key] for key in keys],
+                    indices=own,
+                    shape=shapes[keys],
+                )
             )
-            for number, own in sorted(links.items())
-        )
+        self.links = tuple(made)
 
     def draw_depth(self, links: Sequence[Link], poses: LinkPoses) -> None:
         """Draw the depth of links with the program :attr:`depth`."""
@@ -150,12 +153,12 @@ class Craft:
             ),
         )
 
-    def _shape(self, pieces: Sequence[Piece]) -> _Shape:
+    def _shape(self, pieces: Sequence[Piece], vertices_m: FloatArray) -> _Shape:
+        """The parts of pieces, of which (V, 3) are the vertices, one part's after another's."""
         parts, context = [piece.part for piece in pieces], self._context
         firsts = np.cumsum([0, *(len(part.vertices_body_m) for part in parts)])[:-1]
-        positions = np.concatenate([part.vertices_body_m for part in parts]).astype(np.float32)
         faces = np.concatenate([part.faces + first for part, first in zip(parts, firsts, strict=True)])
-        vertices = context.buffer(positions.tobytes())
+        vertices = context.buffer(vertices_m.astype(np.float32).tobytes())
         indices = context.buffer(faces.astype(np.int32).tobytes())
         of_depth, of_shadow = (
             context.vertex_array(target, [(vertices, "3f", "position_link_m")], index_buffer=indices)
@@ -167,11 +170,6 @@ class Craft:
 def _key(piece: Piece) -> tuple[int, int]:
     """What two pieces that are loaded once have in common."""
     return id(piece.part), id(piece.material)
-
-
-def _keys(pieces: Sequence[Piece]) -> tuple[tuple[int, int], ...]:
-    """What two links that are loaded once have in common."""
-    return tuple(map(_key, pieces))
 
 
 def set_matrix(target: moderngl.Program, name: str, matrix: FloatArray) -> None:

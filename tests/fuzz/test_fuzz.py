@@ -10,6 +10,7 @@ tries cases for an hour in all; ``POSSE_FUZZ_CASE=12`` repeats one case of each 
 
 from __future__ import annotations
 
+import contextlib
 import datetime
 import os
 import random
@@ -63,7 +64,7 @@ ENDS = re.compile(
 def origin():
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("OMP_NUM_THREADS", "1")
-        with Origin() as origin:
+        with contextlib.closing(Origin()) as origin:
             yield origin
 
 

@@ -18,8 +18,6 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 MOST_S = 60
 """The most processor time of a process, so that a machine with other work does not matter."""
@@ -78,15 +76,8 @@ class Origin:
         requests.flush()
         return Ended(**json.loads(answers.readline()))
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """End the process."""
         self._process.communicate()
 
 

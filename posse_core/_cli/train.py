@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +11,7 @@ from posse_core._cli import completing
 from posse_core._cli.common import model_options, options_from
 from posse_core._cli.progress import phase
 from posse_core._errors import InputError
+from posse_core._files.atomic import folder_of_result
 from posse_core._plugins.loading import load_plugins
 
 if TYPE_CHECKING:
@@ -51,14 +51,5 @@ def command(dataset: Path, detector: str, out: Path, overrides: tuple[str, ...])
     _ = source.sha256  # raises if the run has not ended: frames would be missing
     with phase("opening the detector"):
         model: Model = registry.create("detector", detector, options)
-    is_new = not out.exists()
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"--out {out}: cannot be a folder: {error.strerror}") from None
-    try:
+    with folder_of_result(out):
         click.echo(model.train(source, out))
-    except InputError:
-        if is_new:
-            shutil.rmtree(out)
-        raise

@@ -47,6 +47,11 @@ from posse_core._plugins.options import nearest
 if TYPE_CHECKING:
     import pandas as pd
 
+_NUMBERS = "biuf"
+"""Kinds of arrays of numbers, in NumPy's letters: bool, signed, unsigned, floating."""
+_ONE_NUMBER = ("part_id", "depth_m")
+"""Arrays of one number a pixel, which pages and exports read."""
+
 
 class Partition(FileRecord):
     """The file that ``posse partition`` writes.
@@ -263,10 +268,22 @@ class Dataset(LabelledImages):
 
         Raises:
             IndexError: There is no such position.
-            InputError: The file is missing or damaged.
+            InputError: The file is missing or damaged, or has an array of something else.
         """
         name = self[i].truth
-        return read_arrays(inside(self.folder, name)) if name else {}
+        if not name:
+            return {}
+        path = inside(self.folder, name)
+        arrays = read_arrays(path)
+        for key, array in arrays.items():
+            sides = array.shape if key in _ONE_NUMBER else array.shape[:2]
+            if array.dtype.kind not in _NUMBERS or sides != self.size_px(i):
+                wanted = ", ".join(map(str, self.size_px(i))) + ("" if key in _ONE_NUMBER else ", ...")
+                raise InputError(
+                    f"{path}: {key}: is {array.dtype} of shape {array.shape}, and must be numbers of"
+                    f" shape ({wanted})"
+                )
+        return arrays
 
     @property
     def classes(self) -> Mapping[str, SpacecraftInfo]:
@@ -344,13 +361,13 @@ class Dataset(LabelledImages):
             IndexError: there is no such position.
             InputError: the run made no depth, or the file is missing or damaged.
         """
-        arrays = self.truth(i)
-        if "depth_m" not in arrays:
+        depth_m = self.truth(i).get("depth_m")
+        if depth_m is None:
             raise InputError(
                 f"{self.folder}: frame {self[i].index} has no depth; add 'depth' to the scenario's"
                 " annotators"
             )
-        return np.asarray(arrays["depth_m"], dtype=np.float32)
+        return depth_m.astype(np.float32, copy=False)
 
     def dataframe(self) -> pd.DataFrame:
         """One row a frame, by position; one column a number, its unit in the name (docs/dataset.md).

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError
@@ -22,6 +22,8 @@ KEY = "posse_model"
 _FORMAT = 1
 _MOST = 1000
 """The most classes, and the most keypoints, of a network."""
+Task = Literal["boxes", "keypoints"]
+"""What a network does: find spacecraft in images, or keypoints in boxes."""
 _Position = Annotated[list[float], Field(min_length=3, max_length=3)]
 
 
@@ -48,7 +50,7 @@ class ModelCard:
     __pydantic_config__ = FileRecord.model_config  # how the card of a file is checked
 
     net: str
-    task: str
+    task: Task
     classes: Annotated[tuple[str, ...], Field(min_length=1, max_length=_MOST)]
     input_px: Annotated[int, Field(ge=8, le=4096)]
     dataset_sha256: str
@@ -66,7 +68,7 @@ class ModelCard:
         dataset: LabelledImages,
         *,
         net: str,
-        task: str,
+        task: Task,
         input_px: int,
         version: str,
         options: Mapping[str, Any] | None = None,

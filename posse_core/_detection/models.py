@@ -102,10 +102,14 @@ def _opened(path: Path, task: str, registry: Registry, options: Mapping[str, Any
             raise InputError(
                 f"{path}: this model {_TASK_OF[card.task]}, but one that {_TASK_OF[task]} is needed"
             )
+    try:
+        spec = registry.spec("detector", name)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
     model: Model = registry.create(
         "detector", name, registry.options("detector", name, options, where="option")
     )
-    if task not in registry.spec("detector", name).capabilities:
+    if task not in spec.capabilities:
         raise InputError(f"{path}: detector {name!r} has no capability {task!r}")
     model.load(path)
     return name, model

@@ -16,6 +16,8 @@ from glob import escape
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from posse_core._errors import InputError
+
 PARTIAL = ".partial"
 """Suffix of a file or folder that is being written. One left over is from a process that was killed."""
 
@@ -74,6 +76,29 @@ def atomic_folder(folder: Path) -> Iterator[Path]:
                 target.mkdir(exist_ok=True)
             else:
                 os.replace(path, target)
+
+
+@contextlib.contextmanager
+def folder_of_result(folder: Path) -> Iterator[None]:
+    """Make a folder for what the block writes, which goes away again if the block refuses its input.
+
+    After any other end what the block wrote stays, for work to be continued. A folder that was there
+    before is left as the block leaves it.
+
+    Raises:
+        InputError: The folder cannot be made.
+    """
+    made = [path for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--out {folder}: cannot be a folder: {error.strerror}") from None
+    try:
+        yield
+    except InputError:
+        if made:
+            shutil.rmtree(made[-1])
+        raise
 
 
 @contextlib.contextmanager

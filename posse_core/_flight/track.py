@@ -18,6 +18,7 @@ from posse_core._dynamics.plan import Burn
 from posse_core._dynamics.start import Target
 from posse_core._environment.time import Epoch
 from posse_core._errors import InputError
+from posse_core._files.atomic import folder_of_result
 from posse_core._files.flight import load_flight, save_flight
 from posse_core._flight.chaser import as_known, start_error
 from posse_core._flight.expected import expected
@@ -65,9 +66,9 @@ def track(
     with contextlib.closing(_Tracking(dataset, frames, config, registry)) as tracking:
         record = flight_record(list(progress(tracking.steps(), len(frames))), None, np.nan)
     if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
-        save_flight(record, out / TRACK)
-        write_flight_page(dataset, record, out / TRACK_PAGE, positions=frames)
+        with folder_of_result(out):  # the page first: it reads all files of the dataset
+            write_flight_page(dataset, record, out / TRACK_PAGE, positions=frames)
+            save_flight(record, out / TRACK)
     return record
 
 

@@ -158,13 +158,8 @@ def _depth_scale_mm(seen: Sequence[ObjectInView]) -> float:
 
 
 def _depth_steps(dataset: Dataset, labels: LabelLine, scale_mm: float) -> IntArray:
-    arrays = dataset.truth(dataset.position(labels.index))
-    if "depth_m" not in arrays:
-        raise InputError(
-            f"{dataset.folder}: frame {labels.index} has no depth, which BOP needs;"
-            " add 'depth' to the scenario's annotators"
-        )
-    steps = np.round(arrays["depth_m"].astype(np.float64) * 1e3 / scale_mm)
+    depth_m = dataset.depth(dataset.position(labels.index))
+    steps = np.round(depth_m.astype(np.float64) * 1e3 / scale_mm)
     return np.asarray(np.nan_to_num(steps.clip(1, DEPTH_STEPS), nan=0), dtype=np.uint16)
 
 

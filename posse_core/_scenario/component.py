@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -69,10 +70,11 @@ def target_named(text: str, registry: Registry) -> TargetChoice:
         InputError: there is neither.
     """
     names = registry.names("scene")
-    if text in names or not (Path(text).is_dir() or len(Path(text).parts) > 1):
+    is_folder = os.path.isdir(text)  # unlike Path.is_dir, False where the text is too long for a path
+    if text in names or not (is_folder or len(Path(text).parts) > 1):
         registry.options("scene", text, {}, where=text)
         return TargetChoice(name=text)
-    if not Path(text).is_dir():
+    if not is_folder:
         raise InputError(f"{text}: no such package folder; make one with 'posse import MODEL'")
     return TargetChoice.model_validate({"package": text})
 

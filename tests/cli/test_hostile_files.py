@@ -16,6 +16,8 @@ from small_run import BOX_OBJ, SCENARIO
 from posse_core import InputError
 from posse_core._dataset.files import read_arrays
 from posse_core._files.pictures import decoded_image
+from posse_core._plugins.loading import load_plugins
+from posse_core._scenario.component import target_named
 
 ORBIT = SCENARIO.replace("renderer: {name: flat, seconds: 0.05}\n", "")
 
@@ -94,6 +96,11 @@ def test_an_index_beyond_all_numbers_is_a_damaged_line(dataset):
     with open(dataset / "labels/shard-00000.jsonl", "a") as shard:
         shard.write('{"index": 1000000000000000000000000000000, "x": 1}\n')
     refused("view", dataset, words=["shard-00000.jsonl, line 7", "not a label line"])
+
+
+def test_a_word_too_long_for_a_path_is_no_craft():
+    with pytest.raises(InputError, match="no scene named 'xxx"):
+        target_named("x" * 5000, load_plugins().registry)
 
 
 def png_of(width_px, height_px):

@@ -106,6 +106,24 @@ def test_a_file_that_a_line_names_is_in_the_folder(folder, tmp_path):
         dataset.truth(1)
 
 
+@pytest.mark.parametrize(
+    ("depth_m", "told"),
+    [
+        (lambda sound: sound.astype("U32"), "is <U32 of shape"),
+        (lambda sound: sound[..., None], "must be numbers of shape"),
+        (lambda sound: sound[:, :5], "must be numbers of shape"),
+    ],
+)
+def test_arrays_of_something_else_are_told_by_their_names(folder, tmp_path, depth_m, told):
+    shutil.copytree(folder, tmp_path / "d")
+    dataset = posse.Dataset(tmp_path / "d")
+    path = dataset.folder / dataset[1].truth
+    arrays = dataset.truth(1)
+    np.savez(path, **{**arrays, "depth_m": depth_m(arrays["depth_m"])})
+    with pytest.raises(posse.InputError, match=rf"{path.name}: depth_m: .*{told}"):
+        dataset.depth(1)
+
+
 def test_a_fault_within_a_line_is_named(folder, tmp_path):
     shutil.copytree(folder, tmp_path / "d")
     shard = tmp_path / "d/labels/shard-00000.jsonl"

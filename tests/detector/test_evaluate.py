@@ -1,6 +1,7 @@
 """A detector that reads the labels scores full marks, and one that errs by a known amount loses them."""
 
 import base64
+import json
 import re
 import shutil
 from dataclasses import replace
@@ -19,9 +20,11 @@ from posse_core._detection.card import KEY, ModelCard
 from posse_core._detection.evaluate import evaluate, frames_of
 from posse_core._detection.glossary import METRICS
 from posse_core._detection.groups import columns, groups, trusts
+from posse_core._detection.models import open_detector
 from posse_core._detection.page import make_page
 from posse_core._errors import InputError
 from posse_core._interfaces.detector import Detection
+from posse_core._plugins.loading import load_plugins
 
 pytest.importorskip("faster_coco_eval")
 PLATE = np.array([1.4, 1.4, 0.1])
@@ -252,6 +255,21 @@ def test_a_card_travels_whole(dataset, tmp_path):
         path.write_bytes(data)
         with pytest.raises(InputError, match=f"{number}.safetensors"):
             ModelCard.read(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [({"task": "poses"}, "task: "), ({"net": "nothing"}, "no detector named 'nothing'")],
+)
+def test_a_model_that_nothing_reads_is_told_by_its_file(dataset, tmp_path, change, told):
+    card = replace(
+        ModelCard.of_dataset(dataset, net="x", task="boxes", input_px=64, version="1"), **change
+    )
+    header = json.dumps({"__metadata__": card.metadata()}).encode()
+    path = tmp_path / "m.safetensors"
+    path.write_bytes(len(header).to_bytes(8, "little") + header)
+    with pytest.raises(InputError, match=rf"m\.safetensors: .*{told}"):
+        open_detector(path, load_plugins().registry, {})
 
 
 def test_the_hash_follows_the_data_and_its_division(dataset, tmp_path):

@@ -98,6 +98,15 @@ def test_tracking_a_flight_again_reproduces_its_estimates(flown, tmp_path):
     assert np.isnan(track.least_dv_m_s)
 
 
+def test_a_dataset_whose_page_cannot_be_made_gets_no_record(flown, tmp_path):
+    """The page alone reads the manifest and the pictures."""
+    shutil.copytree(flown, tmp_path / "f")
+    (tmp_path / "f" / "manifest.json").write_text("{}")
+    with pytest.raises(posse_core.InputError, match=r"manifest\.json: .*: field required"):
+        posse_core.track(tmp_path / "f", out=tmp_path / "new" / "t")
+    assert not (tmp_path / "new").exists()
+
+
 def test_the_navigator_is_told_of_a_flights_impulses(flown, tmp_path):
     """Without its record a flight is a motion without impulses: each moves the chaser by Δv times the
     time since, for so short a part of an orbit."""

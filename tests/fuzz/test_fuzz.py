@@ -41,6 +41,8 @@ CACHES = (".ses", "torchinductor_")
 """Temporary files that onnxruntime and torch keep between processes."""
 LONGEST = 1500
 """The most characters of a clear line: a value that is longer is shown in part."""
+PART = 200
+"""Characters of a long word by which a line that shows a part of it names it."""
 KINDS: dict[str, Kind] = {
     **scenarios.KINDS,
     **datasets.KINDS,
@@ -158,8 +160,10 @@ def faults_of(ended: Ended, changed: list[str], words: set[str]) -> list[str]:
         faults.append(f"{len(errors)} lines of error")
     if ended.code == 2 and changed:
         faults.append(f"left or changed {', '.join(changed[:5])}")
-    named = "|".join(map(re.escape, words))
-    if ended.code == 2 and not any(re.search(rf"(?<!\w)({named})(?!\w)", line) for line in errors):
+    named = "|".join(
+        re.escape(word[:PART]) + ("" if len(word) > PART else r"(?!\w)") for word in sorted(words)
+    )
+    if ended.code == 2 and not any(re.search(rf"(?<!\w)({named})", line) for line in errors):
         faults.append("a line that names no input")
     for line in lines:
         if len(line) > LONGEST:

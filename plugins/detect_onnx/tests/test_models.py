@@ -131,14 +131,19 @@ def strange_operation(model):
     model.graph.node[0].op_type = "Guess"
 
 
+def constant_of_no_kind(model):
+    model.graph.node[0].attribute[0].type = 0
+
+
 @pytest.mark.parametrize(
     ("write", "reason"),
     [
         (lambda path: path.write_text("boxes"), "Protobuf parsing failed"),
         (lambda path: broken_by(path, newer_format), "Unsupported model IR version: 99"),
         (lambda path: broken_by(path, strange_operation), r"[^/]*Guess"),
+        (lambda path: broken_by(path, constant_of_no_kind), r"[^/\[]*attribute"),
     ],
-    ids=["text", "newer", "operation"],
+    ids=["text", "newer", "operation", "kind"],
 )
 def test_a_file_that_cannot_be_run_is_told_with_the_reason_alone(write, reason, tmp_path):
     path = tmp_path / "m.onnx"

@@ -39,7 +39,9 @@ _NETS = {
     ("tango",): "tango",
 }
 """Names of spacecraft → folder of the networks that know them."""
-_BEFORE_REASON = re.compile(r"^.*? failed:(/\S+:\d+ .*?\) (?=[A-Z]))?")
+_BEFORE_REASON = re.compile(
+    r"^(.*\[ONNXRuntimeError\] : \d+ : \w+ : )?(.*? failed:)?(/\S+:\d+ .*?\) (?=[A-Z]))?"
+)
 """What onnxruntime writes before the reason: its code, the file, and the line of its own source."""
 
 

@@ -18,9 +18,6 @@ LEAST_EPOCHS: Final = 12
 _RESERVE: Final = 0.92
 """Share of the time that is planned for: a machine that others use too is slower than when measured."""
 
-_MOST_CHANGE: Final = 4.0
-"""By at most this factor the speed of one step corrects what is expected of the next."""
-
 Seconds = Annotated[float, Field(ge=0)]
 Count = Annotated[int, Field(ge=1)]
 
@@ -50,14 +47,12 @@ class Decision(FileRecord):
         epochs: task → number of epochs; where the time gives them, :func:`epochs_in_time` corrects them
             when the training begins.
         expected_s: step → how long it is expected to take; empty if nothing was measured.
-        picture_s: task → time to learn from one picture once; empty likewise.
         measured_s: what else was measured, by name.
     """
 
     frames: dict[str, Count]
     epochs: dict[str, Count]
     expected_s: dict[str, Seconds]
-    picture_s: dict[str, Seconds]
     measured_s: dict[str, Seconds]
 
 
@@ -72,7 +67,7 @@ def decide(recipe: Recipe, speeds: Speeds | None) -> Decision:
         assert recipe.data.frames is not None  # as the recipe was checked for
         given = {task: int(choice.options["epochs"]) for task, choice in recipe.nets.items()}
         frames = divided(recipe, recipe.data.frames)
-        return Decision(frames=frames, epochs=given, expected_s={}, picture_s={}, measured_s={})
+        return Decision(frames=frames, epochs=given, expected_s={}, measured_s={})
     assert recipe.hours is not None
     total_s = max(_RESERVE * 3600 * recipe.hours - speeds.spent_s, 1.0)
     shares, time = _shares(recipe), recipe.time
@@ -102,37 +97,30 @@ def decide(recipe: Recipe, speeds: Speeds | None) -> Decision:
         frames=divided(recipe, count),
         epochs=epochs,
         expected_s={step: round(seconds, 1) for step, seconds in expected_s.items()},
-        picture_s={task: max(round(seconds, 6), 1e-6) for task, seconds in speeds.picture_s.items()},
         measured_s={
             **{f"a frame of {name}": round(x, 4) for name, x in speeds.frame_s.items()},
             **{f"before the first frame of {name}": round(x, 2) for name, x in speeds.opening_s.items()},
+            **{f"a picture for {task}": round(x, 6) for task, x in speeds.picture_s.items()},
             "this probe": round(speeds.spent_s, 1),
         },
     )
 
 
-def epochs_in_time(
-    recipe: Recipe, decision: Decision, task: str, pictures: int, spent_s: float, pace: float
-) -> int:
+def epochs_in_time(recipe: Recipe, task: str, epoch_s: float, spent_s: float) -> int:
     """Return how many epochs of a training fit into what is left of the time.
 
     Args:
         recipe: with hours.
-        decision: of the probe.
         task: of the training.
-        pictures: that an epoch has.
+        epoch_s: time that an epoch takes on the machine as it is now.
         spent_s: time that all steps before the training took.
-        pace: how many times as long as expected the last of them took, since the machine may have become
-            slower or faster after the probe.
     """
     assert recipe.hours is not None
     left_s = _RESERVE * 3600 * recipe.hours - spent_s
     time = recipe.time
     shares = {"boxes": time.boxes, "keypoints": time.keypoints}
     later = 1 - time.frames - (time.boxes if task == "keypoints" else 0.0)
-    pace = min(max(pace, 1 / _MOST_CHANGE), _MOST_CHANGE)
-    once_s = max(pictures * decision.picture_s[task] * pace, 1e-6)
-    return max(1, math.floor(left_s * shares[task] / later / once_s))
+    return max(1, math.floor(left_s * shares[task] / later / max(epoch_s, 1e-6)))
 
 
 def divided(recipe: Recipe, count: int) -> dict[str, int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -11,7 +12,6 @@ from pydantic import JsonValue
 
 from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.layout import PARTITION_FILE
-from posse_core._detection.card import ModelCard
 from posse_core._detection.groups import Group
 from posse_core._files.atomic import sha256, write_json
 from posse_core._files.reading import read_record
@@ -22,7 +22,7 @@ from posse_core._recipe.card import write_card
 from posse_core._recipe.data import DATA, Kitchen, make_data
 from posse_core._recipe.judging import EVALUATION, Evaluation, judge
 from posse_core._recipe.model import Recipe
-from posse_core._recipe.probe import measure
+from posse_core._recipe.probe import learning_s, measure
 from posse_core._recipe.scenarios import CRAFT, Scenarios
 from posse_core._recipe.steps import Show, Steps
 from posse_core._recipe.training import MODEL, check_nets, export, options_for, pictures_for, train
@@ -130,7 +130,7 @@ def _models(
     epochs: dict[str, int] = {}
     exported = []
     for task in recipe.nets:
-        epochs[task] = _epochs(recipe, decision, task, dataset, steps)
+        epochs[task] = _epochs(recipe, decision, task, dataset, steps, registry)
         options = options_for(recipe, task, epochs[task], registry)
         of: dict[str, JsonValue] = {
             "dataset": dataset.sha256,
@@ -149,26 +149,26 @@ def _models(
     return epochs, exported
 
 
-def _epochs(recipe: Recipe, decision: Decision, task: str, dataset: Dataset, steps: Steps) -> int:
-    """The epochs of a training: those that it was begun with, or that now fit into the time."""
+def _epochs(
+    recipe: Recipe, decision: Decision, task: str, dataset: Dataset, steps: Steps, registry: Registry
+) -> int:
+    """The epochs of a training: those that it was begun with, or that now fit into the time, as fast as
+    the machine is now."""
     if recipe.nets[task].options.get("epochs") is not None:
         return decision.epochs[task]
     note = steps.begun(task, task)
     if note is not None and isinstance(options := note.of["options"], dict):
         return int(str(options["epochs"]))
-    notes = steps.notes()
-    spent_s = {name: known.seconds for name, known in notes.items() if name not in recipe.nets}
-    if task == "boxes":
-        pace = spent_s["frames"] / decision.expected_s["frames"]
-    else:
-        spent_s["boxes"] = notes["boxes"].seconds
-        boxes = ModelCard.read(steps.folder / "boxes" / MODEL).epochs
-        learned = boxes * len(pictures_for("boxes", dataset))
-        pace = spent_s["boxes"] / (learned * decision.picture_s["boxes"])
-    pictures = len(pictures_for(task, dataset))
-    fitting = epochs_in_time(recipe, decision, task, pictures, sum(spent_s.values()), pace)
-    expected_s = fitting * pictures * decision.picture_s[task] * pace
-    steps.show.expect({**decision.expected_s, task: expected_s})
+    began = time.monotonic()
+    picture_s = learning_s(recipe, task, dataset.folder, steps.folder, registry)
+    trial_s = time.monotonic() - began
+    # A training that was removed to be made again has a note, whose time is no longer spent.
+    tasks = list(recipe.nets)
+    later = tasks[tasks.index(task) :]
+    spent_s = sum(note.seconds for name, note in steps.notes().items() if name not in later)
+    epoch_s = picture_s * len(pictures_for(task, dataset))
+    fitting = epochs_in_time(recipe, task, epoch_s, spent_s + trial_s)
+    steps.show.expect({**decision.expected_s, task: fitting * epoch_s})
     return fitting
 
 

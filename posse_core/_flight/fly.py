@@ -126,12 +126,14 @@ def _least(problem: FlightProblem) -> float:
 
 
 def _recorded(steps: Iterable[Step], dataset: Recording, log: ReadingsLog) -> Iterator[Step]:
-    """Write each new frame. Its readings come first: a frame that is logged is never without them."""
+    """Write each new frame. Its readings come first: a frame that is logged is never without them,
+    unless their file was damaged later. Such a frame is made again, but it is not logged twice."""
     for step in steps:
         if step.frame is not None:
             made = write_frame(step.frame, dataset.store)
             log.append(step.readings)
-            dataset.add(made)
+            if made.labels.index not in dataset.done:
+                dataset.add(made)
         yield step
 
 

@@ -4,7 +4,8 @@ reading."""
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, Strict, ValidationError
@@ -318,7 +319,18 @@ class LabelLine(BodyLabels):
                 raise InputError(f"{name}: field required")
         if any(isinstance(x, float) for x in labels.__dict__.get("box_visible_px") or ()):
             raise InputError("box_visible_px: input should be whole numbers")
+        if (key := next(labels._not_finite(), None)) is not None:
+            raise InputError(f"{key}: input should be a finite number")
         return labels
+
+    def _not_finite(self) -> Iterator[str]:
+        """Keys of numbers that are not finite, in labels of plugins and sensors, whose form is free."""
+        yield from _not_finite(self.__pydantic_extra__ or {}, "")
+        for name, body in self.__dict__.get("bodies", {}).items():
+            yield from _not_finite(body.__pydantic_extra__ or {}, f"bodies.{name}.")
+        for name, readings in self.__dict__.get("sensors", {}).items():
+            for number, reading in enumerate(readings):
+                yield from _not_finite(reading.labels, f"sensors.{name}.{number}.labels.")
 
 
 _BEFORE: Final = ("index", "t_s", "epoch_utc", "sequence", "spacecraft")
@@ -345,6 +357,18 @@ def annotator_of(label: str) -> str | None:
     """The core's annotator that makes a label; None if the run itself does."""
     extra = LabelLine.model_fields[label].json_schema_extra
     return str(extra["annotator"]) if isinstance(extra, dict) else None
+
+
+def _not_finite(value: object, key: str) -> Iterator[str]:
+    """Keys of numbers within a value that are not finite; ``key`` is the value's own, with a dot."""
+    if isinstance(value, float) and not math.isfinite(value):
+        yield key.removesuffix(".")
+    elif isinstance(value, dict):
+        for name, inner in value.items():
+            yield from _not_finite(inner, f"{key}{name}.")
+    elif isinstance(value, list):
+        for number, inner in enumerate(value):
+            yield from _not_finite(inner, f"{key}{number}.")
 
 
 def _way_out(annotator: str | None) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import pickle
+import re
 
 import pytest
 from hypothesis import given
@@ -83,6 +84,19 @@ ORDER = [
     *("v_body_cam_m_s", "omega_body_rad_s", "omega_camera_rad_s", "exposure_s", "image", "truth"),
     *("origin", "sensors", "nearest"),
 ]
+WHOLE = {
+    "index": 0,
+    "t_s": 0.0,
+    "epoch_utc": "2022-01-31T02:02:27",
+    "sequence": 0,
+    "spacecraft": "aqua",
+    "sun_fraction_target": 1.0,
+    "sun_fraction_camera": 1.0,
+    "solar_flux_w_m2": 1361.0,
+    "image": "images/000000.png",
+    "truth": None,
+}
+"""A line with nothing but what every line has."""
 lines = st.fixed_dictionaries(EVERY, optional=CHOSEN)
 
 
@@ -129,22 +143,30 @@ def test_a_keypoint_behind_the_camera_has_no_coordinates():
     assert record.to_json() == b'{"index":0,"keypoints":{"A":[null,null,0],"B":[1.5,2.5,2]}}'
 
 
+@pytest.mark.parametrize("text", ["Infinity", "-Infinity", "NaN", "1e999"])
+@pytest.mark.parametrize(
+    ("rest", "key"),
+    [
+        ('"nearest": {"A": [0.0, %s]}', "nearest.A.1"),
+        ('"bodies": {"arm": {"nearest": {"A": %s}}}', "bodies.arm.nearest.A"),
+        ('"sensors": {"twin": [%s]}', "sensors.twin.0.labels.sun.x"),
+    ],
+)
+def test_numbers_of_plugins_and_sensors_are_finite(text, rest, key):
+    if "twin" in rest:
+        still = {"t_s": 0.0, "q_sensor_from_body": [1.0, 0.0, 0.0, 0.0], "labels": {"sun": {"x": -1.5}}}
+        moving = ("t_body_sensor_m", "v_body_sensor_m_s", "omega_body_rad_s", "omega_sensor_rad_s")
+        reading = json.dumps({**still, **{name: [0.0, 0.0, 0.0] for name in moving}})
+        rest %= reading.replace("-1.5", "%s")
+    line = text_of(WHOLE).decode()[:-1] + ", " + rest + "}"
+    assert LabelLine.from_json((line % "-1.5").encode()).index == 0
+    with pytest.raises(InputError, match=f"^{re.escape(key)}: input should be a finite number$"):
+        LabelLine.from_json((line % text).encode())
+
+
 @pytest.mark.parametrize("name", IN_EVERY_LINE)
 def test_a_line_without_what_every_line_has_is_refused(name):
-    values = {
-        "index": 0,
-        "t_s": 0.0,
-        "epoch_utc": "2022-01-31T02:02:27",
-        "sequence": 0,
-        "spacecraft": "aqua",
-        "sun_fraction_target": 1.0,
-        "sun_fraction_camera": 1.0,
-        "solar_flux_w_m2": 1361.0,
-        "image": "images/000000.png",
-        "truth": None,
-    }
-    LabelLine.from_json(text_of(values))
-    del values[name]
+    values = {key: value for key, value in WHOLE.items() if key != name}
     with pytest.raises(InputError, match=f"{name}: field required"):
         LabelLine.from_json(text_of(values))
 

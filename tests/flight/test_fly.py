@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import shutil
 import signal
 import time
 from pathlib import Path
@@ -92,6 +93,16 @@ def test_killed_and_resumed_flights_are_equal_to_the_bit(posse_in, start_posse_i
     for name in ("scenario.yaml", "manifest.json"):  # they name the renderer's option
         there.pop(name), wanted.pop(name)
     assert there == wanted
+
+
+def test_a_flight_whose_readings_are_lost_is_made_again_from_there(posse_in, flown, tmp_path):
+    shutil.copytree(flown, tmp_path / "d")
+    readings = tmp_path / "d" / "readings.jsonl"
+    lines = readings.read_bytes().splitlines(keepends=True)
+    readings.write_bytes(b"".join(lines[:4]) + lines[4][:50])
+    done = posse_in(tmp_path, "fly", "--resume", "--out", "d")
+    assert done.returncode == 0, done.stderr
+    assert digests(tmp_path / "d") == digests(flown)
 
 
 def test_many_seeds_are_the_flights_one_by_one(posse_in, flown, tmp_path):

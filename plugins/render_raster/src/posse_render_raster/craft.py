@@ -15,6 +15,8 @@ from posse_core import AnyArray, FloatArray, LinkPoses, Material, Piece, Scene, 
 TEXTURES = ("base_color_texture", "metallic_roughness_texture", "normal_texture")
 """Texture samplers of the program; the index is that of the texture unit."""
 FREE_UNIT = len(TEXTURES)
+_ATTRIBUTES = ("position_link_m", "normal_link", "uv")
+"""Of a vertex, one after another in its buffer."""
 
 
 def program(context: moderngl.Context, vertex: str, fragment: str) -> moderngl.Program:
@@ -27,8 +29,8 @@ def program(context: moderngl.Context, vertex: str, fragment: str) -> moderngl.P
 
 
 @dataclass(frozen=True)
-class _LoadedPiece:
-    """A part of a body, loaded into OpenGL."""
+class _Coat:
+    """All parts of a link that have one material, loaded into OpenGL: one call draws them."""
 
     textures: Sequence[moderngl.Texture]
     radiance: moderngl.VertexArray
@@ -36,8 +38,9 @@ class _LoadedPiece:
 
 @dataclass(frozen=True)
 class _Shape:
-    """All parts of a link as one, loaded into OpenGL: for depth alone, one call draws them all."""
+    """All parts of a link, loaded into OpenGL: for depth alone, one call draws them."""
 
+    coats: Sequence[_Coat]
     depth: moderngl.VertexArray
     shadow: moderngl.VertexArray
 
@@ -51,18 +54,16 @@ class Link:
         body: number of its body.
         vertices_m: (3, V) of all its parts, in its axes.
         radius_m: of a sphere about the origin of its axes that contains them.
-        pieces: its parts.
-        indices: of its parts among the scene's pieces.
         shape: of all of them.
+        coated: for each of the shape's coats, the index of a part that has it among the scene's pieces.
     """
 
     number: int
     body: int
     vertices_m: FloatArray
     radius_m: float
-    pieces: Sequence[_LoadedPiece]
-    indices: Sequence[int]
     shape: _Shape
+    coated: Sequence[int]
 
 
 class Craft:
@@ -81,32 +82,29 @@ class Craft:
             self.radiance[key] = unit
         self._context = context
         self._white = context.texture((1, 1), 3, np.full(3, 255, dtype=np.uint8).tobytes())
-        textures: dict[int, Sequence[moderngl.Texture]] = {}
-        loaded: dict[tuple[int, int], _LoadedPiece] = {}
+        self._textures: dict[int, Sequence[moderngl.Texture]] = {}
         shapes: dict[tuple[tuple[int, int], ...], _Shape] = {}
         links: dict[int, list[int]] = {}
         for index, piece in enumerate(scene.pieces):
             links.setdefault(piece.link, []).append(index)
-            if id(piece.material) not in textures:
-                textures[id(piece.material)] = self._textures(piece.material)
-            if _key(piece) not in loaded:
-                loaded[_key(piece)] = self._loaded(piece, textures[id(piece.material)])
         made = []
         for number, own in sorted(links.items()):
             pieces = [scene.pieces[i] for i in own]
-            vertices_m = np.concatenate([piece.part.vertices_body_m for piece in pieces])
-            keys = tuple(map(_key, pieces))
+            # Parts whose material has one name look the same in every frame.
+            coats: dict[str, list[int]] = {}
+            for i, piece in enumerate(pieces):
+                coats.setdefault(piece.part.material, []).append(i)
+            keys = tuple((id(piece.part), id(piece.material)) for piece in pieces)
             if keys not in shapes:
-                shapes[keys] = self._shape(pieces, vertices_m)
+                shapes[keys] = self._shape(pieces, list(coats.values()))
             made.append(
                 Link(
                     number=number,
                     body=int(scene.body_of_part[own[0]]),
-                    vertices_m=vertices_m.T,
+                    vertices_m=np.concatenate([piece.part.vertices_body_m for piece in pieces]).T,
                     radius_m=float(scene.link_radii_m[number]),
-                    pieces=[loaded[key] for key in keys],
-                    indices=own,
                     shape=shapes[keys],
+                    coated=[own[which[0]] for which in coats.values()],
                 )
             )
         self.links = tuple(made)
@@ -123,53 +121,56 @@ class Craft:
         link.shape.shadow.render()
 
     def draw_radiance(self, link: Link, poses: LinkPoses, materials: Sequence[Material]) -> None:
-        """Draw a link with the program :attr:`radiance`, each part with the material that its piece has
-        in this frame."""
+        """Draw a link with the program :attr:`radiance`, each part with the material that it has in this
+        frame: ``materials`` are of the scene's pieces."""
         _place(self.radiance, link, poses)
-        for piece, index in zip(link.pieces, link.indices, strict=True):
+        for coat, index in zip(link.shape.coats, link.coated, strict=True):
             material = materials[index]
             self.radiance["base_color"] = material.base_color
             self.radiance["metallic"] = material.metallic
             self.radiance["roughness"] = material.roughness
             self.radiance["specular"] = material.specular
             self.radiance["has_normal_map"] = material.normal_texture is not None
-            for unit, texture in enumerate(piece.textures):
+            for unit, texture in enumerate(coat.textures):
                 texture.use(unit)
-            piece.radiance.render()
+            coat.radiance.render()
 
-    def _textures(self, material: Material) -> Sequence[moderngl.Texture]:
-        return [_texture(self._context, material, key) or self._white for key in TEXTURES]
+    def _textures_of(self, material: Material) -> Sequence[moderngl.Texture]:
+        if id(material) not in self._textures:
+            self._textures[id(material)] = [
+                _texture(self._context, material, key) or self._white for key in TEXTURES
+            ]
+        return self._textures[id(material)]
 
-    def _loaded(self, piece: Piece, textures: Sequence[moderngl.Texture]) -> _LoadedPiece:
-        part, context = piece.part, self._context
-        columns = (part.vertices_body_m.astype(np.float32), part.normals_body, part.uv)
-        vertices = context.buffer(np.hstack(columns).astype(np.float32).tobytes())
-        faces = context.buffer(part.faces.astype(np.int32).tobytes())
-        attributes = ("position_link_m", "normal_link", "uv")
-        return _LoadedPiece(
-            textures=textures,
-            radiance=context.vertex_array(
-                self.radiance, [(vertices, "3f 3f 2f", *attributes)], index_buffer=faces
-            ),
-        )
-
-    def _shape(self, pieces: Sequence[Piece], vertices_m: FloatArray) -> _Shape:
-        """The parts of pieces, of which (V, 3) are the vertices, one part's after another's."""
+    def _shape(self, pieces: Sequence[Piece], coats: Sequence[Sequence[int]]) -> _Shape:
+        """Pieces of one link, of which each of the coats has some, by their indices in ``pieces``."""
         parts, context = [piece.part for piece in pieces], self._context
+        columns = [np.hstack([part.vertices_body_m, part.normals_body, part.uv]) for part in parts]
+        vertices = context.buffer(np.concatenate(columns).astype(np.float32).tobytes())
         firsts = np.cumsum([0, *(len(part.vertices_body_m) for part in parts)])[:-1]
-        faces = np.concatenate([part.faces + first for part, first in zip(parts, firsts, strict=True)])
-        vertices = context.buffer(vertices_m.astype(np.float32).tobytes())
-        indices = context.buffer(faces.astype(np.int32).tobytes())
-        of_depth, of_shadow = (
-            context.vertex_array(target, [(vertices, "3f", "position_link_m")], index_buffer=indices)
-            for target in (self.depth, self.shadow)
+        faces = [part.faces + first for part, first in zip(parts, firsts, strict=True)]
+
+        def drawn(target: moderngl.Program, layout: str, which: Sequence[int]) -> moderngl.VertexArray:
+            attributes = _ATTRIBUTES[: layout.count("f")]
+            indices = np.concatenate([faces[i] for i in which]).astype(np.int32)
+            return context.vertex_array(
+                target,
+                [(vertices, layout, *attributes)],
+                index_buffer=context.buffer(indices.tobytes()),
+            )
+
+        every = range(len(parts))
+        return _Shape(
+            coats=[
+                _Coat(
+                    self._textures_of(pieces[which[0]].material),
+                    drawn(self.radiance, "3f 3f 2f", which),
+                )
+                for which in coats
+            ],
+            depth=drawn(self.depth, "3f 20x", every),
+            shadow=drawn(self.shadow, "3f 20x", every),
         )
-        return _Shape(of_depth, of_shadow)
-
-
-def _key(piece: Piece) -> tuple[int, int]:
-    """What two pieces that are loaded once have in common."""
-    return id(piece.part), id(piece.material)
 
 
 def set_matrix(target: moderngl.Program, name: str, matrix: FloatArray) -> None:

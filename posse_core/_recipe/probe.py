@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import shutil
 import time
+import warnings
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
@@ -83,13 +87,21 @@ def learning_s(recipe: Recipe, task: str, data: Path, folder: Path, registry: Re
     for number, most in enumerate((_TAKEN[0], *_TAKEN)):  # the first prepares the libraries
         dataset = _Excerpt(data, most)
         began = time.monotonic()
-        train(recipe, task, options, dataset, trial / str(number), registry)
+        with _unseen():
+            train(recipe, task, options, dataset, trial / str(number), registry)
         taken.append(time.monotonic() - began)
         pictures.append(_EPOCHS * max(len(pictures_for(task, dataset)), 1))
     shutil.rmtree(trial)
     more_s, more = taken[2] - taken[1], pictures[2] - pictures[1]
     least_s = _LEAST_OF_MEAN * taken[2] / pictures[2]
     return max(more_s / more if more > 0 else 0.0, least_s)
+
+
+@contextlib.contextmanager
+def _unseen() -> Iterator[None]:
+    """Show nothing of a training, which would look like the one to come. Warnings are shown by that."""
+    with warnings.catch_warnings(), contextlib.redirect_stderr(io.StringIO()):
+        yield
 
 
 class _Excerpt(Dataset):

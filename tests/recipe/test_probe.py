@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -40,6 +41,7 @@ class Machine:
         registry: Any,
     ) -> None:
         folder.mkdir(parents=True)
+        print("epoch 1", file=sys.stderr)
         pictures = len(pictures_for(task, dataset))
         self.now_s += self.once_s + options["epochs"] * (self.epoch_s + pictures * self.picture_s)
 
@@ -61,7 +63,7 @@ def data(tmp_path_factory) -> Path:
 )
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=25)
 def test_what_happens_once_or_once_an_epoch_is_left_out(
-    data: Path, tmp_path: Path, once_s: float, epoch_s: float, picture_s: float, task: str
+    data: Path, tmp_path: Path, capsys: Any, once_s: float, epoch_s: float, picture_s: float, task: str
 ) -> None:
     nets = {task: {"name": "nano" if task == "boxes" else "heatmap"} for task in ("boxes", "keypoints")}
     recipe = recipe_of({**KEYS, "hours": 1.0, **nets}, "recipe")
@@ -75,3 +77,4 @@ def test_what_happens_once_or_once_an_epoch_is_left_out(
     mean_s = picture_s + (epoch_s + once_s / 5) / pictures
     assert told_s == pytest.approx(max(picture_s, 0.3 * mean_s), rel=0.02)
     assert not (tmp_path / ".trial").exists()
+    assert capsys.readouterr() == ("", "")  # a user would take it for the training to come

@@ -26,7 +26,7 @@ _TRIAL: Final = ".trial"
 _ROUNDS: Final = 6
 """Frames of a source for each worker; the first of each does not count."""
 _TAKEN: Final = (8, 48)
-"""The most frames of each part in two trainings: their difference leaves out what happens once, or once
+"""The most frames to train on in two trainings: their difference leaves out what happens once, or once
 an epoch."""
 _EPOCHS: Final = 5
 _LEAST_OF_MEAN: Final = 0.3
@@ -105,7 +105,8 @@ def _unseen() -> Iterator[None]:
 
 
 class _Excerpt(Dataset):
-    """A dataset with a few frames of each part."""
+    """A dataset with a few frames to train on, and as few of the other parts in every trial: what they
+    are measured for takes no longer the more is learned from."""
 
     def __init__(self, folder: Path, most: int) -> None:
         super().__init__(folder)
@@ -113,4 +114,5 @@ class _Excerpt(Dataset):
 
     def part(self, name: str) -> list[int]:
         positions = super().part(name)
-        return [positions[i] for i in evenly_spread(len(positions), self._most)]
+        most = self._most if name == "train" else _TAKEN[0]
+        return [positions[i] for i in evenly_spread(len(positions), most)]

@@ -14,7 +14,7 @@ from posse_core._detection.pose_detector import LEAST_SCORE
 from posse_core._evaluation.numbers import number
 from posse_core._files.atomic import sha256, write_bytes
 from posse_core._recipe.budget import Decision
-from posse_core._recipe.judging import PAGE, PICTURES, Evaluation
+from posse_core._recipe.judging import PAGE, PART, PICTURES, Evaluation
 from posse_core._recipe.model import Recipe
 from posse_core._recipe.scenarios import CRAFT, Scenarios
 from posse_core._recipe.steps import Note
@@ -61,7 +61,7 @@ def write_card(
         *_head(recipe, dataset),
         *_models(recipe, epochs, models),
         *_data(recipe, dataset, decision),
-        *_accuracy(evaluation),
+        *_accuracy(evaluation, len(dataset.part(PART))),
         *_limits(scenarios, evaluation),
         *_time(recipe, decision, notes),
     ]
@@ -118,11 +118,13 @@ def _data(recipe: Recipe, dataset: Dataset, decision: Decision) -> Iterator[str]
     yield from _table(["source", "renderer", "shows the spacecraft", "frames"], rows)
 
 
-def _accuracy(evaluation: Evaluation) -> Iterator[str]:
+def _accuracy(evaluation: Evaluation, frames: int) -> Iterator[str]:
+    taken = evaluation.groups[0].frames
+    some = "" if taken == frames else f"{taken} of the {frames} frames of "
     yield "## Accuracy"
     yield ""
     yield (
-        f"On the test part, which no training saw. `{PAGE}` has curves and the worst frames,"
+        f"On {some}the test part, which no training saw. `{PAGE}` has curves and the worst frames,"
         f" `{PICTURES}` pictures; `posse eval --help` explains the columns."
     )
     yield ""

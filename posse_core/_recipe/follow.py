@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping
 from functools import partial
@@ -75,7 +76,7 @@ def follow(recipe: Recipe, folder: Path, plugins: Plugins, show: Show) -> Group:
         {"dataset": dataset.sha256, "refiner": keys["refiner"], **_digests(folder, recipe)},
         EVALUATION,
         EVALUATION,
-        partial(judge, kitchen, dataset, folder),
+        partial(judge, kitchen, dataset, folder, _end_s(recipe, steps)),
     )
     evaluation = read_record(folder / EVALUATION, Evaluation, "an evaluation of 'posse recipe'")
     write_card(folder, scenarios, decision, epochs, evaluation, dataset, steps.notes(), models)
@@ -170,6 +171,14 @@ def _epochs(
     fitting = epochs_in_time(recipe, task, epoch_s, spent_s + trial_s)
     steps.show.expect({**decision.expected_s, task: fitting * epoch_s})
     return fitting
+
+
+def _end_s(recipe: Recipe, steps: Steps) -> float:
+    """When the recipe's hours will be over, in seconds of ``time.monotonic``; without hours, never."""
+    if recipe.hours is None:
+        return math.inf
+    spent_s = sum(note.seconds for name, note in steps.notes().items() if name != "evaluation")
+    return time.monotonic() + 3600 * recipe.hours - spent_s
 
 
 def _digests(folder: Path, recipe: Recipe) -> dict[str, JsonValue]:

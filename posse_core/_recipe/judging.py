@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import time
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -11,22 +13,20 @@ import cv2
 import numpy as np
 from pydantic import JsonValue
 
-from posse_core._arrays import AnyArray, evenly_spread
+from posse_core._arrays import evenly_spread
 from posse_core._dataset.dataset import Dataset
 from posse_core._detection.draw import draw
-from posse_core._detection.evaluate import evaluate, frames_of, sun_direction_cam
+from posse_core._detection.evaluate import Judged, evaluate, frames_of
 from posse_core._detection.groups import Group, groups
 from posse_core._detection.known import target_shapes
 from posse_core._detection.models import open_models
 from posse_core._detection.page import make_page
-from posse_core._detection.pose_detector import LEAST_SCORE, PoseDetector
+from posse_core._detection.pose_detector import LEAST_SCORE
 from posse_core._evaluation.pages import jpeg, page, paragraph, strip
-from posse_core._evaluation.poses import pose_errors
 from posse_core._files.atomic import write_bytes, write_json
 from posse_core._files.reading import FileRecord
-from posse_core._frames import matrix_from_quaternion
 from posse_core._imaging.grey import to_grey
-from posse_core._model.label_line import LabelLine
+from posse_core._randomness import random_generator
 from posse_core._recipe.data import Kitchen
 from posse_core._recipe.training import MODEL
 
@@ -34,6 +34,8 @@ EVALUATION: Final = "evaluation.json"
 PAGE: Final = "evaluation.html"
 PICTURES: Final = "predictions.html"
 PART: Final = "test"
+LEAST_EVALUATED: Final = 40
+"""Frames that are evaluated, however little time is left."""
 _PICTURES: Final = 32
 _WIDTH_PX: Final = 480
 _SOURCE: Final = "source "
@@ -55,8 +57,14 @@ class Evaluation(FileRecord):
     found_without_craft: int
 
 
-def judge(kitchen: Kitchen, dataset: Dataset, folder: Path) -> None:
+def judge(kitchen: Kitchen, dataset: Dataset, folder: Path, until_s: float) -> None:
     """Evaluate the models on the test part: :data:`PAGE`, :data:`PICTURES`, and last :data:`EVALUATION`.
+
+    Args:
+        kitchen: of the recipe.
+        dataset: that the models learned from.
+        folder: of the recipe.
+        until_s: time of ``time.monotonic`` after which no frame is begun, if enough were evaluated.
 
     Raises:
         InputError: the test part is empty, or a model cannot be used.
@@ -68,11 +76,12 @@ def judge(kitchen: Kitchen, dataset: Dataset, folder: Path) -> None:
     registry, recipe = kitchen.plugins.registry, kitchen.recipe
     shapes = target_shapes(kitchen.scenarios.spacecraft, registry, recipe.refiner)
     with contextlib.closing(shapes):
-        shown = kitchen.show.bar(positions, len(positions), "evaluating")
+        taken = in_time(positions, recipe.seed, until_s)
+        shown = kitchen.show.bar(taken, len(positions), "evaluating")
         judged = evaluate(dataset, shown, detector, finder, shapes)
-        spread = [positions[k] for k in evenly_spread(len(positions), _PICTURES)]
-        whole = PoseDetector(detector, finder, shapes=shapes)
-        pictures = _pictures(dataset, spread, whole, title)
+    judged.sort(key=lambda each: each.labels.index)
+    spread = [judged[k] for k in evenly_spread(len(judged), _PICTURES)]
+    pictures = _pictures(dataset, spread, title)
     found = groups(dataset, judged)
     for name, source in kitchen.recipe.data.sources.items():
         mine = [j for j in judged if j.bodies and j.labels.origin[0] == name]
@@ -92,20 +101,37 @@ def judge(kitchen: Kitchen, dataset: Dataset, folder: Path) -> None:
     write_json(folder / EVALUATION, record)
 
 
-def _pictures(dataset: Dataset, positions: list[int], detector: PoseDetector, title: str) -> str:
+def in_time(positions: Sequence[int], seed: int, until_s: float) -> Iterator[int]:
+    """Positions in a random order, as many as are begun before a time, and at least
+    :data:`LEAST_EVALUATED`, or all.
+
+    Args:
+        positions: to choose from.
+        seed: of the order.
+        until_s: of ``time.monotonic``.
+    """
+    order = random_generator(seed, -1, "evaluation").permutation(len(positions))
+    for count, k in enumerate(order.tolist()):
+        if count >= LEAST_EVALUATED and time.monotonic() >= until_s:
+            return
+        yield positions[k]
+
+
+def _pictures(dataset: Dataset, judged: Sequence[Judged], title: str) -> str:
     """A page with frames, and what is found in them."""
     captions, pictures = [], []
-    for position in positions:
-        image, labels = dataset.image(position), dataset[position]
-        sun = sun_direction_cam(labels) if labels.box_visible_px is not None else None
-        sightings = detector.sightings(image, dataset.camera, sun)[:1]
-        found = [each.detection for each in sightings]
-        pose = sightings[0].pose if sightings else None
+    for each in judged:
+        labels, found = each.labels, each.detections[:1]
+        image = dataset.image(dataset.position(labels.index))
+        pose = each.bodies[0].pose if each.bodies else None
         words = f"frame {labels.index}, {labels.origin[0]}"
         if labels.box_visible_px is None:
             words += ": no spacecraft"
         elif pose is not None:
-            words += f": {_errors(dataset, labels, pose.R_cam_from_body, pose.t_body_cam_m)}"
+            words += (
+                f": position off by {100 * pose.e_t:.2g} % of the range, attitude by"
+                f" {np.degrees(pose.e_q_rad):.2g}°"
+            )
         captions.append(f"{words}, {'nothing found' if not found else f'score {found[0].score:.2f}'}")
         scale = _WIDTH_PX / image.shape[1]
         light = np.sqrt(to_grey(image))
@@ -126,9 +152,3 @@ def _pictures(dataset: Dataset, positions: list[int], detector: PoseDetector, ti
         f" of the grey values. A score below {LEAST_SCORE} counts as nothing."
     )
     return page(title, said, [strip("Found", captions, pictures), paragraph(said)])
-
-
-def _errors(dataset: Dataset, labels: LabelLine, R_found: AnyArray, t_found_m: AnyArray) -> str:
-    R, t_m = matrix_from_quaternion(np.array(labels.q_cam_from_body)), np.array(labels.t_body_cam_m)
-    e_t, e_q_rad = pose_errors(R, t_m, R_found, t_found_m, dataset.spacecraft.symmetries)
-    return f"position off by {100 * e_t:.2g} % of the range, attitude by {np.degrees(e_q_rad):.2g}°"

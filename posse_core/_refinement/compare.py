@@ -18,6 +18,10 @@ from posse_core._refinement.windows import Windows, smooth
 
 _WINDOW_PX = 6.0
 """Standard deviation of the windows in which gains are fitted."""
+_DETAIL_PX = 3.0
+"""The same for windows of which the detail is judged."""
+_GAINS = (0.0, 3.0)
+"""Least and greatest gain."""
 _BESIDE_PX = 2
 """How far beside the spacecraft pixels are compared."""
 _NOISE = 4 / 255
@@ -71,6 +75,17 @@ class LitComparer(Comparer):
         finer = self._crop.scale.finer
         return _correlation(self._crop.seen, binned(self._scene(drawn), finer), _near(drawn, finer))
 
+    def detail(self, placement: Placement) -> float:
+        """0 … 1, how much is explained of what varies within a few pixels."""
+        crop, finer = self._crop, self._crop.scale.finer
+        drawn = self._studio.draw(crop.scale.drawn, crop.drawn_box, placement, self._light.lights)
+        near = _near(drawn, finer)
+        windows = Windows(near.astype(np.float32), _DETAIL_PX)
+        modelled = binned(self._scene(drawn), finer)[..., None]
+        left = windows.explained(crop.seen, modelled, _NOISE, _GAINS).residual
+        whole = float(np.sum(windows.variance(crop.seen)[near]))
+        return float(np.sqrt(max(0.0, 1 - float(np.sum(left[near] ** 2)) / max(whole, 1e-9))))
+
     def _scene(self, drawn: Drawn) -> Float32Array:
         """What is drawn before its background, as sharp and as coded as the crop."""
         blur_px = self._light.blur_px * self._crop.scale.drawn
@@ -83,7 +98,7 @@ class LitComparer(Comparer):
         seen, modelled = crop.seen, binned(scene, finer)
         near = _near(drawn, finer)
         windows = Windows(near.astype(np.float32), _WINDOW_PX)
-        explained = windows.explained(seen, modelled[..., None], _NOISE, (0.0, 3.0))
+        explained = windows.explained(seen, modelled[..., None], _NOISE, _GAINS)
         jacobian = by_pose(
             gradient(scene),
             drawn.depth_m,

@@ -35,6 +35,8 @@ _LEAST_TRUST, _POWER = 0.01, 0.25
 """The chance of a pose rises with this power of its trust, which is often too sure."""
 _TURNED = 0.3
 """A pose turned by half a turn is trusted by so much of its start's trust."""
+_LEFT_OVER = 1e-3
+"""What no drawing explains of the detail."""
 _UNSEEN = 16.0
 """The chance of all poses that were not tried."""
 _RIVAL, _FOLLOWED = 50.0, 5
@@ -79,14 +81,16 @@ class _Trail:
         blur_px: of the image.
         start: index of the start.
         trust: how likely the pose is before the image is compared.
+        share: of its chance that is left since others explain detail better.
     """
 
     found: Found
-    comparer: Comparer
+    comparer: LitComparer
     sun_direction_cam: FloatArray
     blur_px: float
     start: int
     trust: float
+    share: float = 1.0
 
     @property
     def agreement(self) -> float:
@@ -95,7 +99,7 @@ class _Trail:
     @property
     def chance(self) -> float:
         """How likely the pose is among others; see :func:`_chance`."""
-        return _chance(self.agreement, self.trust)
+        return self.share * _chance(self.agreement, self.trust)
 
 
 class Search:
@@ -149,7 +153,8 @@ class Search:
         # What looks alike when it is coarse may not when it is fine.
         trails = self._different(trails)
         rivals = [trail for trail in trails if trail.chance > trails[0].chance / _RIVAL][:_FOLLOWED]
-        trails = self._different([self._to_the_finest(trail, least_agreement) for trail in rivals])
+        finest = self._different([self._to_the_finest(trail, least_agreement) for trail in rivals])
+        trails = sorted(_weighed(finest), key=lambda trail: -trail.chance)
         best = trails[0]
         before = best.comparer.compare(firsts[best.start]).agreement
         certainty = best.chance / (sum(trail.chance for trail in trails) + _UNSEEN)
@@ -296,6 +301,23 @@ class Search:
         fx_px = crop.camera.fx_px / crop.scale.finer
         radius_px = fx_px * self._radius_m / max(float(here.t_body_cam_m[2]), 1e-3)
         return descended(comparer, here, self._radius_m, radius_px, steps, self._has_time)
+
+
+def _weighed(trails: Sequence[_Trail]) -> list[_Trail]:
+    """Trails whose chance falls as others explain the image's detail better: brightness as a whole
+    hardly tells poses that look alike, while edges and marks do."""
+    if len(trails) < 2:
+        return list(trails)
+    left = [1 - trail.comparer.detail(trail.found.placement) + _LEFT_OVER for trail in trails]
+    rivals = [
+        each
+        for each, trail in zip(left, trails, strict=True)
+        if trail.chance > trails[0].chance / _RIVAL
+    ]
+    return [
+        replace(trail, share=min(1.0, min(rivals) / each))
+        for each, trail in zip(left, trails, strict=True)
+    ]
 
 
 def _chance(agreement: float, trust: float) -> float:

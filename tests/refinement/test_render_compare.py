@@ -3,6 +3,7 @@ know."""
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -24,8 +25,13 @@ from posse_core import (
 from posse_core._interfaces.refiner import RefinerSetting
 from posse_core._interfaces.renderer import Renderer
 from posse_core._randomness import random_generator
+from posse_core._refinement.compare import LitComparer
+from posse_core._refinement.crop import Picture, Scale
+from posse_core._refinement.light import Light
 from posse_core._refinement.options import RenderCompareOptions
+from posse_core._refinement.placement import Placement
 from posse_core._refinement.render_compare import RenderCompare
+from posse_core._refinement.studio import Lights, Studio
 from posse_core.testing import refiners, scenes
 
 CAMERA = scenes.camera(64, 48, np.radians(30))
@@ -228,3 +234,33 @@ def test_an_image_of_another_size_is_refused() -> None:
         opened().refine(np.zeros((10, 10), np.uint8), [start(R, t, 1, 0.01, 0)], SUN)
     with pytest.raises(InputError, match="no start pose"):
         opened().refine(image(R, t, 0), [], SUN)
+
+
+def test_detail_tells_poses_that_look_alike_in_uneven_light() -> None:
+    """A bar with a faint spot near one end, in light that falls off along it to four tenths: how much
+    is explained of what varies within a few pixels hardly depends on that, and falls where the spot is
+    drawn at the other end."""
+    R, t = TRUTHS[0]
+    parts = (
+        refiners._cuboid("bar", (-1, -0.2, -0.1), (1, 0.2, 0.1), "white"),
+        refiners._cuboid("spot", (0.6, -0.2, -0.102), (0.7, 0.2, 0.102), "cells"),
+    )
+    marked = replace(refiners._craft(), parts=parts)
+    here = Placement(R, t)
+    there = here.turned(Rotation.from_rotvec([0, 0, np.pi]).as_matrix())
+    vertices_m = np.concatenate([part.vertices_body_m for part in parts])
+    with contextlib.closing(
+        Studio(RefinerSetting(marked, CAMERA, renderer), RenderCompareOptions().renderer)
+    ) as studio:
+        details = []
+        for least in (1.0, 0.4):
+            seen = image(R, t, 0, marked) * np.linspace(1.0, least, CAMERA.width_px) / 255
+            crop = Picture(np.float32(seen), CAMERA, is_linear=True).crop(here, vertices_m, Scale(1, 1))
+            assert crop is not None
+            comparer = LitComparer(crop, studio, Light(Lights(0.9, 0.0, SUN), 0.4))
+            details.append([comparer.detail(each) for each in (here, there)])
+    even, uneven = details
+    assert even[0] == pytest.approx(uneven[0], abs=0.03)
+    assert min(even[0], uneven[0]) > 0.95
+    for right, turned in details:
+        assert 1 - turned > 3 * (1 - right)

@@ -63,6 +63,10 @@ def track(
         ComponentError: the navigator failed.
     """
     frames = frames_of(dataset, sequence)
+    try:
+        registry.options("navigator", config.navigator.name, config.navigator.options)
+    except InputError as error:  # of the dataset's scenario, unless it was given
+        raise InputError(f"{dataset.folder}: {error}") from None
     with contextlib.closing(_Tracking(dataset, frames, config, registry)) as tracking:
         record = flight_record(list(progress(tracking.steps(), len(frames))), None, np.nan)
     if out is not None:

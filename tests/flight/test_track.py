@@ -98,6 +98,17 @@ def test_tracking_a_flight_again_reproduces_its_estimates(flown, tmp_path):
     assert np.isnan(track.least_dv_m_s)
 
 
+def test_a_navigator_that_the_scenario_cannot_have_is_told_by_the_dataset(flown, tmp_path):
+    shutil.copytree(flown, tmp_path / "f")
+    text = (tmp_path / "f" / "scenario.yaml").read_text()
+    assert "navigator:\n" in text
+    (tmp_path / "f" / "scenario.yaml").write_text(
+        text.replace("navigator:\n", "navigator:\n    orbt: 1\n")
+    )
+    with pytest.raises(posse_core.InputError, match=r"/f: navigator.*orbt: unknown key"):
+        posse_core.track(tmp_path / "f")
+
+
 def test_a_dataset_whose_page_cannot_be_made_gets_no_record(flown, tmp_path):
     """The page alone reads the manifest and the pictures."""
     shutil.copytree(flown, tmp_path / "f")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import csv
 import io
 import json
@@ -85,7 +86,8 @@ def damaged_value(value: Any, draw: random.Random) -> Any:
         case "nest" if draw.random() < 0.1:
             holder[last] = "NESTED"
         case _:
-            holder[last] = draw.choice(VALUES)
+            # A copy: what is damaged further must not become another value of later cases.
+            holder[last] = copy.deepcopy(draw.choice(VALUES))
     return root[""]
 
 

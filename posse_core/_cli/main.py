@@ -49,6 +49,7 @@ class _Commands(click.Group):
         names = self.list_commands(ctx)
         if args and not args[0].startswith("-") and args[0] not in names:
             ctx.fail(f"no command {args[0]!r}{nearest(args[0], names)}")
+        _check_empty(ctx, args)
         return super().resolve_command(ctx, args)
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem[str]]:
@@ -61,6 +62,15 @@ class _Commands(click.Group):
         rows = [(spec.name, spec.summary) for spec in load_plugins().registry.specs("subcommand")]
         with formatter.section("Commands"):
             formatter.write_dl(rows)
+
+
+def _check_empty(ctx: click.Context, args: Sequence[str]) -> None:
+    """Check that no option or argument of a command is an empty text, as a shell's unset variable is."""
+    for before, arg in zip(args, args[1:], strict=False):
+        option, given, value = arg.partition("=") if arg.startswith("--") else (before, "=", arg)
+        if given and not value.strip():
+            what = option if option.startswith("-") else f"an argument after {before!r}"
+            ctx.fail(f"{args[0]}: {what} is empty; give it a value, or leave it out")
 
 
 @click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})

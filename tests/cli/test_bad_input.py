@@ -86,6 +86,20 @@ def test_bad_arguments(posse, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (("eval", "first", "--target", ""), "--target is empty"),
+        (("eval", "first", "--target="), "--target is empty"),
+        (("run", "aqua", "-o", " "), "-o is empty"),
+        (("run", ""), "an argument after 'run' is empty"),
+    ],
+)
+def test_a_variable_of_the_shell_that_is_not_set_is_told(posse, tmp_path, arguments, named):
+    _refused(posse(*arguments), [named, "leave it out"])
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_model_outside_its_domain_warns_in_one_line(posse, tmp_path):
     orbit = CASES["date"][0].replace("-13-", "-01-").replace("e: 0,", "e: 0.01,")
     (tmp_path / "s.yaml").write_text(orbit + "renderer: flat\npropagator: hcw\n")

@@ -8,6 +8,7 @@ import tempfile
 import traceback
 import warnings
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Final, TextIO
 
 import click
@@ -66,7 +67,7 @@ class _Commands(click.Group):
 
 def _check_empty(ctx: click.Context, args: Sequence[str]) -> None:
     """Check that no option or argument of a command is an empty text, as a shell's unset variable is."""
-    for before, arg in zip(args, args[1:], strict=False):
+    for before, arg in pairwise(args):
         option, given, value = arg.partition("=") if arg.startswith("--") else (before, "=", arg)
         if given and not value.strip():
             what = option if option.startswith("-") else f"an argument after {before!r}"

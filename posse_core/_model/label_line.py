@@ -149,17 +149,19 @@ class JointLabels(BaseModel):
 
 
 class FinishLabels(BaseModel):
-    """Factors of a material in one frame.
+    """Factors of a material in one frame, and its pattern.
 
     Attributes:
         base_color: of the base colour in red, green, blue.
         roughness: of the roughness.
+        pattern: index of its pattern; None if it has none.
     """
 
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
     base_color: Vector
     roughness: Annotated[float, Field(gt=0)]
+    pattern: Count | None = None
 
 
 class BodyLabels(BaseModel):
@@ -264,7 +266,9 @@ class LabelLine(BodyLabels):
         """The labels that were made, as a mapping for :func:`json.dumps`, in the order of a line."""
         values = super().as_json()
         if "finishes" in values:
-            values["finishes"] = {name: made.model_dump() for name, made in self.finishes.items()}
+            values["finishes"] = {
+                name: made.model_dump(exclude_none=True) for name, made in self.finishes.items()
+            }
         if "bodies" in values:
             values["bodies"] = {name: body.as_json() for name, body in self.bodies.items()}
         if "sensors" in values:

@@ -27,6 +27,8 @@ class Material:
         base_color_texture: (H, W, 3) uint8, sRGB-coded.
         metallic_roughness_texture: (H, W, 2) uint8, linear: metallic, roughness.
         normal_texture: (H, W, 3) uint8, tangent space, +Y up (OpenGL style): n = 2 t/255 − 1.
+        patterns: textures of the size and coding of ``base_color_texture``, of which a frame's
+            :class:`posse_core.Finish` may put one in its place.
     """
 
     name: str
@@ -37,6 +39,7 @@ class Material:
     base_color_texture: AnyArray | None = None
     metallic_roughness_texture: AnyArray | None = None
     normal_texture: AnyArray | None = None
+    patterns: tuple[AnyArray, ...] = ()
 
 
 @dataclass(frozen=True)

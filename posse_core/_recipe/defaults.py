@@ -9,6 +9,9 @@ from posse_core._errors import InputError
 from posse_core._plugins.registry import Registry
 from posse_core._recipe.file import recipe_of
 from posse_core._recipe.model import Recipe
+from posse_core._scenario.component import TargetChoice, create
+from posse_core._simulator.returned import built
+from posse_core._spacecraft.reader import PLAIN
 
 _DETECTORS: Final[Mapping[str, Mapping[str, Any]]] = {
     "boxes": {"name": "nano", "input_px": 256, "batch": 16},
@@ -29,12 +32,6 @@ _SCENARIO: Final[Mapping[str, Any]] = {
         }
     },
     "attitude": {"target": {"law": "random"}},
-    "variation": {
-        "per": "frame",
-        "materials": {
-            "*": {"brightness": [0.6, 1.6], "tint": [0.9, 1.11], "roughness": [0.6, 1.6]},
-        },
-    },
     "camera": {"width_px": 640, "height_px": 480, "hfov_deg": 40.0},
     "sky": {"stars": {"gain": 1e4}},
     "sensor": {
@@ -46,6 +43,10 @@ _SCENARIO: Final[Mapping[str, Any]] = {
     "annotators": ["box", "mask", "keypoints", "pose"],
     "writers": [],
 }
+_VARIED: Final = {"brightness": [0.6, 1.6], "tint": [0.9, 1.11], "roughness": [0.6, 1.6]}
+"""How each material varies from frame to frame."""
+_PATTERN: Final = 1.0
+"""Strength of the patterns of what has no materials."""
 _SPACE: Final[Mapping[str, Any]] = {
     "sky.earth": False,
     "sky.stars.gain": 1e6,
@@ -61,7 +62,9 @@ less in the dark."""
 def default_recipe(craft: Mapping[str, Any], hours: float, workers: int, registry: Registry) -> Recipe:
     """Return the recipe for a spacecraft, with the renderers and detectors that are installed.
 
-    Most frames are by ``raster``, which is fast, and a sixth by ``mitsuba``, whose light is exact.
+    Most frames are by ``raster``, which is fast, and a sixth by ``mitsuba``, whose light is exact. Parts
+    of a mesh without materials have another random pattern in each frame, so that what is learned is
+    their shape.
 
     Args:
         craft: the key ``craft``.
@@ -70,7 +73,8 @@ def default_recipe(craft: Mapping[str, Any], hours: float, workers: int, registr
         registry: the installed components.
 
     Raises:
-        InputError: no renderer is installed, or no detector that can be trained.
+        InputError: no renderer is installed, or no detector that can be trained, or the spacecraft
+            cannot be used.
     """
     fast, exact = _renderers(registry)
     sources: dict[str, dict[str, Any]] = {
@@ -87,11 +91,18 @@ def default_recipe(craft: Mapping[str, Any], hours: float, workers: int, registr
                 f"recipe: the detector {choice['name']!r} for {task} is not installed; install"
                 " posse-detect-torch"
             )
+    materials = built(create(registry, "scene", TargetChoice.model_validate(craft)), "craft").materials
+    vary = {PLAIN.name: {**_VARIED, "pattern": _PATTERN}} if PLAIN.name in materials else {}
+    scenario = {
+        **_SCENARIO,
+        "renderer": fast,
+        "variation": {"per": "frame", "materials": {**vary, "*": dict(_VARIED)}},
+    }
     keys = {
         "craft": craft,
         "hours": hours,
         "workers": workers,
-        "data": {"scenario": {**_SCENARIO, "renderer": fast}, "sources": sources},
+        "data": {"scenario": scenario, "sources": sources},
         **_DETECTORS,
         "refiner": {"name": "render-compare"} if "raster" in registry.names("renderer") else None,
     }

@@ -55,7 +55,7 @@ class DataConfig(Options):
         None, ge=10, le=MOST_FRAMES, description="number of frames; null is as many as the time allows"
     )
     apparent_size: tuple[float, float] = Field(
-        (0.15, 1.2),
+        (0.1, 1.2),
         description="least and largest diameter in the image of the sphere around the spacecraft, as a"
         " share of the image's height; between them its logarithm is spread evenly",
     )

@@ -32,7 +32,8 @@ class MaterialVariation(Options):
         0.0,
         ge=0.0,
         le=2.0,
-        description="standard deviation of the logarithm of a random pattern on the colour; 0 is none",
+        description="standard deviation of the logarithm of a random pattern of patches, lines and"
+        " blobs on the colour; 0 is none",
     )
 
 
@@ -53,6 +54,6 @@ class VariationConfig(Options):
     @model_validator(mode="after")
     def _factors_alone(self) -> VariationConfig:
         for name, ranges in self.materials.items():
-            if self.per == "frame" and (ranges.pattern or ranges.metallic != (1.0, 1.0)):
-                raise ValueError(f"materials.{name}: metallic and pattern vary per run, not per frame")
+            if self.per == "frame" and ranges.metallic != (1.0, 1.0):
+                raise ValueError(f"materials.{name}: metallic varies per run, not per frame")
         return self

@@ -98,7 +98,9 @@ class Annotation:
         beside: dict[str, Any] = {"sensors": dict(sensors)} if sensors else {}
         if frame.craft.finishes:
             beside["finishes"] = {
-                name: FinishLabels(base_color=finish.base_color, roughness=finish.roughness)
+                name: FinishLabels(
+                    base_color=finish.base_color, roughness=finish.roughness, pattern=finish.pattern
+                )
                 for name, finish in frame.craft.finishes.items()
             }
         try:

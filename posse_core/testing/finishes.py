@@ -27,7 +27,15 @@ _MATERIALS = (
         metallic_roughness_texture=_METALS,
     ),
 )
+_PATTERNED = Material(
+    "patterned",
+    (0.8, 0.8, 0.8),
+    roughness=0.7,
+    base_color_texture=_COLOURS,
+    patterns=(_COLOURS, 255 - _COLOURS, np.full_like(_COLOURS, (40, 200, 90))),
+)
 _FINISHES = (Finish((0.5, 1.1, 0.8), 0.8), Finish((1.1, 0.7, 0.4), 1.1))
+_PATTERNS = (Finish((1.0, 1.0, 1.0), 1.0, 1), Finish((0.6, 1.1, 0.9), 0.9, 2))
 
 
 class FinishesConformance(RendererStage):
@@ -35,13 +43,14 @@ class FinishesConformance(RendererStage):
 
     def test_a_material_varies_from_frame_to_frame(self) -> None:
         """As if the scene had been opened with that material, and back again."""
-        for material in _MATERIALS:
+        every = [(material, _FINISHES) for material in _MATERIALS]
+        for material, finishes in (*every, (_PATTERNED, _PATTERNS)):
             frame = facing(sun=(0.5, 0.3, 1.0))
             with self.opened(ball(material)) as stage:
                 plain = _light(stage.shot(frame))
-                varied = [_light(stage.shot(_finished(frame, material, each))) for each in _FINISHES]
+                varied = [_light(stage.shot(_finished(frame, material, each))) for each in finishes]
                 again = _light(stage.shot(frame))
-            for made, finish in zip(varied, _FINISHES, strict=True):
+            for made, finish in zip(varied, finishes, strict=True):
                 with self.opened(ball(finish.on(material))) as stage:
                     expected = _light(stage.shot(frame))
                 assert np.abs(made / plain - 1).max() > 0.1, "the material did not vary"

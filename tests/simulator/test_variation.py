@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from posse_core import InputError, linear_from_srgb
+from posse_core import Finish, InputError, linear_from_srgb
 from posse_core._plugins.loading import Plugins
 from posse_core._scenario.load import load_scenario
 from posse_core._simulator.simulator import Simulator
@@ -32,7 +32,7 @@ def simulator(registry, variation, **more):
         "times": {"t_s": [900, 901, 902]},
         "camera": {"width_px": 96, "height_px": 72, "hfov_deg": 30},
         "renderer": {"name": "flat"},
-        "annotators": ["albedo", "parts", "pose"],
+        "annotators": ["albedo", "depth", "parts", "pose"],
         "sky": {"earth": False},
         "seed": 4,
         **more,
@@ -99,5 +99,38 @@ def test_a_lidar_sees_the_materials_of_the_frame(registry):
 
 
 def test_what_varies_per_run_alone_is_told(registry):
-    with pytest.raises(InputError, match="per run, not per frame"):
-        simulator(registry, {"per": "frame", "materials": {"*": {"pattern": 0.2}}})
+    with pytest.raises(InputError, match="metallic varies per run, not per frame"):
+        simulator(registry, {"per": "frame", "materials": {"*": {"metallic": [0.5, 2]}}})
+
+
+def test_each_frame_has_one_of_the_patterns_and_its_label_says_which(registry):
+    variation = {"per": "frame", "materials": {"*": {"pattern": 0.3, "brightness": [0.5, 1.0]}}}
+    with simulator(registry, variation) as opened, simulator(registry, None) as plain:
+        frames = [opened.frame(opened.state(index)) for index in (0, 1)]
+        own = [plain.frame(plain.state(index)) for index in (0, 1)]
+        pieces = opened.scene.pieces
+        used = {opened.state(i, t_s=900.0).craft.finishes["circuit_board"].pattern for i in range(200)}
+    assert used == set(range(len(pieces[0].material.patterns)))
+    for frame, other in zip(frames, own, strict=True):
+        ids = frame.arrays["part_id"]
+        np.testing.assert_array_equal(ids, other.arrays["part_id"])
+        np.testing.assert_array_equal(frame.arrays["depth_m"], other.arrays["depth_m"])
+        finishes = {n: Finish(**f) for n, f in frame.labels.as_json()["finishes"].items()}
+        hit = ids >= 0
+        assert frame.arrays["base_color_rgb"][hit].max() <= 1 + 1e-6
+        for part in np.unique(ids[hit]):
+            where = ids == part
+            now = finishes[pieces[part].part.material].on(pieces[part].material)
+            texels = linear_from_srgb(now.base_color_texture / 255.0) * now.base_color
+            seen = frame.arrays["base_color_rgb"][where]
+            assert seen.min() >= texels.min() - 1e-6
+            assert seen.max() <= texels.max() + 1e-6
+    assert frames[0].labels.finishes != frames[1].labels.finishes
+
+
+def test_patterns_spread_the_reflectance_of_what_has_no_texture_as_they_say(registry):
+    with simulator(registry, {"per": "frame", "materials": {"*": {"pattern": 0.4}}}) as opened:
+        material = opened.spacecraft.materials["circuit_board"]
+    light = np.log([linear_from_srgb(each / 255.0).mean(axis=-1) for each in material.patterns])
+    assert light.std(axis=(1, 2)) == pytest.approx(0.4, rel=0.15)
+    assert len(material.patterns) > 10

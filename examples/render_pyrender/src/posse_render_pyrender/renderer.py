@@ -57,8 +57,8 @@ class PyrenderRenderer(posse.Renderer[PyrenderOptions]):
         self._drawn.add(self._view)
         self._sun = Sun()
         self._sun_node = self._drawn.add(self._sun)
-        textures: dict[int, FloatTexture] = {}
-        self._nodes = [self._drawn.add(_mesh(piece, textures)) for piece in scene.pieces]
+        self._textures = _Textures()
+        self._nodes = [self._drawn.add(_mesh(piece, self._textures)) for piece in scene.pieces]
 
     def render(self, request: posse.RenderRequest) -> posse.Radiance:
         """Render one frame's box."""
@@ -130,6 +130,7 @@ class PyrenderRenderer(posse.Renderer[PyrenderOptions]):
             drawn.metallicFactor = material.metallic
             drawn.roughnessFactor = material.roughness
             drawn.specular = material.specular
+            drawn.baseColorTexture = self._textures.of(material.base_color_texture, srgb=True)
 
     def _draw(self, tile: posse.PixelBox) -> posse.Float32Array:
         """(h n, w n, 4) samples of a tile, with the rows of all pixels' samples one after another."""
@@ -152,19 +153,25 @@ def _context() -> Platform:
     return platform
 
 
-def _mesh(piece: posse.Piece, textures: dict[int, FloatTexture]) -> pyrender.Mesh:
-    """A part with its material; ``textures`` has those that are made already."""
-    part, material = piece.part, piece.material
+class _Textures:
+    """The textures of a scene's materials. The scene keeps their images, whose identity stays theirs."""
 
-    def texture(image: posse.AnyArray | None, srgb: bool = False) -> FloatTexture | None:
+    def __init__(self) -> None:
+        self._made: dict[int, FloatTexture] = {}
+
+    def of(self, image: posse.AnyArray | None, srgb: bool = False) -> FloatTexture | None:
         if image is None:
             return None
-        if id(image) not in textures:
+        if id(image) not in self._made:
             values = posse.linear_from_srgb(image / 255) if srgb else image / 255
             spare = ((0, 0), (0, 0), (0, 3 - image.shape[2]))
-            textures[id(image)] = FloatTexture(np.pad(values, spare)[::-1])
-        return textures[id(image)]
+            self._made[id(image)] = FloatTexture(np.pad(values, spare)[::-1])
+        return self._made[id(image)]
 
+
+def _mesh(piece: posse.Piece, textures: _Textures) -> pyrender.Mesh:
+    """A part with its material."""
+    part, material = piece.part, piece.material
     primitive = pyrender.Primitive(
         positions=part.vertices_body_m,
         normals=part.normals_body,
@@ -172,9 +179,9 @@ def _mesh(piece: posse.Piece, textures: dict[int, FloatTexture]) -> pyrender.Mes
         # Each face is there twice, once for each side, as pyrender's shadow maps leave out the backs.
         indices=np.vstack([part.faces, part.faces[:, ::-1]]),
         material=Material(
-            baseColorTexture=texture(material.base_color_texture, srgb=True),
-            metallicRoughnessTexture=texture(material.metallic_roughness_texture),
-            normalTexture=texture(material.normal_texture),
+            baseColorTexture=textures.of(material.base_color_texture, srgb=True),
+            metallicRoughnessTexture=textures.of(material.metallic_roughness_texture),
+            normalTexture=textures.of(material.normal_texture),
         ),
     )
     return pyrender.Mesh([primitive])

@@ -137,6 +137,8 @@ def scene_message(scene: Scene, options: BlenderOptions) -> Message:
                 texture = getattr(material, name)
                 if texture is not None:
                     arrays[f"material{i}.{name}"] = texture
+            if material.patterns:
+                arrays[f"material{i}.patterns"] = np.stack(material.patterns)
         both = (id(material), id(part))
         if both not in numbers:
             i = numbers[both] = len(parts)
@@ -160,8 +162,8 @@ def scene_message(scene: Scene, options: BlenderOptions) -> Message:
 def frame_message(request: RenderRequest, scene: Scene, adaptive_threshold: float) -> Message:
     """The request ``render``.
 
-    Its value ``materials`` has the base colour and the roughness of each, in the order of the request
-    ``open``.
+    Its value ``materials`` has the base colour, the roughness and the index of the pattern of each, in
+    the order of the request ``open``.
 
     Cycles stops sampling a pixel of radiance L when the error of L, divided by √L, is below a threshold.
     This threshold has the unit of √L. The option's value is meant for a white plate of radiance 1, so it
@@ -177,9 +179,14 @@ def frame_message(request: RenderRequest, scene: Scene, adaptive_threshold: floa
     }
     if request.environment is not None:
         arrays["environment"] = request.environment.radiance_rgb
-    now = {id(p.material): m for p, m in zip(scene.pieces, scene.materials(craft), strict=True)}
+    now = {}
+    for piece, material, finish in zip(
+        scene.pieces, scene.materials(craft), scene.finishes(craft), strict=True
+    ):
+        pattern = None if finish is None else finish.pattern
+        now[id(piece.material)] = [*material.base_color, material.roughness, pattern]
     values = {
-        "materials": [[*material.base_color, material.roughness] for material in now.values()],
+        "materials": list(now.values()),
         "box": [box.x0, box.y0, box.width, box.height],
         "seed": request.seed % 2**31,
         "adaptive_threshold": adaptive_threshold * math.sqrt(_white(request)),

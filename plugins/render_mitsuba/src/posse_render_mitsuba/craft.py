@@ -44,7 +44,7 @@ def link_shapes(scene: Scene, materials: Mapping[int, Any]) -> dict[str, Any]:
 def bsdfs(scene: Scene) -> dict[int, Any]:
     """The BSDFs of the materials of all pieces, by the identity of the material."""
     materials = {id(piece.material): piece.material for piece in scene.pieces}
-    return {key: _bsdf(material) for key, material in materials.items()}
+    return {key: bsdf_of(material) for key, material in materials.items()}
 
 
 def _mesh(part: Part, bsdf: Any) -> Any:
@@ -74,7 +74,7 @@ BELOW_SURFACE = 0.955
 angles."""
 
 
-def _bsdf(material: Material) -> Any:
+def bsdf_of(material: Material) -> Any:
     """The glTF metallic-roughness material (glTF 2.0, Appendix B), built from Mitsuba's BSDFs.
 
     Mitsuba's ``principled`` agrees with glTF for metals only. For dielectrics its base is Disney's,

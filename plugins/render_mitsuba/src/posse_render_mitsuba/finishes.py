@@ -3,35 +3,38 @@ set before this module is imported."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from posse_core import Finish, Float32Array
+from posse_core import Finish, Float32Array, Material
+from posse_render_mitsuba.craft import bsdf_of
 
 PLAIN = Finish((1.0, 1.0, 1.0), 1.0)
 """The material as it is."""
 LEAST_ALPHA = 1e-4
 _POWERS = {"base_color": 1, "reflectance": 1, "roughness": 1, "alpha": 2}
 """Name of a BSDF's texture → by which power of its factor it is multiplied."""
+_Values = dict[str, tuple[str, Float32Array]]
+"""Key of a BSDF's parameter → the name of its texture, and its values."""
 
 
 class Finishing:
-    """The textures of one BSDF that a :class:`posse_core.Finish` multiplies."""
+    """The textures of one BSDF that a :class:`posse_core.Finish` multiplies or replaces."""
 
-    def __init__(self, bsdf: Any) -> None:
+    def __init__(self, bsdf: Any, material: Material) -> None:
+        """The BSDF is that of the material."""
         self._parameters = mi.traverse(bsdf)
+        self._material = material
         self._last: Finish | None = None
-        self._own: dict[str, tuple[str, Float32Array]] = {}
-        for key, value in self._parameters:
-            name = key.split(".")[-2] if "." in key else key
-            if name in _POWERS and key.endswith((".data", ".value")):
-                self._own[key] = name, np.asarray(value, dtype=np.float32).copy()
+        self._own: dict[int | None, _Values] = {None: _values(self._parameters)}
 
     def set(self, finish: Finish) -> bool:
-        """Multiply the material's own values. They become opaque, so that kernels are compiled once.
+        """Multiply the material's own values, or those with a pattern. They become opaque, so that
+        kernels are compiled once.
 
         Returns:
             Whether the values are others than before.
@@ -39,7 +42,7 @@ class Finishing:
         if finish == self._last:
             return False
         self._last = finish
-        for key, (name, own) in self._own.items():
+        for key, (name, own) in self._with_pattern(finish.pattern).items():
             is_color = name in ("base_color", "reflectance")
             factor = finish.base_color if is_color else finish.roughness ** _POWERS[name]
             values = own * np.asarray(factor, dtype=np.float32)
@@ -50,3 +53,19 @@ class Finishing:
             self._parameters[key] = made
         self._parameters.update()
         return True
+
+    def _with_pattern(self, pattern: int | None) -> _Values:
+        if pattern not in self._own:
+            material = replace(PLAIN, pattern=pattern).on(self._material)
+            self._own[pattern] = _values(mi.traverse(bsdf_of(material)))
+        return self._own[pattern]
+
+
+def _values(parameters: Any) -> _Values:
+    """Those of a BSDF's textures that vary."""
+    values = {}
+    for key, value in parameters:
+        name = key.split(".")[-2] if "." in key else key
+        if name in _POWERS and key.endswith((".data", ".value")):
+            values[key] = name, np.asarray(value, dtype=np.float32).copy()
+    return values

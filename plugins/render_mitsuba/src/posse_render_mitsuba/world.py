@@ -108,7 +108,7 @@ class World:
         self._R_world_from_link, self._t_link_world_m = R_world_from_link, t_link_world_m
 
     def finish(self, craft: CraftState) -> bool:
-        """Give the materials that vary the factors of a frame.
+        """Give the materials that vary the factors and patterns of a frame.
 
         Returns:
             Whether any are others than before.
@@ -116,14 +116,14 @@ class World:
         from posse_render_mitsuba.finishes import PLAIN, Finishing
 
         finishes = self._described.finishes(craft)
-        factors = {
-            id(piece.material): finish
-            for piece, finish in zip(self._described.pieces, finishes, strict=True)
-            if finish is not None
-        }
-        for key in factors.keys() - self._finishings.keys():
-            self._finishings[key] = Finishing(self._bsdfs[key])
-        changed = [finishing.set(factors.get(key, PLAIN)) for key, finishing in self._finishings.items()]
+        now = {}
+        for piece, finish in zip(self._described.pieces, finishes, strict=True):
+            key = id(piece.material)
+            if finish is not None:
+                now[key] = finish
+                if key not in self._finishings:
+                    self._finishings[key] = Finishing(self._bsdfs[key], piece.material)
+        changed = [finishing.set(now.get(key, PLAIN)) for key, finishing in self._finishings.items()]
         return any(changed)
 
     def set(self, values: Mapping[str, Any]) -> None:

@@ -29,18 +29,15 @@ def program(context: moderngl.Context, vertex: str, fragment: str) -> moderngl.P
 
 
 @dataclass(frozen=True)
-class _Coat:
-    """All parts of a link that have one material, loaded into OpenGL: one call draws them."""
-
-    textures: Sequence[moderngl.Texture]
-    radiance: moderngl.VertexArray
-
-
-@dataclass(frozen=True)
 class _Shape:
-    """All parts of a link, loaded into OpenGL: for depth alone, one call draws them."""
+    """All parts of a link, loaded into OpenGL.
 
-    coats: Sequence[_Coat]
+    Attributes:
+        coats: for each material, those parts that have it: one call draws them.
+        depth, shadow: all parts: one call draws their depth from the camera, or from the Sun.
+    """
+
+    coats: Sequence[moderngl.VertexArray]
     depth: moderngl.VertexArray
     shadow: moderngl.VertexArray
 
@@ -82,7 +79,7 @@ class Craft:
             self.radiance[key] = unit
         self._context = context
         self._white = context.texture((1, 1), 3, np.full(3, 255, dtype=np.uint8).tobytes())
-        self._textures: dict[int, Sequence[moderngl.Texture]] = {}
+        self._textures: dict[int, moderngl.Texture] = {}
         shapes: dict[tuple[tuple[int, int], ...], _Shape] = {}
         links: dict[int, list[int]] = {}
         for index, piece in enumerate(scene.pieces):
@@ -131,16 +128,18 @@ class Craft:
             self.radiance["roughness"] = material.roughness
             self.radiance["specular"] = material.specular
             self.radiance["has_normal_map"] = material.normal_texture is not None
-            for unit, texture in enumerate(coat.textures):
-                texture.use(unit)
-            coat.radiance.render()
+            for unit, key in enumerate(TEXTURES):
+                self._texture(key, getattr(material, key)).use(unit)
+            coat.render()
 
-    def _textures_of(self, material: Material) -> Sequence[moderngl.Texture]:
-        if id(material) not in self._textures:
-            self._textures[id(material)] = [
-                _texture(self._context, material, key) or self._white for key in TEXTURES
-            ]
-        return self._textures[id(material)]
+    def _texture(self, key: str, pixels: AnyArray | None) -> moderngl.Texture:
+        """A material's texture, loaded into OpenGL when it is first drawn; white if it has none."""
+        if pixels is None:
+            return self._white
+        # The scene keeps the pixels, so that their identity stays theirs.
+        if id(pixels) not in self._textures:
+            self._textures[id(pixels)] = _loaded(self._context, key, pixels)
+        return self._textures[id(pixels)]
 
     def _shape(self, pieces: Sequence[Piece], coats: Sequence[Sequence[int]]) -> _Shape:
         """Pieces of one link, of which each of the coats has some, by their indices in ``pieces``."""
@@ -161,13 +160,7 @@ class Craft:
 
         every = range(len(parts))
         return _Shape(
-            coats=[
-                _Coat(
-                    self._textures_of(pieces[which[0]].material),
-                    drawn(self.radiance, "3f 3f 2f", which),
-                )
-                for which in coats
-            ],
+            coats=[drawn(self.radiance, "3f 3f 2f", which) for which in coats],
             depth=drawn(self.depth, "3f 20x", every),
             shadow=drawn(self.shadow, "3f 20x", every),
         )
@@ -186,10 +179,7 @@ def _place(target: moderngl.Program, link: Link, poses: LinkPoses) -> None:
     target["t_link_cam_m"] = tuple(poses.t_link_cam_m[link.number])
 
 
-def _texture(context: moderngl.Context, material: Material, key: str) -> moderngl.Texture | None:
-    pixels: AnyArray | None = getattr(material, key)
-    if pixels is None:
-        return None
+def _loaded(context: moderngl.Context, key: str, pixels: AnyArray) -> moderngl.Texture:
     height, width, channels = pixels.shape
     if key == "base_color_texture":
         # Decoded before the mipmaps are made, because mipmaps must average linear values, not sRGB

@@ -9,7 +9,7 @@ Sun and the sky move between frames. Where there are joints or other bodies, obj
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import bpy
@@ -18,6 +18,7 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 SENSOR_WIDTH_MM = 36.0
+BASE_COLOR_TEXTURE = "base_color_texture"
 BACKGROUND_DEPTH_M = 1e9
 """Depths from here on mean that the pixel's centre sees nothing; Cycles writes 1e10 there."""
 BLENDER_FROM_CV = np.diag([1.0, -1.0, -1.0])
@@ -95,7 +96,12 @@ class CyclesScene:
             _material(material, arrays, f"material{i}.")
             for i, material in enumerate(values["materials"])
         ]
-        self._factors = [[*each["base_color"], each["roughness"]] for each in values["materials"]]
+        self._finishes = [[*each["base_color"], each["roughness"], None] for each in values["materials"]]
+        # Of each material: the image of its own texture, and those of its patterns.
+        self._images = [
+            {None: _own_image(material), **_patterns(arrays.get(f"material{i}.patterns", ()))}
+            for i, material in enumerate(self._materials)
+        ]
         meshes = []
         for i, part in enumerate(values["parts"]):
             mesh = _mesh(part["name"], arrays, f"part{i}.")
@@ -120,10 +126,11 @@ class CyclesScene:
         self._camera.matrix_world = Matrix(np.linalg.inv(camera_from_world).tolist())
         self._camera.data.clip_start, self._camera.data.clip_end = values["clip_m"]
         self._move(arrays["R_world_from_link"], arrays["t_link_world_m"])
-        for i, factors in enumerate(values["materials"]):
-            if factors != self._factors[i]:
-                self._factors[i] = factors
-                _finish(self._materials[i], factors[:3], factors[3])
+        for i, finish in enumerate(values["materials"]):
+            if finish != self._finishes[i]:
+                self._finishes[i] = finish
+                *color, roughness, pattern = finish
+                _finish(self._materials[i], color, roughness, self._images[i][pattern])
         self._point_sun(arrays["sun_direction_world"], arrays["sun_irradiance_rgb_w_m2"], values)
         self._set_sky(arrays.get("environment"), R_cam_from_world)
         self._crop(*values["box"])
@@ -283,10 +290,11 @@ def _material(values: dict[str, Any], arrays: dict[str, np.ndarray], prefix: str
         if pixels is None:
             return None
         node = nodes.new("ShaderNodeTexImage")
+        node.name = key
         node.image = _image(key, pixels, colorspace)
         return node.outputs["Color"]
 
-    color = texture("base_color_texture", "sRGB")
+    color = texture(BASE_COLOR_TEXTURE, "sRGB")
     if color is not None:
         product = nodes.new("ShaderNodeVectorMath")
         product.name = "Base Color factor"
@@ -314,9 +322,23 @@ def _material(values: dict[str, Any], arrays: dict[str, np.ndarray], prefix: str
     return material
 
 
-def _finish(material: bpy.types.Material, color: list[float], roughness: float) -> None:
-    """Set the factors of a material in a frame."""
+def _own_image(material: bpy.types.Material) -> bpy.types.Image | None:
+    """The texture of a material's base colour."""
+    node = material.node_tree.nodes.get(BASE_COLOR_TEXTURE)
+    return None if node is None else node.image
+
+
+def _patterns(textures: Iterable[np.ndarray]) -> dict[int, bpy.types.Image]:
+    return {k: _image(f"pattern {k}", pixels, "sRGB") for k, pixels in enumerate(textures)}
+
+
+def _finish(
+    material: bpy.types.Material, color: list[float], roughness: float, image: bpy.types.Image | None
+) -> None:
+    """Set the factors of a material in a frame, and the image of its base colour if it has one."""
     nodes = material.node_tree.nodes
+    if image is not None:
+        nodes[BASE_COLOR_TEXTURE].image = image
     own = nodes["Principled BSDF"].inputs
     if "Base Color factor" in nodes:
         nodes["Base Color factor"].inputs[1].default_value = color

@@ -1,0 +1,72 @@
+"""Texture coordinates for parts that have none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from posse_core._arrays import FloatArray, IntArray
+from posse_core._model.spacecraft import Part
+from posse_core._spacecraft.raw import CREASE_RAD
+
+_SAME = 1e-6
+"""Share of a part's size within which two corners are one point."""
+
+
+def is_unwrapped(part: Part) -> bool:
+    """Whether a part has texture coordinates."""
+    return bool(np.ptp(part.uv, axis=0).any())
+
+
+def unwrapped(part: Part, tile_m: float, rng: np.random.Generator) -> Part:
+    """Return the part with texture coordinates: each triangle is seen along that axis of its part which
+    it faces most. Each side, which ends at its edges, lies elsewhere in the texture.
+
+    Triangles get corners of their own; shape and normals stay as they are.
+
+    Args:
+        part: without texture coordinates.
+        tile_m: side of the square that the texture covers, m.
+        rng: of the places of the sides.
+    """
+    corners_m = part.vertices_body_m[part.faces]
+    a, b, c = np.moveaxis(corners_m, 1, 0)
+    normals = np.cross(b - a, c - a)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
+    axis = np.abs(normals).argmax(axis=1)
+    side = _sides(corners_m, normals)
+    offsets = rng.uniform(size=(int(side.max()) + 1, 3, 2))
+    across = np.array([(1, 2), (2, 0), (0, 1)])[axis]
+    flat_m = np.take_along_axis(corners_m, across[:, None, :], axis=2)
+    uv = flat_m / tile_m + offsets[side, axis][:, None]
+    return replace(
+        part,
+        vertices_body_m=corners_m.reshape(-1, 3),
+        faces=np.arange(3 * len(corners_m), dtype=np.int32).reshape(-1, 3),
+        normals_body=part.normals_body[part.faces].reshape(-1, 3),
+        uv=uv.reshape(-1, 2).astype(np.float32),
+    )
+
+
+def _sides(corners_m: FloatArray, normals: FloatArray) -> IntArray:
+    """(T,) number of the side of each triangle (T, 3 corners, 3) with its unit normal (T, 3)."""
+    count = len(corners_m)
+    points_m = corners_m.reshape(-1, 3)
+    step_m = max(_SAME * float(np.ptp(points_m, axis=0).max()), 1e-12)
+    _, point = np.unique(np.rint(points_m / step_m).astype(np.int64), axis=0, return_inverse=True)
+    ends = point.reshape(count, 3)
+    edges = np.sort(np.stack([ends, np.roll(ends, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
+    _, edge = np.unique(edges, axis=0, return_inverse=True)
+    order = np.argsort(edge.reshape(-1), kind="stable")
+    sorted_edges = edge.reshape(-1)[order]
+    triangle = np.repeat(np.arange(count), 3)[order]
+    # Triangles at one edge are neighbours in this order.
+    meet = sorted_edges[1:] == sorted_edges[:-1]
+    one, other = triangle[:-1][meet], triangle[1:][meet]
+    smooth = np.sum(normals[one] * normals[other], axis=1) > np.cos(CREASE_RAD)
+    one, other = one[smooth], other[smooth]
+    graph = coo_matrix((np.ones(len(one)), (one, other)), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1])

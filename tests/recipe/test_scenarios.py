@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 import yaml
 from command import run_posse
 from scipy import stats
@@ -222,5 +223,22 @@ def test_the_default_recipe_can_be_followed_for_built_in_spacecraft() -> None:
     for name in ("aqua", "cubesat"):
         found = Scenarios.of(default_recipe({"name": name}, 2.0, 1, REGISTRY), Path(), REGISTRY)
         nearest_m, farthest_m = found.ranges_m
-        assert farthest_m / nearest_m == pytest.approx(1.2 / 0.15)
+        assert farthest_m / nearest_m == pytest.approx(1.2 / 0.1)
         assert nearest_m > found.radius_m
+
+
+@pytest.mark.parametrize(("suffix", "has_pattern"), [("stl", True), ("glb", False)])
+def test_what_has_no_material_gets_patterns_in_the_default_recipe(
+    tmp_path: Path, suffix: str, has_pattern: bool
+) -> None:
+    """An STL file has no materials; the box of the other file has one of its own."""
+    box = trimesh.creation.box((0.1, 0.2, 0.3))
+    if suffix == "glb":
+        color = trimesh.visual.material.PBRMaterial("paint", baseColorFactor=(0.2, 0.3, 0.4, 1.0))
+        box.visual = trimesh.visual.TextureVisuals(material=color)
+    box.export(tmp_path / f"box.{suffix}")
+    mesh = {"mesh": str(tmp_path / f"box.{suffix}"), "scale_m_per_unit": 1.0}
+    made = default_recipe(mesh, 2.0, 1, REGISTRY)
+    scenario = made.data.scenario
+    patterns = [ranges.get("pattern", 0) for ranges in scenario["variation"]["materials"].values()]
+    assert (max(patterns) > 0) == has_pattern

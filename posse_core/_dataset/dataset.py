@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, overload
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from posse_core._arrays import AnyArray, Float32Array, IntArray
 from posse_core._dataset.camera import read_camera
@@ -53,19 +53,30 @@ _ONE_NUMBER = ("part_id", "depth_m")
 """Arrays of one number a pixel, which pages and exports read."""
 
 
+_Share = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+
 class Partition(FileRecord):
     """The file that ``posse partition`` writes.
 
     Attributes:
         parts: part → indices of its frames.
         by: what was shuffled, ``frame`` or ``sequence``.
-        seed, shares: by which the parts were drawn; None in lists of another origin.
+        seed: by which the parts were drawn; None in lists of another origin.
+        shares: of train, valid and test, likewise.
     """
 
     parts: dict[str, tuple[Annotated[int, Field(ge=0, lt=2**63)], ...]]
     by: str = "frame"
     seed: int | None = None
-    shares: tuple[float, ...] | None = None
+    shares: tuple[_Share, _Share, _Share] | None = None
+
+    @field_validator("shares")
+    @classmethod
+    def _not_all_zero(cls, shares: tuple[float, ...] | None) -> tuple[float, ...] | None:
+        if shares is not None and not sum(shares) > 0:
+            raise ValueError("all shares are 0; give those of train, valid and test")
+        return shares
 
 
 class Dataset(LabelledImages):

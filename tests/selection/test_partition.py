@@ -115,6 +115,16 @@ def test_shares_that_are_none(folder, split):
     assert not (folder / "partition").exists()
 
 
+@pytest.mark.parametrize("shares", [[80, 10], [80, 10, 10, 10], [0, 0, 0], [-1, 1, 1]])
+def test_recorded_shares_that_are_none(folder, shares):
+    run(folder)
+    path = folder / "partition/partition.json"
+    value = json.loads(path.read_text())
+    path.write_text(json.dumps({**value, "shares": shares}))
+    with pytest.raises(InputError, match=r"partition\.json: .*shares"):
+        validate(Dataset(folder), lambda places, frames: places)
+
+
 def test_too_few_sequences_for_the_parts(folder):
     result = run(folder, "--by", "sequence")
     assert isinstance(result.exception, InputError)

@@ -71,8 +71,14 @@ def sightings_of(
         pose = next(iter(poses), None)
         sighting = Sighting(found, pose, start=pose)
         if shapes is not None:
+            # Refinement takes long: what is one of those that were seen already is not refined.
+            if pose is not None and _is_there(
+                found.label, shapes.box_px(found.label, pose, camera), seen
+            ):
+                dropped.append(detection)
+                continue
             sighting = shapes.seen(image, found, poses, camera, sun_direction_cam)
-        if any(_is_same(sighting.detection, other.detection) for other in seen):
+        if _is_there(found.label, sighting.detection.box_px, seen):
             dropped.append(detection)
         else:
             seen.append(sighting)
@@ -84,8 +90,12 @@ def _is_trusted(poses: Sequence[PoseEstimate]) -> bool:
     return bool(poses) and poses[0].trust >= TRUSTED
 
 
-def _is_same(one: Detection, other: Detection) -> bool:
-    return one.label == other.label and float(box_iou(one.box_px, other.box_px)) > _ONE
+def _is_there(label: str, box_px: FloatArray | None, seen: Sequence[Sighting]) -> bool:
+    """Whether a spacecraft with a box (4,) is one of those that were seen."""
+    if box_px is None:
+        return False
+    there = [sighting.detection for sighting in seen if sighting.detection.label == label]
+    return any(float(box_iou(box_px, other.box_px)) > _ONE for other in there)
 
 
 def look(

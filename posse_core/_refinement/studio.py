@@ -14,6 +14,7 @@ from posse_core._model.craft_state import CraftState
 from posse_core._model.scene import EnvironmentMap, RenderRequest, Scene
 from posse_core._model.spacecraft import Part, Spacecraft
 from posse_core._refinement.placement import Placement
+from posse_core._refinement.simplified import simplified
 from posse_core._scenario.component import ComponentChoice
 
 _SUN_RADIUS_RAD = 0.00465
@@ -117,7 +118,8 @@ class Studio:
 
 
 def _merged(craft: Spacecraft) -> Spacecraft:
-    """The same spacecraft with one part for each material, which is drawn sooner."""
+    """The same spacecraft with one part for each material and not too many triangles, which is drawn
+    sooner."""
     parts = []
     for key in craft.materials:
         own = [part for part in craft.parts if part.material == key]
@@ -134,4 +136,4 @@ def _merged(craft: Spacecraft) -> Spacecraft:
                     key,
                 )
             )
-    return replace(craft, parts=tuple(parts))
+    return replace(craft, parts=simplified(parts, craft.radius_m))

@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from posse_core._arrays import FloatArray
+from posse_core._arrays import Float32Array, FloatArray
 from posse_core._frames import R_with_z
 from posse_core._refinement.compare import LitComparer
 from posse_core._refinement.crop import Crop
+from posse_core._refinement.flow import normals
 from posse_core._refinement.light import fitted, together
 from posse_core._refinement.placement import Placement
-from posse_core._refinement.studio import Lights, Studio
+from posse_core._refinement.studio import Drawn, Lights, Studio
 
-_DIRECTIONS = 16
+_DIRECTIONS, _DRAWN = 48, 3
+"""Directions that are tried by Lambert's law alone, and how many of them are drawn."""
 _FARTHEST_BEHIND = 0.6
 """Cosine of the smallest angle between the optical axis and the light behind the spacecraft."""
-_RINGS_RAD = (0.35, 0.15)
-_RING = 6
-"""Directions in a ring about the best one, and the radii of the rings."""
+_RING_RAD, _RING = (0.2, 0.15), 6
+"""Radius of a ring of directions about the best one, after all were tried and near a direction that is
+known; and their number."""
 
 
 def brightest_direction(
@@ -36,21 +38,32 @@ def brightest_direction(
     scale, box = crop.scale.drawn, crop.drawn_box
     sky = studio.draw(scale, box, placement, Lights(0.0, 1.0, np.array([0.0, 0.0, -1.0])))
 
-    def agreement(direction: FloatArray) -> float:
-        sun = studio.draw(scale, box, placement, Lights(1.0, 0.0, direction))
+    def agreement(direction: FloatArray, sun: Drawn) -> float:
         light = fitted(crop, (sun, sky), direction, blur_px)
-        drawn = together((sun, sky), light.lights)
-        return LitComparer(crop, studio, light).agreement(drawn)
+        return LitComparer(crop, studio, light).agreement(together((sun, sky), light.lights))
 
-    tried = _everywhere() if near is None else near[None]
-    found = [agreement(direction) for direction in tried]
-    best, most = tried[int(np.argmax(found))], max(found)
-    for radius_rad in _RINGS_RAD if near is None else _RINGS_RAD[1:]:
-        ring = _about(best, radius_rad)
-        found = [agreement(direction) for direction in ring]
-        if max(found) > most:
-            best, most = ring[int(np.argmax(found))], max(found)
-    return np.asarray(best)
+    def drawn(direction: FloatArray) -> float:
+        return agreement(direction, studio.draw(scale, box, placement, Lights(1.0, 0.0, direction)))
+
+    if near is None:
+        away = normals(sky.depth_m, crop.camera, box)
+        everywhere = _everywhere()
+        shaded = [agreement(each, _shaded(sky, away, each)) for each in everywhere]
+        tried = everywhere[np.argsort(shaded)[-_DRAWN:]]
+    else:
+        tried = near[None]
+    found = [drawn(direction) for direction in tried]
+    best = tried[int(np.argmax(found))]
+    ring = _about(best, _RING_RAD[near is not None])
+    around = [drawn(direction) for direction in ring]
+    return np.asarray(ring[int(np.argmax(around))] if max(around) > max(found) else best)
+
+
+def _shaded(sky: Drawn, away: Float32Array, direction: FloatArray) -> Drawn:
+    """What is drawn under an even sky, as light from a direction (3,) would shade it that casts no
+    shadows, by normals (h, w, 3) away from the camera."""
+    facing = np.maximum(0, -away @ direction.astype(np.float32))
+    return Drawn(np.asarray(sky.bright * facing, np.float32), sky.coverage, sky.depth_m)
 
 
 def _everywhere() -> FloatArray:

@@ -18,6 +18,7 @@ from posse_core._model.joint_curve import JointCurve
 from posse_core._model.joints import JointKind
 from posse_core._model.spacecraft import Material
 from posse_core._model.srgb import linear_from_srgb
+from posse_core._spacecraft.corners import shared
 
 CREASE_RAD = np.radians(40.0)
 """Adjoining faces of a mesh without normals are shaded as one smooth surface if the angle between their
@@ -125,9 +126,10 @@ def raw_part(
         raise ValueError(f"the normals of {name!r} are not one per vertex")
     if normals is None or not np.isfinite(normals).all():
         corners = vertices[faces]
-        uv = None if uv is None else np.asarray(uv)[faces].reshape(-1, 2)
-        normals = creased_normals(corners)
-        vertices, faces = corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3)
+        pairs = np.zeros((len(vertices), 2)) if uv is None else np.asarray(uv)
+        uv, normals = pairs[faces].reshape(-1, 2), creased_normals(corners)
+        kept, faces = shared(corners.reshape(-1, 3), normals, uv)
+        vertices, normals, uv = corners.reshape(-1, 3)[kept], normals[kept], uv[kept]
     else:
         length = np.linalg.norm(normals, axis=1, keepdims=True)
         normals = np.where(length > 0.0, normals, (0.0, 0.0, 1.0)) / np.where(length > 0.0, length, 1.0)

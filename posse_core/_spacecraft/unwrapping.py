@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import connected_components
 
 from posse_core._arrays import FloatArray, IntArray
 from posse_core._model.spacecraft import Part
+from posse_core._spacecraft.corners import shared
 from posse_core._spacecraft.raw import CREASE_RAD
 
 _SAME = 1e-6
@@ -25,7 +26,7 @@ def unwrapped(part: Part, tile_m: float, rng: np.random.Generator) -> Part:
     """Return the part with texture coordinates: each triangle is seen along that axis of its part which
     it faces most. Each side, which ends at its edges, lies elsewhere in the texture.
 
-    Triangles get corners of their own; shape and normals stay as they are.
+    Triangles of different sides share no vertex; shape and normals stay as they are.
 
     Args:
         part: without texture coordinates.
@@ -34,20 +35,23 @@ def unwrapped(part: Part, tile_m: float, rng: np.random.Generator) -> Part:
     """
     corners_m = part.vertices_body_m[part.faces]
     a, b, c = np.moveaxis(corners_m, 1, 0)
-    normals = np.cross(b - a, c - a)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
-    axis = np.abs(normals).argmax(axis=1)
-    side = _sides(corners_m, normals)
+    facing = np.cross(b - a, c - a)
+    facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), np.finfo(float).tiny)
+    axis = np.abs(facing).argmax(axis=1)
+    side = _sides(corners_m, facing)
     offsets = rng.uniform(size=(int(side.max()) + 1, 3, 2))
     across = np.array([(1, 2), (2, 0), (0, 1)])[axis]
     flat_m = np.take_along_axis(corners_m, across[:, None, :], axis=2)
-    uv = flat_m / tile_m + offsets[side, axis][:, None]
+    uv = (flat_m / tile_m + offsets[side, axis][:, None]).reshape(-1, 2)
+    places_m = corners_m.reshape(-1, 3)
+    normals = part.normals_body[part.faces].reshape(-1, 3)
+    kept, faces = shared(places_m, normals.astype(np.float64), uv)
     return replace(
         part,
-        vertices_body_m=corners_m.reshape(-1, 3),
-        faces=np.arange(3 * len(corners_m), dtype=np.int32).reshape(-1, 3),
-        normals_body=part.normals_body[part.faces].reshape(-1, 3),
-        uv=uv.reshape(-1, 2).astype(np.float32),
+        vertices_body_m=places_m[kept],
+        faces=faces.astype(np.int32),
+        normals_body=normals[kept],
+        uv=uv[kept].astype(np.float32),
     )
 
 

@@ -59,6 +59,16 @@ _SPACE: Final[Mapping[str, Any]] = {
 less in the dark."""
 
 
+_GLOBE: Final[Mapping[str, Any]] = {
+    "orbit.elements.a_m": 2.2e7,
+    "orbit.elements.e": 0.4,
+    "relative.design": {"name": "hold-point", "r_rtn_m": [-1000.0, 0.0, 0.0]},
+    "attitude.camera.off_axis_deg": [155.0, 180.0],
+}
+"""The Earth as a disc of 24° to 58°, from below the spacecraft, which is behind the camera: as round and
+bright as nothing that is seen from a low orbit."""
+
+
 def default_recipe(craft: Mapping[str, Any], hours: float, workers: int, registry: Registry) -> Recipe:
     """Return the recipe for a spacecraft, with the renderers and detectors that are installed.
 
@@ -80,7 +90,8 @@ def default_recipe(craft: Mapping[str, Any], hours: float, workers: int, registr
     sources: dict[str, dict[str, Any]] = {
         "earth": {"share": 0.45},
         "space": {"share": 0.2, "set": dict(_SPACE)},
-        "empty": {"share": 0.18, "craft": False, "set": {"orbit.elements.epoch_utc": _EPOCHS[1]}},
+        "empty": {"share": 0.14, "craft": False, "set": {"orbit.elements.epoch_utc": _EPOCHS[1]}},
+        "globe": {"share": 0.06, "craft": False, "set": dict(_GLOBE)},
     }
     if exact is not None:
         changed = {"renderer": exact, "sky.stars.gain": 1.0, "orbit.elements.epoch_utc": _EPOCHS[2]}

@@ -140,9 +140,27 @@ def test_a_trusted_pose_comes_first_and_makes_up_for_a_low_score():
     assert sorted(each.score for each in dropped) == [0.05, 0.12]
 
 
-def test_two_detections_of_one_spacecraft_count_once():
+class Content(posse.Refiner):
+    """Leaves each pose as it is, and counts them."""
+
+    refined = 0
+
+    def open(self, setting):
+        pass
+
+    def close(self):
+        pass
+
+    def refine(self, image, starts, sun_direction_cam=None):
+        type(self).refined += 1
+        return posse.Refinement(starts[0], False, 0.9, 0.9, True)
+
+
+def test_two_detections_of_one_spacecraft_count_once_and_are_refined_once():
     """Both boxes become that of the mesh at the pose."""
     boxes = [posse.Detection("brick", 0.9, poor().box_px), posse.Detection("brick", 0.6, TRUE_PX + 1.0)]
-    found, dropped = sightings_of(boxes, Sees(), IMAGE, cuboid.CAMERA, SHAPES, 0.3, None)
+    shapes = Shapes({"brick": cuboid.cuboid()}, lambda craft, camera: Content(posse.NoOptions()))
+    found, dropped = sightings_of(boxes, Sees(), IMAGE, cuboid.CAMERA, shapes, 0.3, None)
     assert [each.detection.score for each in found] == [0.9]
     assert [each.score for each in dropped] == [0.6]
+    assert Content.refined == 1

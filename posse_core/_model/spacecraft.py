@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Container, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 
@@ -40,6 +41,19 @@ class Material:
     metallic_roughness_texture: AnyArray | None = None
     normal_texture: AnyArray | None = None
     patterns: tuple[AnyArray, ...] = ()
+
+
+PLAIN: Final = Material("plain", base_color=(0.7, 0.7, 0.7), roughness=0.8)
+"""What parts get to which a mesh file gives no material."""
+
+
+def is_plain(material: Material) -> bool:
+    """Whether a material is :data:`PLAIN`, so that nothing is known of what it stands for."""
+    return (
+        material.name == PLAIN.name
+        and material.base_color == PLAIN.base_color
+        and material.base_color_texture is None
+    )
 
 
 @dataclass(frozen=True)

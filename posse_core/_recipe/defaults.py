@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from posse_core._errors import InputError
+from posse_core._model.spacecraft import PLAIN, is_plain
 from posse_core._plugins.registry import Registry
 from posse_core._recipe.file import recipe_of
 from posse_core._recipe.model import Recipe
 from posse_core._scenario.component import TargetChoice, create
 from posse_core._simulator.returned import built
-from posse_core._spacecraft.reader import PLAIN
 
 _DETECTORS: Final[Mapping[str, Mapping[str, Any]]] = {
     "boxes": {"name": "nano", "input_px": 256, "batch": 16},
@@ -103,7 +103,8 @@ def default_recipe(craft: Mapping[str, Any], hours: float, workers: int, registr
                 " posse-detect-torch"
             )
     materials = built(create(registry, "scene", TargetChoice.model_validate(craft)), "craft").materials
-    vary = {PLAIN.name: {**_VARIED, "pattern": _PATTERN}} if PLAIN.name in materials else {}
+    any_plain = any(is_plain(material) for material in materials.values())
+    vary = {PLAIN.name: {**_VARIED, "pattern": _PATTERN}} if any_plain else {}
     scenario = {
         **_SCENARIO,
         "renderer": fast,

@@ -73,18 +73,22 @@ class LitComparer(Comparer):
     def agreement(self, drawn: Drawn) -> float:
         """How well the crop agrees with what is drawn already."""
         finer = self._crop.scale.finer
-        return _correlation(self._crop.seen, binned(self._scene(drawn), finer), _near(drawn, finer))
+        modelled, near = binned(self._scene(drawn), finer), _near(drawn, finer)
+        if self._studio.knows_materials:
+            return _correlation(self._crop.seen, modelled, near)
+        return self._explained(modelled, near, _WINDOW_PX)
 
     def detail(self, placement: Placement) -> float:
         """0 … 1, how much is explained of what varies within a few pixels."""
         crop, finer = self._crop, self._crop.scale.finer
         drawn = self._studio.draw(crop.scale.drawn, crop.drawn_box, placement, self._light.lights)
-        near = _near(drawn, finer)
-        windows = Windows(near.astype(np.float32), _DETAIL_PX)
-        modelled = binned(self._scene(drawn), finer)[..., None]
-        left = windows.explained(crop.seen, modelled, _NOISE, _GAINS).residual
-        whole = float(np.sum(windows.variance(crop.seen)[near]))
-        return float(np.sqrt(max(0.0, 1 - float(np.sum(left[near] ** 2)) / max(whole, 1e-9))))
+        return self._explained(binned(self._scene(drawn), finer), _near(drawn, finer), _DETAIL_PX)
+
+    def _explained(self, modelled: Float32Array, near: BoolArray, window_px: float) -> float:
+        """0 … 1, how much is explained of what varies within windows."""
+        windows = Windows(near.astype(np.float32), window_px)
+        left = windows.explained(self._crop.seen, modelled[..., None], _NOISE, _GAINS).residual
+        return _share(left, windows.variance(self._crop.seen), near)
 
     def _scene(self, drawn: Drawn) -> Float32Array:
         """What is drawn before its background, as sharp and as coded as the crop."""
@@ -111,7 +115,12 @@ class LitComparer(Comparer):
         # A change that gains and offsets explain as well says nothing of the pose.
         columns = [windows.left_of(jacobian[..., k], modelled, _NOISE) for k in range(6)]
         jacobian = np.stack(columns, axis=-1)
-        return Comparison(explained.residual, jacobian, near, _correlation(seen, modelled, near))
+        agreement = (
+            _correlation(seen, modelled, near)
+            if self._studio.knows_materials
+            else _share(explained.residual, windows.variance(seen), near)
+        )
+        return Comparison(explained.residual, jacobian, near, agreement)
 
 
 class ShapeComparer(Comparer):
@@ -154,10 +163,8 @@ class ShapeComparer(Comparer):
         variance = windows.variance(crop.seen)
         share = 1 / np.sqrt(variance + np.float32(_NOISE**2))
         residual = explained.residual * share
-        left = float(np.sum(residual[near] ** 2))
-        whole = float(np.sum((variance * share**2)[near]))
-        agreement = np.sqrt(max(0.0, 1 - left / max(whole, 1e-9)))
-        return Comparison(residual, binned(jacobian, finer) * share[..., None], near, float(agreement))
+        agreement = _share(residual, variance * share**2, near)
+        return Comparison(residual, binned(jacobian, finer) * share[..., None], near, agreement)
 
 
 def with_background(drawn: Drawn, crop: Crop) -> Float32Array:
@@ -199,6 +206,12 @@ def _near(drawn: Drawn, finer: int) -> BoolArray:
     """Pixels on the spacecraft and a little beside it."""
     on = (binned(drawn.coverage, finer) > 0).astype(np.uint8)
     return np.asarray(cv2.dilate(on, _KERNEL, iterations=_BESIDE_PX) > 0)
+
+
+def _share(left: Float32Array, variance: Float32Array, near: BoolArray) -> float:
+    """How much is explained, 0 … 1, where this is left of what varies in windows."""
+    whole = float(np.sum(variance[near]))
+    return float(np.sqrt(max(0.0, 1 - float(np.sum(left[near] ** 2)) / max(whole, 1e-9))))
 
 
 def _correlation(seen: Float32Array, modelled: Float32Array, near: BoolArray) -> float:

@@ -12,7 +12,7 @@ from posse_core._interfaces.renderer import Renderer
 from posse_core._model.camera import Camera, PixelBox
 from posse_core._model.craft_state import CraftState
 from posse_core._model.scene import EnvironmentMap, RenderRequest, Scene
-from posse_core._model.spacecraft import Part, Spacecraft
+from posse_core._model.spacecraft import Part, Spacecraft, is_plain
 from posse_core._refinement.placement import Placement
 from posse_core._refinement.simplified import simplified
 from posse_core._scenario.component import ComponentChoice
@@ -72,6 +72,8 @@ class Studio:
 
     Attributes:
         images: number of images drawn so far.
+        knows_materials: whether the spacecraft's materials are those of its mesh, and not grey for want
+            of any.
     """
 
     def __init__(self, setting: RefinerSetting, renderer: ComponentChoice) -> None:
@@ -79,6 +81,7 @@ class Studio:
         self._open: dict[float, Renderer] = {}
         self._craft = _merged(setting.spacecraft)
         self.images = 0
+        self.knows_materials = not any(map(is_plain, setting.spacecraft.materials.values()))
 
     def draw(self, scale: float, box: PixelBox, placement: Placement, lights: Lights) -> Drawn:
         """Draw a box of the image at a scale."""

@@ -24,7 +24,7 @@ import numpy as np
 
 from posse_core._arrays import AnyArray, FloatArray
 from posse_core._errors import InputError
-from posse_core._model.spacecraft import Material
+from posse_core._model.spacecraft import PLAIN, Material
 from posse_core._spacecraft.cutouts import Alpha, cut_out
 from posse_core._spacecraft.draco import check_draco
 from posse_core._spacecraft.gltf_file import DRACO, GLOSSY, GltfFile, content, open_gltf, view
@@ -39,9 +39,6 @@ from posse_core._spacecraft.raw import (
     unique_names,
     untextured,
 )
-
-PLAIN = "plain"
-"""Name of the material of a primitive without one."""
 
 
 def read_gltf(path: Path) -> RawMesh:
@@ -185,10 +182,11 @@ def _transformed(uv: AnyArray, transform: _Transform) -> AnyArray:
 
 def _material(file: GltfFile, index: int | None) -> tuple[Material, _Transform | None]:
     if index is None:
-        return Material(PLAIN, metallic=0.0, roughness=0.8, base_color=(0.7, 0.7, 0.7)), None
+        return PLAIN, None
     record = file.header["materials"][index]
     # in glTF, several materials may have one name, or none
-    _, *names = unique_names([PLAIN, *(m.get("name") or "material" for m in file.header["materials"])])
+    given = [m.get("name") or "material" for m in file.header["materials"]]
+    _, *names = unique_names([PLAIN.name, *given])
     name = names[index]
     transforms: list[_Transform | None] = []
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from posse_core._errors import InputError
 from posse_core._files.reading import read_bytes
-from posse_core._model.spacecraft import Material
+from posse_core._model.spacecraft import PLAIN, Material
 from posse_core._spacecraft.gltf import read_gltf
 from posse_core._spacecraft.gltf_file import beside, within
 from posse_core._spacecraft.raw import (
@@ -30,7 +30,6 @@ from posse_core._spacecraft.raw import (
 FORMATS = (".glb", ".gltf", ".obj", ".ply", ".stl")
 _STL_HEADER, _STL_TRIANGLE = 84, 50
 """Bytes before the triangles of a binary STL file, and of each of them."""
-PLAIN = Material("plain", base_color=(0.7, 0.7, 0.7), roughness=0.8)
 """The material of a part without one."""
 
 

@@ -23,7 +23,7 @@ _LINED = 0.4
 """Share of the patches that have lines."""
 _LINE = 0.12
 """Width of a line, as a share of the distance to the next."""
-_MOST = 3.0
+MOST = 3.0
 """Greatest departure from the mean, in standard deviations."""
 
 
@@ -43,7 +43,7 @@ def log_pattern(shape: tuple[int, int], rng: np.random.Generator) -> FloatArray:
         _lay(patches, rng)
     weight = rng.uniform(0.5, 0.95)
     mixed = _standard(np.sqrt(weight) * _standard(patches) + np.sqrt(1.0 - weight) * blobs)
-    return np.asarray(np.clip(mixed, -_MOST, _MOST))
+    return np.asarray(np.clip(mixed, -MOST, MOST))
 
 
 def _lay(patches: FloatArray, rng: np.random.Generator) -> None:

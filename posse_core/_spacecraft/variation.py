@@ -13,14 +13,16 @@ from posse_core._model.srgb import linear_from_srgb, srgb_from_linear
 from posse_core._randomness import random_generator
 from posse_core._scenario.variation import Factors, MaterialVariation, VariationConfig
 from posse_core._spacecraft.materials import chosen_materials
-from posse_core._spacecraft.patterns import log_pattern
+from posse_core._spacecraft.patterns import MOST, log_pattern
 from posse_core._spacecraft.unwrapping import is_unwrapped, unwrapped
 
 LEAST_ROUGHNESS = 0.02
 _PATTERN_PX = 256
 """Side of the texture that a material without one gets."""
-_PATTERNS = 24
-"""Number of patterns of a material, of which each frame has one."""
+_PATTERNS = (2, 24)
+"""Least and largest number of patterns of a material, of which each frame has one."""
+_MOST_TEXELS = 1 << 25
+"""All patterns of a material have no more, unless two have."""
 
 
 def varied_materials(spacecraft: Spacecraft, variation: VariationConfig, seed: int) -> Spacecraft:
@@ -117,9 +119,12 @@ def _with_patterns(material: Material, ranges: MaterialVariation, rng: np.random
     """The material with patterns for its frames, if they have any; its texture is the first."""
     if not ranges.pattern:
         return replace(material)
-    color = np.array(material.base_color)
-    made = [_reflectance(material, color, ranges.pattern, rng) for _ in range(_PATTERNS)]
-    peak = np.max([_peak(reflectance) for reflectance in made], axis=0)
+    color, own = np.array(material.base_color), material.base_color_texture
+    texels = _PATTERN_PX**2 if own is None else own.shape[0] * own.shape[1]
+    count = int(np.clip(_MOST_TEXELS // texels, *_PATTERNS))
+    brightest = color * np.exp(ranges.pattern * MOST - 0.5 * ranges.pattern**2)
+    peak = np.clip(brightest, 1e-6, 1.0)
+    made = (_reflectance(material, color, ranges.pattern, rng) for _ in range(count))
     coded = tuple(_coded(reflectance, peak) for reflectance in made)
     return replace(material, base_color=_rgb(peak), base_color_texture=coded[0], patterns=coded)
 

@@ -48,7 +48,10 @@ def write_worlds(folder: Path) -> None:
     changed = {
         "target": {"name": "aqua", "materials": {"foil_amber": {"specular": 0.0}}},
         "damage": {"missing_parts": 1, "torn_parts": 1},
-        "variation": {"per": "frame", "materials": {"*": {"brightness": [0.8, 1.2]}}},
+        "variation": {
+            "per": "frame",
+            "materials": {"*": {"brightness": [0.8, 1.2]}, "black_paint": {"pattern": 0.2}},
+        },
         "times.count": 3,
     }
     made = load_scenario("aqua", registry, changed)

@@ -14,7 +14,8 @@ from posse_core._recipe.model import Recipe
 
 LEAST_FRAMES: Final = 40
 LEAST_EPOCHS: Final = 12
-"""Frames are not so many that they would be learned from less often than this, where time is short."""
+"""Frames are not so many that they would be learned from less often than this, where time is short, and
+a machine that becomes slower does not make it less."""
 _RESERVE: Final = 0.92
 """Share of the time that is planned for: a machine that others use too is slower than when measured."""
 
@@ -106,11 +107,13 @@ def decide(recipe: Recipe, speeds: Speeds | None) -> Decision:
     )
 
 
-def epochs_in_time(recipe: Recipe, task: str, epoch_s: float, spent_s: float) -> int:
-    """Return how many epochs of a training fit into what is left of the time.
+def epochs_in_time(recipe: Recipe, decision: Decision, task: str, epoch_s: float, spent_s: float) -> int:
+    """Return how many epochs of a training fit into what is left of the time, and at least a dozen, or
+    those that were decided if they are fewer: a model that has hardly learned is of no use in time.
 
     Args:
         recipe: with hours.
+        decision: that was made for it.
         task: of the training.
         epoch_s: time that an epoch takes on the machine as it is now.
         spent_s: time that all steps before the training took.
@@ -120,7 +123,8 @@ def epochs_in_time(recipe: Recipe, task: str, epoch_s: float, spent_s: float) ->
     time = recipe.time
     shares = {"boxes": time.boxes, "keypoints": time.keypoints}
     later = 1 - time.frames - (time.boxes if task == "keypoints" else 0.0)
-    return max(1, math.floor(left_s * shares[task] / later / max(epoch_s, 1e-6)))
+    least = min(LEAST_EPOCHS, decision.epochs[task])
+    return max(least, math.floor(left_s * shares[task] / later / max(epoch_s, 1e-6)))
 
 
 def divided(recipe: Recipe, count: int) -> dict[str, int]:

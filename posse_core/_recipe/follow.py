@@ -168,7 +168,14 @@ def _epochs(
     later = tasks[tasks.index(task) :]
     spent_s = sum(note.seconds for name, note in steps.notes().items() if name not in later)
     epoch_s = picture_s * len(pictures_for(task, dataset))
-    fitting = epochs_in_time(recipe, task, epoch_s, spent_s + trial_s)
+    fitting = epochs_in_time(recipe, decision, task, epoch_s, spent_s + trial_s)
+    assert recipe.hours is not None  # as no epochs are given
+    end_h = (spent_s + trial_s + fitting * epoch_s) / 3600
+    if end_h > recipe.hours:
+        steps.show.say(
+            f"{task}: this machine has become slower, so {fitting} epochs, with fewer of which it would"
+            f" hardly learn, end after about {end_h:.2g} h, later than {recipe.hours:g} h"
+        )
     steps.show.expect({**decision.expected_s, task: fitting * epoch_s})
     return fitting
 

@@ -50,7 +50,8 @@ class _Commands(click.Group):
         names = self.list_commands(ctx)
         if args and not args[0].startswith("-") and args[0] not in names:
             ctx.fail(f"no command {args[0]!r}{nearest(args[0], names)}")
-        _check_empty(ctx, args)
+        if not ctx.resilient_parsing:  # a shell completes a line that is not written yet
+            _check_empty(ctx, args)
         return super().resolve_command(ctx, args)
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem[str]]:

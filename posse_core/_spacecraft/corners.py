@@ -1,4 +1,4 @@
-"""Vertices that triangles share: each is drawn once."""
+"""Vertices and edges that triangles share."""
 
 from __future__ import annotations
 
@@ -29,3 +29,12 @@ def shared(places: FloatArray, normals: FloatArray, uv: FloatArray) -> tuple[Int
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
     return first[order], rank[number.reshape(-1)].reshape(-1, 3)
+
+
+def edges(places: FloatArray | IntArray) -> IntArray:
+    """(T, 3) the same number for the same edge, from corner k to the next, in (T, 3, 3) triangles."""
+    _, point = np.unique(places.reshape(-1, 3), axis=0, return_inverse=True)
+    start = point.reshape(-1, 3)
+    ends = np.sort(np.stack([start, np.roll(start, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
+    _, edge = np.unique(ends, axis=0, return_inverse=True)
+    return np.asarray(edge.reshape(-1, 3))

@@ -30,7 +30,6 @@ from posse_core._spacecraft.raw import (
 FORMATS = (".glb", ".gltf", ".obj", ".ply", ".stl")
 _STL_HEADER, _STL_TRIANGLE = 84, 50
 """Bytes before the triangles of a binary STL file, and of each of them."""
-"""The material of a part without one."""
 
 
 @np.errstate(all="ignore")  # what overflows is refused where the results are checked

@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from posse_core._arrays import BoolArray, FloatArray, IntArray
+from posse_core._arrays import BoolArray, FloatArray
 from posse_core._model.spacecraft import Part
 from posse_core._spacecraft.contacts import area_m2
+from posse_core._spacecraft.corners import edges
 
 SMALLEST_SHARE, LARGEST_SHARE = 0.12, 0.3
 """Radius of a hole, as a share of the square root of the part's surface."""
@@ -78,20 +79,11 @@ def refined(corners: FloatArray, centre_m: FloatArray, reach_m: float, longest_m
         wanted = near[:, None] & (length_m > longest_m) & (length_m >= limit[:, None])
         if not wanted.any():
             break
-        edge = _edges(position)
+        edge = edges(position)
         marked = np.zeros(edge.max() + 1, dtype=bool)
         marked[edge[wanted]] = True
         corners = _cut(corners, marked[edge])
     return corners
-
-
-def _edges(position: FloatArray) -> IntArray:
-    """(T, 3) the same number for the same edge, from corner k to the next, in (T, 3, 3) triangles."""
-    _, point = np.unique(position.reshape(-1, 3), axis=0, return_inverse=True)
-    start = point.reshape(-1, 3)
-    ends = np.sort(np.stack([start, np.roll(start, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
-    _, edge = np.unique(ends, axis=0, return_inverse=True)
-    return np.asarray(edge.reshape(-1, 3))
 
 
 def _cut(corners: FloatArray, cut: BoolArray) -> FloatArray:

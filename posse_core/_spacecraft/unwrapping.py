@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 
 from posse_core._arrays import FloatArray, IntArray
 from posse_core._model.spacecraft import Part
-from posse_core._spacecraft.corners import shared
+from posse_core._spacecraft.corners import edges, shared
 from posse_core._spacecraft.raw import CREASE_RAD
 
 _SAME = 1e-6
@@ -58,14 +58,10 @@ def unwrapped(part: Part, tile_m: float, rng: np.random.Generator) -> Part:
 def _sides(corners_m: FloatArray, normals: FloatArray) -> IntArray:
     """(T,) number of the side of each triangle (T, 3 corners, 3) with its unit normal (T, 3)."""
     count = len(corners_m)
-    points_m = corners_m.reshape(-1, 3)
-    step_m = max(_SAME * float(np.ptp(points_m, axis=0).max()), 1e-12)
-    _, point = np.unique(np.rint(points_m / step_m).astype(np.int64), axis=0, return_inverse=True)
-    ends = point.reshape(count, 3)
-    edges = np.sort(np.stack([ends, np.roll(ends, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
-    _, edge = np.unique(edges, axis=0, return_inverse=True)
-    order = np.argsort(edge.reshape(-1), kind="stable")
-    sorted_edges = edge.reshape(-1)[order]
+    step_m = max(_SAME * float(np.ptp(corners_m, axis=(0, 1)).max()), 1e-12)
+    edge = edges(np.rint(corners_m / step_m).astype(np.int64)).reshape(-1)
+    order = np.argsort(edge, kind="stable")
+    sorted_edges = edge[order]
     triangle = np.repeat(np.arange(count), 3)[order]
     # Triangles at one edge are neighbours in this order.
     meet = sorted_edges[1:] == sorted_edges[:-1]

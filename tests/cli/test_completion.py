@@ -53,6 +53,7 @@ def offered(*words: str) -> list[str]:
         (("prev",), ["preview"]),
         (("run", "aqua-t"), ["aqua-tracking", "aqua-t"]),  # the latter stands for files
         (("run", "--renderer", "m"), ["mitsuba"]),
+        (("run", "", "--renderer", "m"), ["mitsuba"]),  # an empty word is refused when the command runs
         (("run", "--executor", "l"), ["local"]),
         (("export", "d", "--format", "co"), ["coco", "colmap"]),
         (("export", "d", "--format", "hf", "-o", ""), ["hf."]),

@@ -43,8 +43,8 @@ def open_models(
             all that is wanted.
     """
     if boxes is None and keypoints is None:
-        keypoints = _shipped("keypoints", wanted, registry, in_flight)
-    boxes = boxes or _shipped("boxes", wanted, registry, in_flight)
+        keypoints = shipped_model("keypoints", wanted, registry, in_flight=in_flight)
+    boxes = boxes or shipped_model("boxes", wanted, registry, in_flight=in_flight)
     detector = open_detector(boxes, registry, options)
     if keypoints is None:
         return detector, None
@@ -80,6 +80,40 @@ def open_model(path: Path, task: str, registry: Registry, options: Mapping[str, 
     return _opened(path, task, registry, options)[1]
 
 
+def shipped_model(
+    task: str, wanted: Collection[str], registry: Registry, *, in_flight: bool = False
+) -> Path:
+    """The shipped model of the fewest spacecraft that knows all that are wanted; the first where none
+    is, and in flight.
+
+    Raises:
+        InputError: No installed plugin ships a model, or none that knows all that is wanted.
+        ComponentError: A detector names no shipped model, though it should.
+    """
+    known: dict[tuple[str, ...], Path] = {}
+    for spec in registry.specs("detector"):
+        if {"shipped", task} <= spec.capabilities:
+            model: Model = registry.create(
+                "detector", spec.name, registry.options("detector", spec.name, {})
+            )
+            if not model.shipped:
+                raise ComponentError(
+                    f"detector {spec.name!r} has the capability 'shipped', but names no shipped model"
+                )
+            known = {**model.shipped, **known}
+    if not known:
+        raise InputError(
+            "no trained model is installed; give one with --model, or pip install posse-detect-onnx"
+        )
+    able = [names for names in known if set(wanted) <= set(names)]
+    if not able:
+        raise InputError(
+            f"no shipped model finds {' and '.join(sorted(wanted))}; there are models of"
+            f" {', '.join(' and '.join(names) for names in known)}; name a model of your own"
+        )
+    return known[min(able, key=len) if wanted and not in_flight else able[0]]
+
+
 def check_model_file(path: Path) -> None:
     """Raise InputError if there is no file at the path; the message names one in a folder."""
     if path.is_dir():
@@ -113,33 +147,6 @@ def _opened(path: Path, task: str, registry: Registry, options: Mapping[str, Any
         raise InputError(f"{path}: detector {name!r} has no capability {task!r}")
     model.load(path)
     return name, model
-
-
-def _shipped(task: str, wanted: Collection[str], registry: Registry, in_flight: bool) -> Path:
-    """The shipped model of the fewest spacecraft that knows all that are wanted; the first where none
-    is, and in flight."""
-    known: dict[tuple[str, ...], Path] = {}
-    for spec in registry.specs("detector"):
-        if {"shipped", task} <= spec.capabilities:
-            model: Model = registry.create(
-                "detector", spec.name, registry.options("detector", spec.name, {})
-            )
-            if not model.shipped:
-                raise ComponentError(
-                    f"detector {spec.name!r} has the capability 'shipped', but names no shipped model"
-                )
-            known = {**model.shipped, **known}
-    if not known:
-        raise InputError(
-            "no trained model is installed; give one with --model, or pip install posse-detect-onnx"
-        )
-    able = [names for names in known if set(wanted) <= set(names)]
-    if not able:
-        raise InputError(
-            f"no shipped model finds {' and '.join(sorted(wanted))}; there are models of"
-            f" {', '.join(' and '.join(names) for names in known)}; name a model of your own"
-        )
-    return known[min(able, key=len) if wanted and not in_flight else able[0]]
 
 
 def _onnx_reader(path: Path, task: str, registry: Registry) -> str:

@@ -81,7 +81,7 @@ def _parsed(line: bytes, path: Path) -> Readings:
             if raw[name] is not None:
                 raw[name] = kind(**_with_arrays(raw[name]))
         return Readings(**_with_arrays(raw))
-    except (ValueError, KeyError, TypeError, AttributeError):
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise InputError(f"{path}: a line is not the readings of a frame; fly anew") from None
 
 

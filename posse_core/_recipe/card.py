@@ -9,6 +9,7 @@ from typing import Final
 from posse_core import __version__
 from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.layout import PARTS
+from posse_core._detection.card import ModelCard
 from posse_core._detection.groups import Group
 from posse_core._detection.pose_detector import LEAST_SCORE
 from posse_core._evaluation.numbers import number
@@ -18,6 +19,7 @@ from posse_core._recipe.judging import PAGE, PART, PICTURES, Evaluation
 from posse_core._recipe.model import Recipe
 from posse_core._recipe.scenarios import CRAFT, Scenarios
 from posse_core._recipe.steps import Note
+from posse_core._recipe.training import MODEL
 
 CARD: Final = "card.md"
 _COLUMNS: Final = {
@@ -59,7 +61,7 @@ def write_card(
     recipe = scenarios.recipe
     lines = [
         *_head(recipe, dataset),
-        *_models(recipe, epochs, models),
+        *_models(recipe, folder, epochs, models),
         *_data(recipe, dataset, decision),
         *_accuracy(evaluation, len(dataset.part(PART))),
         *_limits(scenarios, evaluation),
@@ -89,7 +91,9 @@ def _head(recipe: Recipe, dataset: Dataset) -> Iterator[str]:
     yield ""
 
 
-def _models(recipe: Recipe, epochs: Mapping[str, int], models: Sequence[Path]) -> Iterator[str]:
+def _models(
+    recipe: Recipe, folder: Path, epochs: Mapping[str, int], models: Sequence[Path]
+) -> Iterator[str]:
     yield "## Models"
     yield ""
     rows = [
@@ -97,6 +101,11 @@ def _models(recipe: Recipe, epochs: Mapping[str, int], models: Sequence[Path]) -
         for task, path in zip(recipe.nets, models, strict=True)
     ]
     yield from _table(["file", "net", "epochs", "SHA-256"], rows)
+    for task in recipe.nets:
+        start = ModelCard.read(folder / task / MODEL).options.get("start")
+        if start is not None:
+            yield f"The training of {task} began with the weights of another net: {start}."
+            yield ""
 
 
 def _data(recipe: Recipe, dataset: Dataset, decision: Decision) -> Iterator[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
+from posse_core._detection.models import shipped_model
 from posse_core._errors import InputError
 from posse_core._model.spacecraft import PLAIN, is_plain
 from posse_core._plugins.registry import Registry
@@ -17,6 +18,8 @@ _DETECTORS: Final[Mapping[str, Mapping[str, Any]]] = {
     "boxes": {"name": "nano", "input_px": 256, "batch": 16},
     "keypoints": {"name": "heatmap", "input_px": 192, "batch": 16},
 }
+_START: Final = "aqua"
+"""The shipped nets that trainings start from, where they are installed."""
 _EPOCHS: Final = ("2022-01-10T00:00:00", "2022-05-01T00:00:00", "2022-08-20T00:00:00")
 """Of the sources: the Sun is elsewhere from one to the next."""
 _SCENARIO: Final[Mapping[str, Any]] = {
@@ -116,6 +119,7 @@ def default_recipe(craft: Mapping[str, Any], hours: float, workers: int, registr
         "workers": workers,
         "data": {"scenario": scenario, "sources": sources},
         **_DETECTORS,
+        "start": _start(registry),
         "refiner": {"name": "render-compare"} if "raster" in registry.names("renderer") else None,
     }
     return recipe_of(keys, "recipe")
@@ -132,3 +136,13 @@ def _renderers(registry: Registry) -> tuple[dict[str, Any], dict[str, Any] | Non
     if not installed:
         raise InputError("recipe: no renderer is installed; install posse-render-raster")
     return {"name": installed[0]}, None
+
+
+def _start(registry: Registry) -> str | None:
+    """The spacecraft whose nets are started from, if those are installed."""
+    try:
+        for task in _DETECTORS:
+            shipped_model(task, [_START], registry)
+    except InputError:
+        return None
+    return _START

@@ -137,6 +137,7 @@ def _models(
             "dataset": dataset.sha256,
             "detector": recipe.nets[task].name,
             "options": options,
+            "start": recipe.start,
         }
         made = partial(train, recipe, task, options, dataset, folder / task, registry)
         steps.do(task, of, task, f"{task}/{MODEL}", made)

@@ -149,7 +149,11 @@ class Recipe(Options):
     keypoints: ComponentChoice = Field(
         description="detector that finds keypoints, and its options, likewise"
     )
-
+    start: str | None = Field(
+        None,
+        description="spacecraft whose shipped nets the trainings start from, such as aqua: other craft"
+        " are learned from fewer frames so; null for random weights",
+    )
     refiner: ComponentChoice | None = Field(
         None,
         description="refiner of the poses in the evaluation, and its options; null for none",

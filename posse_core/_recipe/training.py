@@ -9,7 +9,7 @@ from typing import Any, Final
 from posse_core._arrays import evenly_spread
 from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.images import LabelledImages
-from posse_core._detection.models import open_model
+from posse_core._detection.models import open_model, shipped_model
 from posse_core._errors import InputError
 from posse_core._evaluation.metrics import true_boxes
 from posse_core._interfaces.detector import Model
@@ -25,9 +25,14 @@ def check_nets(recipe: Recipe, registry: Registry) -> None:
     """Check that the detectors do their tasks and can be trained and exported, and their options.
 
     Raises:
-        InputError: a detector or an option is wrong.
+        InputError: a detector or an option is wrong, or there is no net to start from.
     """
     for task, choice in recipe.nets.items():
+        if recipe.start is not None:
+            try:
+                shipped_model(task, [recipe.start], registry)
+            except InputError as error:
+                raise InputError(f"start: {error}, or set it to null") from None
         able = registry.spec("detector", choice.name).capabilities
         for wanted in (task, "train", "onnx"):
             if wanted not in able:
@@ -73,12 +78,28 @@ def train(
     folder: Path,
     registry: Registry,
 ) -> None:
-    """Train a model, or go on where it was stopped."""
+    """Train a model, or go on where it was stopped.
+
+    Without an option ``start`` of its own it starts from the recipe's.
+
+    Raises:
+        InputError: the options or the net to start from do not fit the detector.
+        ComponentError: the training failed.
+    """
     name = recipe.nets[task].name
+    start = None
+    if recipe.start is not None and "start" in registry.options_model("detector", name).model_fields:
+        start = shipped_model(task, [recipe.start], registry)
+        options = {"start": str(start), **options}
     checked = registry.options("detector", name, options, where=task)
     model: Model = registry.create("detector", name, checked)
     folder.mkdir(parents=True, exist_ok=True)
-    model.train(dataset, folder)
+    try:
+        model.train(dataset, folder)
+    except InputError as error:
+        if start is None or str(start) not in str(error):
+            raise
+        raise InputError(f"{error}; or set start to null in the recipe") from None
 
 
 def export(model: Path, task: str, dataset: Dataset, out: Path, registry: Registry) -> None:

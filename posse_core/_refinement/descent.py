@@ -23,6 +23,9 @@ _LEAST_DISTANCE = 0.3
 _LEAST_EXCESS, _EXCESS, _LARGEST_EXCESS = 7.0, 200.0, 40.0
 """By how much the covariance is larger than the residuals alone say: always, with what is left of the
 disagreement, and at most."""
+_OPEN = 1e-6
+"""A direction is open if what the image says of it is below this share of what it says of the clearest:
+pictures are of single precision."""
 _BLOCK_PX, _BLOCKS = 8, 8
 """Residuals are correlated within blocks: their least side, and how many stand side by side."""
 
@@ -87,8 +90,9 @@ def units(placement: Placement, radius_m: float, radius_px: float) -> FloatArray
     return np.array([*[1 / radius_px] * 3, across_m, across_m, along_m])
 
 
-def covariance(comparison: Comparison, placement: Placement, radius_m: float) -> FloatArray:
-    """(6, 6) covariance of the pose, of a small rotation (rad) and of the position (m), camera axes.
+def covariance(comparison: Comparison, placement: Placement, radius_m: float) -> FloatArray | None:
+    """(6, 6) covariance of the pose, of a small rotation (rad) and of the position (m), camera axes;
+    None where the image leaves a direction open, as a few pixels do.
 
     The inverse of the Hessian, with the residuals as they are: they are correlated within blocks, which
     count as independent of each other (the sandwich of Huber 1967, by clusters). Where the drawing
@@ -108,9 +112,13 @@ def covariance(comparison: Comparison, placement: Placement, radius_m: float) ->
     sums = np.stack([np.bincount(block, pulls[:, k]) for k in range(6)], axis=1)
     sums = sums[sums.any(axis=1)]
     correction = len(sums) / max(len(sums) - 6, 1)
-    inverse = np.linalg.pinv(H, hermitian=True)
+    eigenvalues = np.linalg.eigvalsh(H)
+    if eigenvalues[0] <= _OPEN * eigenvalues[-1]:
+        return None
+    inverse = np.linalg.inv(H)
     correction *= min(_LARGEST_EXCESS, _LEAST_EXCESS * (1 + _EXCESS * (1 - comparison.agreement)))
-    return np.asarray(correction * (inverse @ (sums.T @ sums) @ inverse) * np.outer(unit, unit))
+    C = correction * (inverse @ (sums.T @ sums) @ inverse) * np.outer(unit, unit)
+    return np.asarray((C + C.T) / 2) if (np.diag(C) > 0).all() else None
 
 
 def _spread(comparison: Comparison) -> float:

@@ -113,13 +113,13 @@ class RenderCompare(Refiner[RenderCompareOptions]):
         assert self._setting is not None
         pose, is_near = starts[outcome.start], self._is_near(outcome, starts)
         agreements = float(outcome.agreement), float(outcome.before)
-        if not is_better:
+        found, radius_m = outcome.found, self._setting.spacecraft.radius_m
+        C = covariance(found.comparison, found.placement, radius_m) if is_better else None
+        if C is None:
             is_first = pose.trust == max(start.trust for start in starts)
             is_confirmed = is_near and is_first and outcome.agreement >= _LEAST_CONFIRMED
             return Refinement(pose, False, *agreements, is_confirmed)
-        found, radius_m = outcome.found, self._setting.spacecraft.radius_m
         R, t = found.placement
-        C = covariance(found.comparison, found.placement, radius_m)
         certainty = max(outcome.certainty, pose.trust) if is_near else outcome.certainty
         pose = replace(pose, R_cam_from_body=R, t_body_cam_m=t, covariance=C, certainty=certainty)
         return Refinement(pose, True, *agreements)

@@ -7,7 +7,15 @@ from posse_core._flight.readings_log import READINGS, ReadingsLog
 
 
 @pytest.mark.parametrize(
-    "line", ["[]", "3", '{"index": 0}', "{", '{"vision": 3, "clouds": 1, "keypoints": 2}']
+    "line",
+    [
+        "[]",
+        "3",
+        '{"index": 0}',
+        "{",
+        '{"vision": 3, "clouds": 1, "keypoints": 2}',
+        pytest.param("[" * 10**5 + "]" * 10**5, id="nested deeply"),
+    ],
 )
 def test_a_line_that_is_no_reading_is_told_without_words_of_python(tmp_path, line):
     (tmp_path / READINGS).write_text(line + "\n")

@@ -13,8 +13,11 @@ from small_recipe import KEYS, write_recipe
 
 from posse_core._dataset.dataset import Dataset
 from posse_core._detection.card import ModelCard
+from posse_core._detection.models import shipped_model
 from posse_core._evaluation.metrics import seen_bodies
+from posse_core._files.atomic import sha256
 from posse_core._model.manifest import Manifest
+from posse_core._plugins.loading import load_plugins
 
 END = ("recipe.yaml", "card.md", "evaluation.html", "predictions.html", "boxes.onnx", "keypoints.onnx")
 
@@ -147,11 +150,16 @@ def test_real_nets_learn_from_real_frames(posse_in, tmp_path: Path) -> None:
         boxes={"name": "nano", "input_px": 64, "batch": 4, "epochs": 1},
         keypoints={"name": "heatmap", "input_px": 64, "batch": 4, "epochs": 1},
         refiner={"name": "render-compare", "size_px": 64},
+        start="aqua",
     )
     done = posse_in(tmp_path, "recipe", recipe)
     assert done.returncode == 0, done.stderr
-    card = ModelCard.read(tmp_path / "keypoints" / "model.safetensors")
-    assert card.dataset_sha256 == Dataset(tmp_path / "data").sha256
+    for task in ("boxes", "keypoints"):
+        card = ModelCard.read(tmp_path / task / "model.safetensors")
+        assert card.dataset_sha256 == Dataset(tmp_path / "data").sha256
+        shipped = shipped_model(task, ["aqua"], load_plugins().registry)
+        assert card.options["start"] == f"{task}.onnx, SHA-256 {sha256(shipped)}"
+        assert card.options["start"] in (tmp_path / "card.md").read_text()
     proven = posse_in(tmp_path, "validate", "data")
     assert proven.returncode == 0, proven.stdout
     found = posse_in(
@@ -159,6 +167,34 @@ def test_real_nets_learn_from_real_frames(posse_in, tmp_path: Path) -> None:
         "--camera", "data/camera.json", "--target", "craft", "--refine", "--json",
     )  # fmt: skip
     assert found.returncode == 0, found.stderr
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"start": "kite"}, ["start: no shipped model finds kite", "or set it to null"]),
+        (
+            {"start": "aqua", "boxes": {"name": "sdn", "input_px": 64, "epochs": 1}},
+            ["boxes.onnx: none of its tensors fits", "or set start to null in the recipe"],
+        ),
+    ],
+)
+def test_a_start_that_does_not_fit_is_told_with_the_way_out(
+    posse_in, tmp_path: Path, changes: dict[str, Any], words: list[str]
+) -> None:
+    pytest.importorskip("posse_render_raster", reason="the raster plugin is not installed")
+    pytest.importorskip("posse_detect_torch", reason="the torch plugin is not installed")
+    scenario = {**KEYS["data"]["scenario"], "renderer": "raster"}
+    nets = {
+        "boxes": {"name": "nano", "input_px": 64, "epochs": 1},
+        "keypoints": {"name": "heatmap", "input_px": 64, "epochs": 1},
+    }
+    keys = {"data": {**KEYS["data"], "scenario": scenario}, **nets, **changes}
+    done = posse_in(tmp_path, "recipe", write_recipe(tmp_path, **keys))
+    assert done.returncode == 2, done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    for word in words:
+        assert word in done.stderr
 
 
 def test_a_command_makes_the_recipe_and_goes_on_with_it(posse_in, guess_path, tmp_path: Path) -> None:

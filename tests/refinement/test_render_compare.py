@@ -25,8 +25,9 @@ from posse_core import (
 from posse_core._interfaces.refiner import RefinerSetting
 from posse_core._interfaces.renderer import Renderer
 from posse_core._randomness import random_generator
-from posse_core._refinement.compare import LitComparer
+from posse_core._refinement.compare import Comparison, LitComparer
 from posse_core._refinement.crop import Picture, Scale
+from posse_core._refinement.descent import covariance
 from posse_core._refinement.light import Light
 from posse_core._refinement.options import RenderCompareOptions
 from posse_core._refinement.placement import Placement
@@ -264,3 +265,19 @@ def test_detail_tells_poses_that_look_alike_in_uneven_light() -> None:
     assert min(even[0], uneven[0]) > 0.95
     for right, turned in details:
         assert 1 - turned > 3 * (1 - right)
+
+
+def test_a_pose_of_which_the_image_leaves_a_direction_open_has_no_covariance():
+    """Of five pixels no six unknowns follow; of a thousand they do, with an error of each."""
+    random = np.random.default_rng(1)
+    placement = Placement(np.eye(3), np.array([0.0, 0.0, 10.0]))
+
+    def comparison(side: int) -> Comparison:
+        residual = random.normal(size=(side, 5), scale=0.01).astype(np.float32)
+        by_pose = random.normal(size=(side, 5, 6)).astype(np.float32)
+        return Comparison(residual, by_pose, np.ones((side, 5), bool), 0.99)
+
+    assert covariance(comparison(1), placement, 1.0) is None
+    C = covariance(comparison(200), placement, 1.0)
+    assert C is not None
+    assert np.linalg.eigvalsh(C).min() > 0

@@ -74,7 +74,7 @@ def decide(recipe: Recipe, speeds: Speeds | None) -> Decision:
     shares, time = _shares(recipe), recipe.time
     frame_s = sum(share * speeds.frame_s[name] for name, share in shares.items())
     opening_s = sum(speeds.opening_s.values())
-    training = recipe.data.split[0] / sum(recipe.data.split)
+    training = sum(recipe.data.split[:2]) / sum(recipe.data.split)  # with the valid part
     shown = sum(share for name, share in shares.items() if recipe.data.sources[name].craft)
     # Pictures per frame and epoch: boxes are learned from all frames, keypoints where there are some.
     pictures = {"boxes": training, "keypoints": training * shown}

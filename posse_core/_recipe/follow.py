@@ -168,7 +168,8 @@ def _epochs(
     tasks = list(recipe.nets)
     later = tasks[tasks.index(task) :]
     spent_s = sum(note.seconds for name, note in steps.notes().items() if name not in later)
-    epoch_s = picture_s * len(pictures_for(task, dataset))
+    # To be measured by takes a picture about as long as to be learned from.
+    epoch_s = picture_s * sum(len(pictures_for(task, dataset, part)) for part in ("train", "valid"))
     fitting = epochs_in_time(recipe, decision, task, epoch_s, spent_s + trial_s)
     assert recipe.hours is not None  # as no epochs are given
     end_h = (spent_s + trial_s + fitting * epoch_s) / 3600

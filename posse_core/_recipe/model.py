@@ -24,8 +24,8 @@ class TimeConfig(Options):
     """How the hours are divided. What is left is for evaluation and export."""
 
     frames: Share = Field(0.25, description="share of the time for making frames")
-    boxes: Share = Field(0.25, description="share for training the model that finds boxes")
-    keypoints: Share = Field(0.42, description="share for training the model that finds keypoints")
+    boxes: Share = Field(0.19, description="share for training the model that finds boxes")
+    keypoints: Share = Field(0.48, description="share for training the model that finds keypoints")
 
     @model_validator(mode="after")
     def _leave_something(self) -> TimeConfig:

@@ -23,11 +23,12 @@ from posse_core._selection.partition import write_partition
 
 PROBE: Final = ".probe"
 _TRIAL: Final = ".trial"
-_ROUNDS: Final = 6
+_ROUNDS: Final = 12
 """Frames of a source for each worker; the first of each does not count."""
-_TAKEN: Final = (8, 48)
+_TAKEN: Final = (16, 144)
 """The most frames to train on in two trainings: their difference leaves out what happens once, or once
-an epoch."""
+an epoch. Both are whole batches, and the longer is many, since a training prepares a batch while it
+learns from the one before."""
 _EPOCHS: Final = 5
 _LEAST_OF_MEAN: Final = 0.3
 """A picture takes at least this share of the mean over the longer training, however the shorter was

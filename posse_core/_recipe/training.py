@@ -62,12 +62,13 @@ def options_for(recipe: Recipe, task: str, epochs: int, registry: Registry) -> d
     return {**{key: x for key, x in derived.items() if key in known}, **choice.options}
 
 
-def pictures_for(task: str, dataset: Dataset) -> list[int]:
-    """The positions of the frames that a task is learned from: keypoints from those that show some."""
-    trained = dataset.part("train")
+def pictures_for(task: str, dataset: Dataset, part: str = "train") -> list[int]:
+    """The positions of the frames of a part that a task is learned from: keypoints from those that show
+    some."""
+    positions = dataset.part(part)
     if task == "boxes":
-        return trained
-    return [position for position in trained if true_boxes(dataset[position])]
+        return positions
+    return [position for position in positions if true_boxes(dataset[position])]
 
 
 def train(

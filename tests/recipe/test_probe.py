@@ -53,7 +53,7 @@ def data(tmp_path_factory) -> Path:
     """Sixty frames, of which fifty show a spacecraft."""
     folder = tmp_path_factory.mktemp("data") / "d"
     cuboid.write_dataset(folder, tuple((f"brick-{i}", cuboid.HALF) for i in range(10)))
-    write_partition(Dataset(folder), (84.0, 16.0, 0.0), 1, "frame")
+    write_partition(Dataset(folder), (70.0, 30.0, 0.0), 1, "frame")
     return folder
 
 
@@ -75,9 +75,9 @@ def test_what_happens_once_or_once_an_epoch_is_left_out(
         patch.setattr(probe, "train", machine.train)
         told_s = probe.learning_s(recipe, task, data, tmp_path, load_plugins().registry)
     # Of a training of which pictures are the least part, a share of the mean is taken.
-    assert len(Dataset(data).part("valid")) > 8
-    pictures = len(pictures_for(task, probe._Excerpt(data, 48)))
-    mean_s = picture_s + (0.5 * 8 + epoch_s + once_s / 5) / pictures
+    assert len(Dataset(data).part("valid")) > 16
+    pictures = len(pictures_for(task, probe._Excerpt(data, 144)))
+    mean_s = picture_s + (0.5 * 16 + epoch_s + once_s / 5) / pictures
     assert told_s == pytest.approx(max(picture_s, 0.3 * mean_s), rel=0.02)
     assert not (tmp_path / ".trial").exists()
     assert capsys.readouterr() == ("", "")  # a user would take it for the training to come

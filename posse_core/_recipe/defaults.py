@@ -63,12 +63,12 @@ less in the dark."""
 
 
 _GLOBE: Final[Mapping[str, Any]] = {
-    "orbit.elements.a_m": 2.2e7,
-    "orbit.elements.e": 0.4,
+    "orbit.elements.a_m": 3.0e7,
+    "orbit.elements.e": 0.55,
     "relative.design": {"name": "hold-point", "r_rtn_m": [-1000.0, 0.0, 0.0]},
     "attitude.camera.off_axis_deg": [155.0, 180.0],
 }
-"""The Earth as a disc of 24° to 58°, from below the spacecraft, which is behind the camera: as round and
+"""The Earth as a disc of 16° to 56°, from below the spacecraft, which is behind the camera: as round and
 bright as nothing that is seen from a low orbit."""
 
 
@@ -93,8 +93,8 @@ def default_recipe(craft: Mapping[str, Any], hours: float, workers: int, registr
     sources: dict[str, dict[str, Any]] = {
         "earth": {"share": 0.45},
         "space": {"share": 0.2, "set": dict(_SPACE)},
-        "empty": {"share": 0.14, "craft": False, "set": {"orbit.elements.epoch_utc": _EPOCHS[1]}},
-        "globe": {"share": 0.06, "craft": False, "set": dict(_GLOBE)},
+        "empty": {"share": 0.12, "craft": False, "set": {"orbit.elements.epoch_utc": _EPOCHS[1]}},
+        "globe": {"share": 0.08, "craft": False, "set": dict(_GLOBE)},
     }
     if exact is not None:
         changed = {"renderer": exact, "sky.stars.gain": 1.0, "orbit.elements.epoch_utc": _EPOCHS[2]}

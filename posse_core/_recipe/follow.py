@@ -26,7 +26,15 @@ from posse_core._recipe.model import Recipe
 from posse_core._recipe.probe import learning_s, measure
 from posse_core._recipe.scenarios import CRAFT, Scenarios
 from posse_core._recipe.steps import Show, Steps
-from posse_core._recipe.training import MODEL, check_nets, export, options_for, pictures_for, train
+from posse_core._recipe.training import (
+    MODEL,
+    check_nets,
+    check_start,
+    export,
+    options_for,
+    pictures_for,
+    train,
+)
 from posse_core._spacecraft.importing import imported, write_package
 from posse_core._spacecraft.options import MeshOptions
 from posse_core._spacecraft.package import DESCRIPTION
@@ -51,6 +59,7 @@ def follow(recipe: Recipe, folder: Path, plugins: Plugins, show: Show) -> Group:
     steps = Steps(folder, show)
     keys = recipe.model_dump(mode="json")
     check_nets(recipe, registry)
+    check_start(recipe, registry)
     if recipe.refiner is not None:
         registry.options("refiner", recipe.refiner.name, recipe.refiner.options, where="refiner")
     if recipe.craft.name == "mesh":

@@ -25,14 +25,9 @@ def check_nets(recipe: Recipe, registry: Registry) -> None:
     """Check that the detectors do their tasks and can be trained and exported, and their options.
 
     Raises:
-        InputError: a detector or an option is wrong, or there is no net to start from.
+        InputError: a detector or an option is wrong.
     """
     for task, choice in recipe.nets.items():
-        if recipe.start is not None:
-            try:
-                shipped_model(task, [recipe.start], registry)
-            except InputError as error:
-                raise InputError(f"start: {error}, or set it to null") from None
         able = registry.spec("detector", choice.name).capabilities
         for wanted in (task, "train", "onnx"):
             if wanted not in able:
@@ -52,6 +47,21 @@ def check_nets(recipe: Recipe, registry: Registry) -> None:
                 " limited; choose another"
             )
         registry.options("detector", choice.name, choice.options, where=task)
+
+
+def check_start(recipe: Recipe, registry: Registry) -> None:
+    """Check that the nets are installed that the trainings start from.
+
+    Raises:
+        InputError: one is not.
+    """
+    if recipe.start is None:
+        return
+    for task in recipe.nets:
+        try:
+            shipped_model(task, [recipe.start], registry)
+        except InputError as error:
+            raise InputError(f"start: {error}, or set it to null") from None
 
 
 def options_for(recipe: Recipe, task: str, epochs: int, registry: Registry) -> dict[str, Any]:

@@ -33,3 +33,7 @@ class Placement(NamedTuple):
     def turned(self, R_body: FloatArray) -> Placement:
         """Turned first, about the body's origin, by (3, 3) in body axes."""
         return Placement(self.R_cam_from_body @ R_body, self.t_body_cam_m)
+
+    def at_range(self, share: float) -> Placement:
+        """At this share of the range, in the same direction."""
+        return Placement(self.R_cam_from_body, share * self.t_body_cam_m)

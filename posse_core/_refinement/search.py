@@ -27,8 +27,9 @@ _SHAPE_STEPS = 10
 _COARSE_PX = (48.0, 96.0)
 _BLUR_PX = 0.7
 """Blur of an image, until it is measured: that of POSSE's cameras by default."""
-_SURE = 0.93
-"""With this agreement at the coarsest scale, poses nearby are not tried."""
+_SURE, _CLEAR = 0.95, 0.98
+"""With the first agreement at the coarsest scale, poses nearby are not tried; with the second at the
+finest, fewer rivals are followed."""
 _HOPE = 0.15
 """How far the agreement may rise at finer scales."""
 _LEAST_TRUST, _POWER = 0.01, 0.25
@@ -39,14 +40,16 @@ _LEFT_OVER = 1e-3
 """What no drawing explains of the detail."""
 _UNSEEN = 16.0
 """The chance of all poses that were not tried."""
-_RIVAL, _FOLLOWED = 50.0, 5
-"""Poses whose chance is less by at most this factor are followed to the finest scale, and at most so
-many."""
+_RIVAL, _FOLLOWED, _MOST = 50.0, 5, 10
+"""Poses whose chance is less by at most this factor are followed to the finest scale: so many, and
+until one agrees clearly at most so many."""
 _SAME_RAD, _SAME_SHARE = np.radians(5), 0.05
 """Poses that differ by less, in attitude and in position as a share of the range, are the same."""
-_JITTER_RAD = np.radians(8)
-_NEARBY = 3
-"""How many of the poses nearby are followed at the coarsest scale."""
+_ASIDE_RAD, _FARTHER = np.radians(12), 1.15
+"""By how much poses nearby are turned, and how much farther or nearer they are."""
+_NEARBY, _WALKS = 3, 4
+"""How many of the poses nearby are followed at the coarsest scale, and how often others near the best of
+them are tried."""
 
 
 @dataclass(frozen=True)
@@ -147,14 +150,20 @@ class Search:
         best = max(trails, key=lambda trail: trail.chance)
         # Light that was found by a pose that is wrong says nothing of other poses.
         if self._sun is not None or best.agreement > least_agreement - _HOPE:
-            trails += self._half_turned(best)
             if best.agreement < _SURE:
                 trails += self._nearby(best, firsts[best.start])
+                best = max(trails, key=lambda trail: trail.chance)
+            trails += self._half_turned(best)
         # What looks alike when it is coarse may not when it is fine.
         trails = self._different(trails)
-        rivals = [trail for trail in trails if trail.chance > trails[0].chance / _RIVAL][:_FOLLOWED]
-        finest = self._different([self._to_the_finest(trail, least_agreement) for trail in rivals])
-        trails = sorted(_weighed(finest), key=lambda trail: -trail.chance)
+        rivals = [trail for trail in trails if trail.chance > trails[0].chance / _RIVAL]
+        finest: list[_Trail] = []
+        for trail in rivals[:_MOST]:
+            is_clear = any(each.agreement > _CLEAR for each in finest)
+            if is_clear and len(finest) >= _FOLLOWED:
+                break
+            finest.append(self._to_the_finest(trail, least_agreement))
+        trails = sorted(_weighed(self._different(finest)), key=lambda trail: -trail.chance)
         best = trails[0]
         before = best.comparer.compare(firsts[best.start]).agreement
         certainty = best.chance / (sum(trail.chance for trail in trails) + _UNSEEN)
@@ -222,32 +231,42 @@ class Search:
 
     def _half_turned(self, best: _Trail) -> list[_Trail]:
         """Trails from a pose turned by half a turn about each body axis, where they may rival it."""
-        turns = [R_about(axis, np.pi) for axis in np.eye(3)]
+        turned = [best.found.placement.turned(R_about(axis, np.pi)) for axis in np.eye(3)]
         trust = _TURNED * best.trust
         return [
             self._lit_at(crop, placement, best.sun_direction_cam, None, best.start, trust)
-            for agreement, crop, placement in self._drawn(best, best.found.placement, turns)
+            for agreement, crop, placement in self._drawn(best, turned)
             if _chance(agreement, trust) > best.chance / _RIVAL and self._has_time()
         ]
 
     def _nearby(self, best: _Trail, first: Placement) -> list[_Trail]:
-        """Trails from poses near a start: those that agree most."""
-        turns = [R_about(axis, sign * _JITTER_RAD) for axis in np.eye(3) for sign in (-1, 1)]
-        return [
-            self._lit_at(crop, placement, best.sun_direction_cam, None, best.start, best.trust)
-            for _, crop, placement in self._drawn(best, first, turns)[:_NEARBY]
-            if self._has_time()
-        ]
+        """Trails from poses near a start: those that agree most, and so on from the best of these."""
+        trails: list[_Trail] = []
+        here = first
+        for _ in range(_WALKS):
+            near = [
+                here.turned(R_about(axis, sign * _ASIDE_RAD)) for axis in np.eye(3) for sign in (-1, 1)
+            ]
+            near += [here.at_range(share) for share in (1 / _FARTHER, _FARTHER)]
+            found = [
+                self._lit_at(crop, placement, best.sun_direction_cam, None, best.start, best.trust)
+                for _, crop, placement in self._drawn(best, near)[:_NEARBY]
+                if self._has_time()
+            ]
+            trails += found
+            better = max(found, key=lambda trail: trail.agreement, default=best)
+            if better.agreement <= best.agreement or better.agreement > _SURE:
+                break
+            best, here = better, better.found.placement
+        return trails
 
     def _drawn(
-        self, best: _Trail, around: Placement, turns: Sequence[FloatArray]
+        self, best: _Trail, placements: Sequence[Placement]
     ) -> list[tuple[float, Crop, Placement]]:
-        """Agreement, crop and pose of poses turned by (3, 3) in body axes, under the light of a trail,
-        the most agreeing first."""
+        """Agreement, crop and pose of poses, under the light of a trail, the most agreeing first."""
         sun = best.sun_direction_cam
         tried = []
-        for turn in turns:
-            placement = around.turned(turn)
+        for placement in placements:
             crop = self._picture.crop(placement, self._vertices_m, self._scales(placement)[0])
             if crop is not None and self._has_time():
                 shown = drawn_apart(crop, self._studio, placement, sun)

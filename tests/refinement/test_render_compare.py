@@ -107,6 +107,17 @@ def test_from_a_start_nearby_it_comes_to_the_truth(degrees: float, share: float)
         assert np.linalg.norm(off[3:]) < 0.006 * t[2]
 
 
+def test_from_a_start_far_away_it_walks_to_the_truth() -> None:
+    """Farther than one descent reaches."""
+    refiner = opened()
+    for seed, (R, t) in enumerate(TRUTHS):
+        made = refiner.refine(image(R, t, seed), [start(R, t, 30, 0.2, seed)], SUN)
+        off = errors(R, t, made.pose)
+        assert made.is_better
+        assert np.degrees(np.linalg.norm(off[:3])) < 1
+        assert np.linalg.norm(off[3:]) < 0.01 * t[2]
+
+
 def test_another_spacecraft_is_refused() -> None:
     """A box and a wing that are not where the refiner's spacecraft has them."""
     R, t = TRUTHS[0]

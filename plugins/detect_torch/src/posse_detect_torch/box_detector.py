@@ -59,7 +59,7 @@ class BoxLesson(Lesson):
     ) -> None:
         self.classes, self.options = classes, options
         self.net = first_net(options, self.untrained)
-        self._backgrounds = cut_backgrounds(dataset, options.input_px, folder)
+        self._backgrounds = cut_backgrounds(dataset, options.input_px, folder, options.threads)
         self.train, self.valid = (self._cut(dataset, folder, part) for part in ("train", "valid"))
         self._most = max([1, *(len(true_boxes(line)) for line in self.train.labels)])
 
@@ -69,7 +69,8 @@ class BoxLesson(Lesson):
             Cut(i, dataset[i], Square.of_image(*dataset.size_px(i), size)) for i in dataset.part(part)
         ]
         masks = part == "train" and self.options.augment and len(self._backgrounds) > 0
-        return cut_pictures(dataset, cuts, size, folder, part, masks=masks)
+        threads = self.options.threads
+        return cut_pictures(dataset, cuts, size, folder, part, masks=masks, threads=threads)
 
     @abstractmethod
     def untrained(self) -> nn.Module:

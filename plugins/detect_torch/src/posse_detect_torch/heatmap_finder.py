@@ -82,7 +82,7 @@ class HeatmapLesson(Lesson):
         self._camera = _camera_of(dataset)
         self._points = sum(len(points) for points in card.keypoints_body_m.values())
         self.net = first_net(options, lambda: HeatMaps(self._points, options.size))
-        self._backgrounds = cut_backgrounds(dataset, options.input_px, folder)
+        self._backgrounds = cut_backgrounds(dataset, options.input_px, folder, options.threads)
         size = _cut_px(options.input_px)
         masks = options.augment and len(self._backgrounds) > 0
         self._train, self._valid = (
@@ -93,6 +93,7 @@ class HeatmapLesson(Lesson):
                 folder,
                 f"keypoints-{part}",
                 masks=part == "train" and masks,
+                threads=options.threads,
             )
             for part, cuts in shown.items()
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, TypeVar
@@ -81,24 +82,28 @@ def cut_pictures(
     name: str,
     *,
     masks: bool = False,
+    threads: int = 1,
 ) -> Pictures[LabelsT]:
     """Cut squares from frames, or map the files in ``folder`` if they were cut before.
 
     Args:
         masks: whether to cut the masks of all bodies too, where the labels have them.
+        threads: so many frames are read at a time.
     """
     if not cuts:
         none = np.zeros((0, size_px, size_px), np.uint8)
         return Pictures([], [], none, None)
-    coded = _cached(dataset, cuts, size_px, folder, name, lambda cut: _light(dataset, cut))
+    coded = _cached(dataset, cuts, size_px, folder, name, lambda cut: _light(dataset, cut), threads)
     covered = None
     if masks and any(_has_masks(dataset[cut.position]) for cut in cuts):
         mask_name = f"{name}-covered"
-        covered = _cached(dataset, cuts, size_px, folder, mask_name, lambda cut: _coverage(dataset, cut))
+        covered = _cached(
+            dataset, cuts, size_px, folder, mask_name, lambda cut: _coverage(dataset, cut), threads
+        )
     return Pictures([cut.labels for cut in cuts], [cut.square for cut in cuts], coded, covered)
 
 
-def cut_backgrounds(dataset: LabelledImages, size_px: int, folder: Path) -> AnyArray:
+def cut_backgrounds(dataset: LabelledImages, size_px: int, folder: Path, threads: int = 1) -> AnyArray:
     """Return what frames of the train part show that show no spacecraft: (N, S, S) uint8, coded as
     :attr:`Pictures.coded`; N may be 0."""
     empty = [i for i in dataset.part("train") if not seen_bodies(dataset[i])]
@@ -106,7 +111,7 @@ def cut_backgrounds(dataset: LabelledImages, size_px: int, folder: Path) -> AnyA
         empty[i] for i in np.linspace(0, len(empty) - 1, min(len(empty), _BACKGROUNDS)).astype(int)
     ]
     cuts = [Cut(i, dataset[i], _middle(*dataset.size_px(i), size_px)) for i in chosen]
-    return cut_pictures(dataset, cuts, size_px, folder, "backgrounds").coded
+    return cut_pictures(dataset, cuts, size_px, folder, "backgrounds", threads=threads).coded
 
 
 def _cached(
@@ -116,6 +121,7 @@ def _cached(
     folder: Path,
     name: str,
     make: Callable[[Cut[LabelsT]], AnyArray],
+    threads: int,
 ) -> AnyArray:
     """Return what is made of each cut, (N, S, S) uint8, from a file that is made where it is missing."""
     positions, squares = [cut.position for cut in cuts], [cut.square for cut in cuts]
@@ -125,10 +131,15 @@ def _cached(
         unfinished = path.with_suffix(".part")
         shape = (len(cuts), size_px, size_px)
         made = np.lib.format.open_memmap(unfinished, mode="w+", dtype=np.uint8, shape=shape)
-        for i, cut in enumerate(tqdm(cuts, f"{name}: cut", unit="frame", disable=None)):
-            made[i] = make(cut)
+
+        def fill(number: int) -> None:
+            made[number] = make(cuts[number])
+
+        with ThreadPoolExecutor(threads) as pool:
+            filled = pool.map(fill, range(len(cuts)))
+            for _ in tqdm(filled, f"{name}: cut", len(cuts), unit="frame", disable=None):
+                pass
         made.flush()
-        del made
         unfinished.rename(path)
     return np.asarray(np.load(path, mmap_mode="r", allow_pickle=False))
 

@@ -25,6 +25,9 @@ _CERTAIN = 0.5
 _UNREFINED = 0.7
 """A pose that the refiner neither improved nor confirmed is certain by so much of what it was."""
 
+_TOUCHING = 1e-3
+"""A camera touches a mesh that is so near, as a share of the mesh's size."""
+
 RefinerOf = Callable[[Spacecraft, Camera], Refiner]
 """Opens a refiner of a spacecraft in the images of a camera."""
 
@@ -115,8 +118,16 @@ class Shapes:
 
     def box_px(self, label: str, pose: PoseEstimate, camera: Camera) -> FloatArray | None:
         """The box (4,) x, y, width, height of the pixels that the mesh covers at a pose, as the label
-        ``box_visible_px``; None where there is none, or the mesh is not known."""
+        ``box_visible_px``; None where there is none, the mesh is not known, or the camera touches the
+        mesh's bounds or is within them."""
         if label not in self._crafts or pose.t_body_cam_m[2] <= 0:
+            return None
+        # Wrong poses put the camera onto a side of the mesh, and rays that start on a triangle take a
+        # thousand times as long as others.
+        low_m, high_m = self._crafts[label].bounds_body_m
+        camera_body_m = -pose.R_cam_from_body.T @ pose.t_body_cam_m
+        room_m = _TOUCHING * (high_m - low_m).max()
+        if np.all((camera_body_m > low_m - room_m) & (camera_body_m < high_m + room_m)):
             return None
         if label not in self._casters:
             self._casters[label] = RayCaster(Scene(self._crafts[label], camera))

@@ -49,6 +49,18 @@ def test_the_box_is_that_of_the_pixels_that_the_mesh_covers(t: tuple[float, ...]
         np.testing.assert_array_equal(box, true_box(R, np.array(t)))
 
 
+@pytest.mark.parametrize("outside_m", [-0.3, 1e-9, 0.2])
+def test_a_camera_on_the_mesh_or_within_it_sees_no_box(outside_m: float) -> None:
+    """A camera that looks at a brick's upper side along its normal sees it everywhere from 0.2 m."""
+    t = np.array([0.0, 0.0, cuboid.HALF[2] + outside_m])
+    box = Shapes(CRAFTS).box_px("brick", pose(np.diag([1.0, -1.0, -1.0]), t), cuboid.CAMERA)
+    if outside_m < 0.1:
+        assert box is None
+    else:
+        whole = [0, 0, cuboid.CAMERA.width_px, cuboid.CAMERA.height_px]
+        np.testing.assert_array_equal(box, whole)
+
+
 def test_through_a_lens_the_box_is_where_opencv_projects_the_corners() -> None:
     """The corners of a brick that is wholly in view are within a pixel of the box's sides."""
     cv2 = pytest.importorskip("cv2")

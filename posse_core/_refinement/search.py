@@ -126,8 +126,6 @@ class Search:
         self._studio, self._sun, self._has_time = studio, sun_direction_cam, has_time
         self._vertices_m = np.concatenate([part.vertices_body_m for part in setting.spacecraft.parts])
         self._radius_m = setting.spacecraft.radius_m
-        # About the axis along which a spacecraft is long, an image tells attitudes least.
-        self._axes = np.linalg.svd(self._vertices_m, full_matrices=False)[2]
         self._symmetries = setting.spacecraft.symmetries
         self._sizes_px = (*_COARSE_PX, size_px)
         self._codings = [Picture(grey, setting.camera, is_linear=linear) for linear in (False, True)]
@@ -243,12 +241,12 @@ class Search:
 
     def _nearby(self, best: _Trail, first: Placement) -> list[_Trail]:
         """Trails from poses near a start: those that agree most, and so on from the best of these."""
+        # About the axis along which a spacecraft is long, an image tells attitudes least.
+        axes = np.linalg.svd(self._vertices_m, full_matrices=False)[2]
         trails: list[_Trail] = []
         here = first
         for _ in range(_WALKS):
-            near = [
-                here.turned(R_about(axis, sign * _ASIDE_RAD)) for axis in self._axes for sign in (-1, 1)
-            ]
+            near = [here.turned(R_about(axis, sign * _ASIDE_RAD)) for axis in axes for sign in (-1, 1)]
             near += [here.at_range(share) for share in (1 / _FARTHER, _FARTHER)]
             found = [
                 self._lit_at(crop, placement, best.sun_direction_cam, None, best.start, best.trust)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from posse_core._arrays import BoolArray, Float32Array
+from posse_core._arrays import AnyArray, BoolArray, Float32Array
 from posse_core._refinement.crop import Crop, binned
 from posse_core._refinement.flow import by_pose, gradient, normals
 from posse_core._refinement.light import Light
@@ -28,9 +28,11 @@ _NOISE = 4 / 255
 """Variations of what is drawn below this share of white say nothing."""
 _SHAPE_NOISE = 0.03
 """The same for coverage and normals."""
-_COARSER = 4
 _BLURS_PX = (0.0, 0.35, 0.5, 0.7, 0.9, 1.2, 1.6)
 _KERNEL = np.ones((3, 3), np.uint8)
+_EDGE_PX, _FAINT = 1.5, np.float32(0.01)
+"""Where a background is continued behind the spacecraft: the blur of what is nearest, and the weight of
+what is twice as far away."""
 
 
 @dataclass(frozen=True)
@@ -168,28 +170,35 @@ class ShapeComparer(Comparer):
 
 
 def with_background(drawn: Drawn, crop: Crop) -> Float32Array:
-    """What is drawn, before what is seen beside the spacecraft, as smooth as it must be to reach behind
-    it."""
-    finer = crop.scale.finer
-    covered = cv2.dilate(binned(drawn.coverage, finer), np.ones((7, 7), np.uint8))
+    """What is drawn, before what is seen beside the spacecraft, as it reaches behind it."""
+    covered = cv2.dilate(binned(drawn.coverage, crop.scale.finer), _KERNEL, iterations=_BESIDE_PX)
     free = (covered < 1e-3).astype(np.float32)
     if not free.any():
         return drawn.bright
-    # So wide a blur needs no fine pixels.
-    sums, weights = _reduced(crop.linear * free), _reduced(free)
-    near_px = max(1.0, 0.12 * max(sums.shape))
-    behind = np.full_like(sums, 1e-6 * sums.sum() / weights.sum())
-    share = np.full_like(sums, 1e-6)
-    for sigma_px, trust in ((near_px, 1.0), (4 * near_px, 1e-2)):
-        behind += np.float32(trust) * smooth(sums, sigma_px)
-        share += np.float32(trust) * smooth(weights, sigma_px)
-    behind = np.asarray(cv2.resize(behind / share, drawn.bright.shape[::-1]), np.float32)
+    behind = cv2.resize(_filled(crop.linear * free, free), drawn.bright.shape[::-1])
     return np.asarray(drawn.bright + (1 - drawn.coverage) * behind, np.float32)
 
 
-def _reduced(image: Float32Array) -> Float32Array:
-    height, width = (max(4, side // _COARSER) for side in image.shape)
-    return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), np.float32)
+def _filled(sums: Float32Array, weights: Float32Array) -> Float32Array:
+    """An image (h, w) continued where its weights are 0, from what is nearest (push-pull: Gortler et al.
+    1996, The Lumigraph).
+
+    Args:
+        sums: the image times its weights.
+    """
+    levels = [(smooth(sums, _EDGE_PX), smooth(weights, _EDGE_PX))]
+    while min(levels[-1][0].shape) > 1:
+        finer = levels[-1]
+        levels.append((_float32(cv2.pyrDown(finer[0])), _float32(cv2.pyrDown(finer[1]))))
+    filled = np.full_like(levels[-1][0], sums.sum() / weights.sum())
+    for seen, weight in reversed(levels):
+        coarser = _float32(cv2.resize(filled, seen.shape[::-1]))
+        filled = (seen + _FAINT * coarser) / (weight + _FAINT)
+    return filled
+
+
+def _float32(image: AnyArray) -> Float32Array:
+    return np.asarray(image, np.float32)
 
 
 def sharpest(drawn: Drawn, crop: Crop) -> float:

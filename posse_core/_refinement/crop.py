@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from posse_core._arrays import AnyArray, Float32Array, FloatArray
+from posse_core._arrays import AnyArray, BoolArray, Float32Array, FloatArray
 from posse_core._model.camera import Camera, PixelBox
 from posse_core._model.srgb import linear_from_srgb, srgb_from_linear
 from posse_core._refinement.placement import Placement
@@ -18,6 +18,9 @@ _MARGIN_PX = 8
 """Pixels of the crop about the spacecraft, and at least this share of its extent."""
 _LEAST_PX = 8
 _FINEST = 4
+_LEAST_DRAWN_PX = 150
+"""Extent of the spacecraft from which on a drawing of fewer pixels than the image is fine enough."""
+_SATURATED = 0.97
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,8 @@ class Crop:
         scale: of its pixels.
         seen: (h, w) the image's values, 0 … 1.
         linear: (h, w) the brightness that they stand for, 0 … 1.
+        is_saturated: (h, w) whether a pixel of the image is white there, or nearly: it may be of any
+            brightness.
         is_linear: whether both are the same; otherwise sRGB codes the brightness.
         drawn_box: the box to draw, in pixels of ``camera``.
         camera: the pinhole that draws it.
@@ -54,6 +59,7 @@ class Crop:
     scale: Scale
     seen: Float32Array
     linear: Float32Array
+    is_saturated: BoolArray
     is_linear: bool
     drawn_box: PixelBox
     camera: Camera
@@ -90,10 +96,11 @@ class Picture:
         x0, y0 = first.tolist()
         pixels = self._straight(PixelBox(x0 * bins, y0 * bins, width * bins, height * bins))
         linear = binned(pixels, bins)
+        is_saturated = binned(pixels > _SATURATED, bins) > 0
         drawn = PixelBox(*(scale.finer * v for v in (x0, y0, width, height)))
         seen = linear if self._is_linear else srgb_from_linear(linear)
         camera = scaled(camera, scale.drawn)
-        return Crop(scale, seen, linear, self._is_linear, drawn, camera)
+        return Crop(scale, seen, linear, is_saturated, self._is_linear, drawn, camera)
 
     def _bounds(
         self, placement: Placement, vertices_body_m: FloatArray
@@ -124,6 +131,9 @@ def scales(extent_px: float, sizes_px: tuple[float, ...]) -> list[Scale]:
         bins, finer = 1, 1
         while extent_px / bins > 1.41 * size_px:
             bins *= 2
+        # What is thinner than a pixel that is drawn would be seen here and there.
+        while finer < min(bins, _FINEST) and finer * size_px < _LEAST_DRAWN_PX:
+            finer *= 2
         while bins == 1 and finer < _FINEST and extent_px * finer < 0.67 * size_px:
             finer *= 2
         if Scale(bins, finer) not in found:

@@ -13,7 +13,6 @@ from posse_core._refinement.placement import Placement
 from posse_core._refinement.studio import Drawn, Lights, Studio
 from posse_core._refinement.windows import smooth
 
-_SATURATED = 0.97
 _DARK = 0.02
 _CODING = 0.6
 """The slope of sRGB's coding falls with about this power of the brightness."""
@@ -55,7 +54,7 @@ def fitted(
     scale, blur = crop.scale, blur_px * crop.scale.drawn
     covered = binned(smooth(shown[0].coverage, blur), scale.finer)
     inside = covered > (0.9 if np.count_nonzero(covered > 0.9) >= 20 else 0.3)
-    inside &= crop.linear < _SATURATED
+    inside &= ~crop.is_saturated
     seen = crop.linear[inside].astype(np.float64)
     if not len(seen):
         return Light(Lights(1.0, 0.0, sun_direction_cam), blur_px)

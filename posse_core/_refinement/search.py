@@ -15,7 +15,7 @@ from posse_core._interfaces.refiner import RefinerSetting
 from posse_core._refinement.compare import Comparer, LitComparer, ShapeComparer, sharpest
 from posse_core._refinement.crop import Crop, Picture, Scale, scales
 from posse_core._refinement.descent import Found, descended
-from posse_core._refinement.light import drawn_apart, fitted, together
+from posse_core._refinement.light import Light, drawn_apart, fitted, together
 from posse_core._refinement.placement import Placement
 from posse_core._refinement.studio import Drawn, Studio
 from posse_core._refinement.sunlight import brightest_direction
@@ -46,7 +46,7 @@ until one agrees clearly at most so many."""
 _SAME_RAD, _SAME_SHARE = np.radians(5), 0.05
 """Poses that differ by less, in attitude and in position as a share of the range, are the same."""
 _ASIDE_RAD, _FARTHER = np.radians(12), 1.15
-"""By how much poses nearby are turned, and how much farther or nearer they are."""
+"""By how much poses nearby are turned, once and twice, and how much farther or nearer they are."""
 _NEARBY, _WALKS = 3, 4
 """How many of the poses nearby are followed at the coarsest scale, and how often others near the best of
 them are tried."""
@@ -82,6 +82,7 @@ class _Trail:
         comparer: that made the comparison.
         sun_direction_cam: (3,) where the light comes from.
         blur_px: of the image.
+        is_linear: whether the image is; otherwise it is coded by sRGB.
         start: index of the start.
         trust: how likely the pose is before the image is compared.
         share: of its chance that is left since others explain detail better.
@@ -91,6 +92,7 @@ class _Trail:
     comparer: LitComparer
     sun_direction_cam: FloatArray
     blur_px: float
+    is_linear: bool
     start: int
     trust: float
     share: float = 1.0
@@ -165,6 +167,7 @@ class Search:
             finest.append(self._to_the_finest(trail, least_agreement))
         trails = sorted(_weighed(self._different(finest)), key=lambda trail: -trail.chance)
         best = trails[0]
+        self._picture = self._codings[0 if best.is_linear else 1]
         before = best.comparer.compare(firsts[best.start]).agreement
         certainty = best.chance / (sum(trail.chance for trail in trails) + _UNSEEN)
         return Outcome(best.found, before, best.start, certainty)
@@ -213,29 +216,27 @@ class Search:
         return scales(self._picture.extent_px(placement, self._vertices_m), self._sizes_px)
 
     def _coarse(self, first: Placement, trust: float, number: int) -> _Trail | None:
-        """A start followed at the coarsest scale, where it is also found how the image is coded."""
-        scale = self._scales(first)[0]
-        crops = [picture.crop(first, self._vertices_m, scale) for picture in self._codings]
-        if crops[0] is None or crops[1] is None:
+        """A start followed at the coarsest scale."""
+        crops = self._crops(first, self._scales(first)[0])
+        if not crops:
             return None
         sun = self._sun
         if sun is None:
             sun = brightest_direction(crops[0], self._studio, first, _BLUR_PX)
-        shown = drawn_apart(crops[0], self._studio, first, sun)
-        agreements = [self._agreement(crop, shown, sun) for crop in crops if crop is not None]
-        if number == 0:
-            self._picture = self._codings[int(np.argmax(agreements))]
-        crop = self._picture.crop(first, self._vertices_m, scale)
-        assert crop is not None
-        return self._lit_at(crop, first, sun, None, number, trust)
+        return self._lit_at(crops, first, sun, None, number, trust)
+
+    def _crops(self, placement: Placement, scale: Scale) -> list[Crop]:
+        """The part around the spacecraft, linear and coded; none if too little of it is in the image."""
+        crops = [picture.crop(placement, self._vertices_m, scale) for picture in self._codings]
+        return [crop for crop in crops if crop is not None]
 
     def _half_turned(self, best: _Trail) -> list[_Trail]:
         """Trails from a pose turned by half a turn about each body axis, where they may rival it."""
         turned = [best.found.placement.turned(R_about(axis, np.pi)) for axis in np.eye(3)]
         trust = _TURNED * best.trust
         return [
-            self._lit_at(crop, placement, best.sun_direction_cam, None, best.start, trust)
-            for agreement, crop, placement in self._drawn(best, turned)
+            self._lit_at(crops, placement, best.sun_direction_cam, None, best.start, trust)
+            for agreement, crops, placement in self._drawn(best, turned)
             if _chance(agreement, trust) > best.chance / _RIVAL and self._has_time()
         ]
 
@@ -246,11 +247,15 @@ class Search:
         trails: list[_Trail] = []
         here = first
         for _ in range(_WALKS):
-            near = [here.turned(R_about(axis, sign * _ASIDE_RAD)) for axis in axes for sign in (-1, 1)]
+            near = [
+                here.turned(R_about(axis, times * _ASIDE_RAD))
+                for axis in axes
+                for times in (-2, -1, 1, 2)
+            ]
             near += [here.at_range(share) for share in (1 / _FARTHER, _FARTHER)]
             found = [
-                self._lit_at(crop, placement, best.sun_direction_cam, None, best.start, best.trust)
-                for _, crop, placement in self._drawn(best, near)[:_NEARBY]
+                self._lit_at(crops, placement, best.sun_direction_cam, None, best.start, best.trust)
+                for _, crops, placement in self._drawn(best, near)[:_NEARBY]
                 if self._has_time()
             ]
             trails += found
@@ -262,45 +267,46 @@ class Search:
 
     def _drawn(
         self, best: _Trail, placements: Sequence[Placement]
-    ) -> list[tuple[float, Crop, Placement]]:
-        """Agreement, crop and pose of poses, under the light of a trail, the most agreeing first."""
+    ) -> list[tuple[float, list[Crop], Placement]]:
+        """Agreement, crops and pose of poses, under the light of a trail, the most agreeing first."""
         sun = best.sun_direction_cam
         tried = []
         for placement in placements:
-            crop = self._picture.crop(placement, self._vertices_m, self._scales(placement)[0])
-            if crop is not None and self._has_time():
-                shown = drawn_apart(crop, self._studio, placement, sun)
-                tried.append((self._agreement(crop, shown, sun), crop, placement))
+            crops = self._crops(placement, self._scales(placement)[0])
+            if crops and self._has_time():
+                shown = drawn_apart(crops[0], self._studio, placement, sun)
+                tried.append((self._coded(crops, shown, sun, _BLUR_PX)[0], crops, placement))
         return sorted(tried, key=lambda each: -each[0])
 
     def _followed(self, trail: _Trail, scale: Scale) -> _Trail | None:
         """A trail at the next scale."""
         here = trail.found.placement
-        crop = self._picture.crop(here, self._vertices_m, scale)
-        if crop is None:
+        crops = self._crops(here, scale)
+        if not crops:
             return None
         sun = trail.sun_direction_cam
         if self._sun is None:
+            crop = next(crop for crop in crops if crop.is_linear == trail.is_linear)
             sun = brightest_direction(crop, self._studio, here, trail.blur_px, sun)
-        return self._lit_at(crop, here, sun, trail.blur_px, trail.start, trail.trust)
+        return self._lit_at(crops, here, sun, trail.blur_px, trail.start, trail.trust)
 
     def _lit_at(
         self,
-        crop: Crop,
+        crops: Sequence[Crop],
         here: Placement,
         sun: FloatArray,
         blur_px: float | None,
         start: int,
         trust: float,
     ) -> _Trail:
-        """Descend in a crop, fitting the light and the blur.
+        """Descend in a crop, fitting the light and the blur, and finding how the image is coded.
 
         A blur of None is not known yet, and is fitted after the first steps.
         """
         has_blur = blur_px is not None
         for _ in range(_ROUNDS):
-            shown = drawn_apart(crop, self._studio, here, sun)
-            light = fitted(crop, shown, sun, _BLUR_PX if blur_px is None else blur_px)
+            shown = drawn_apart(crops[0], self._studio, here, sun)
+            _, crop, light = self._coded(crops, shown, sun, _BLUR_PX if blur_px is None else blur_px)
             if has_blur:
                 blur_px = sharpest(together(shown, light.lights), crop)
                 light = replace(light, blur_px=blur_px)
@@ -310,11 +316,20 @@ class Search:
             if (has_blur and not has_moved) or not self._has_time():
                 break
             has_blur = True
-        return _Trail(found, comparer, sun, light.blur_px, start, trust)
+        return _Trail(found, comparer, sun, light.blur_px, crop.is_linear, start, trust)
 
-    def _agreement(self, crop: Crop, shown: tuple[Drawn, Drawn], sun: FloatArray) -> float:
-        light = fitted(crop, shown, sun, _BLUR_PX)
-        return LitComparer(crop, self._studio, light).agreement(together(shown, light.lights))
+    def _coded(
+        self, crops: Sequence[Crop], shown: tuple[Drawn, Drawn], sun: FloatArray, blur_px: float
+    ) -> tuple[float, Crop, Light]:
+        """Of crops of differently coded images, that which agrees most with what is drawn, how much, and
+        the light in it."""
+        lights = [fitted(crop, shown, sun, blur_px) for crop in crops]
+        agreements = [
+            LitComparer(crop, self._studio, light).agreement(together(shown, light.lights))
+            for crop, light in zip(crops, lights, strict=True)
+        ]
+        best = int(np.argmax(agreements))
+        return agreements[best], crops[best], lights[best]
 
     def _descended(self, comparer: Comparer, crop: Crop, here: Placement, steps: int) -> Found:
         fx_px = crop.camera.fx_px / crop.scale.finer

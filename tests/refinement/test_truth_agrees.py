@@ -1,0 +1,125 @@
+"""At the true pose image and drawing agree at each scale, whatever is thin, white or behind."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from posse_core import Camera, CraftState, PixelBox, PoseEstimate, RenderRequest, Scene, Spacecraft
+from posse_core._interfaces.refiner import RefinerSetting
+from posse_core._model.srgb import srgb_from_linear
+from posse_core._randomness import random_generator
+from posse_core._refinement.compare import LitComparer
+from posse_core._refinement.crop import Crop, Picture, binned, scales
+from posse_core._refinement.light import Light, drawn_apart, fitted, together
+from posse_core._refinement.options import RenderCompareOptions
+from posse_core._refinement.placement import Placement
+from posse_core._refinement.render_compare import RenderCompare
+from posse_core._refinement.studio import Studio, scaled
+from posse_core.testing import refiners, scenes
+
+from .test_render_compare import SUN, renderer
+
+CAMERA = scenes.camera(256, 192, np.radians(30))
+RAYS = 3
+"""Rays to each side of a pixel of an image."""
+HERE = Placement(
+    Rotation.from_euler("xyz", (20, -35, 15), degrees=True).as_matrix(), np.array([0.05, -0.05, 5.2])
+)
+BUS = refiners._cuboid("bus", (-0.5, -0.4, -0.35), (0.5, 0.4, 0.35), "cells")
+
+
+def light_of(craft: Spacecraft, camera: Camera = CAMERA) -> tuple[np.ndarray, np.ndarray]:
+    """Brightness and coverage (h, w) under the Sun alone, each pixel the mean of many rays."""
+    fine = scaled(camera, RAYS)
+    state = CraftState(
+        *HERE,
+        sun_direction_cam=SUN,
+        sun_irradiance_rgb_w_m2=np.full(3, np.pi),
+        sun_angular_radius_rad=0.0047,
+    )
+    box = PixelBox(0, 0, fine.width_px, fine.height_px)
+    light = renderer("", {}, Scene(craft, fine)).render(RenderRequest(state, box, None, 0))
+    return binned(light.radiance_rgb.mean(axis=-1), RAYS), binned(light.coverage, RAYS)
+
+
+def fits(craft: Spacecraft, seen: np.ndarray) -> list[tuple[Crop, Light, float]]:
+    """Crop, light and agreement at the true pose, from the coarsest scale to the finest."""
+    vertices_m = np.concatenate([part.vertices_body_m for part in craft.parts])
+    picture = Picture(np.float32(seen), CAMERA, is_linear=True)
+    made = []
+    with contextlib.closing(
+        Studio(RefinerSetting(craft, CAMERA, renderer), RenderCompareOptions().renderer)
+    ) as studio:
+        for scale in scales(picture.extent_px(HERE, vertices_m), (48.0, 96.0, 192.0)):
+            crop = picture.crop(HERE, vertices_m, scale)
+            assert crop is not None
+            shown = drawn_apart(crop, studio, HERE, SUN)
+            light = fitted(crop, shown, SUN, 0.4)
+            agreement = LitComparer(crop, studio, light).agreement(together(shown, light.lights))
+            made.append((crop, light, agreement))
+    assert made[0][0].scale.binned > 1
+    return made
+
+
+def test_booms_that_are_thinner_than_a_coarse_pixel_are_drawn_whole() -> None:
+    """A boom is half a pixel of the image wide, and an eighth of one of the coarsest scale."""
+    booms = [
+        refiners._cuboid("long", (-0.0025, -1.3, -0.0025), (0.0025, 1.3, 0.0025), "white"),
+        refiners._cuboid("short", (0.1, -0.0025, -0.0025), (1.2, 0.0025, 0.0025), "white"),
+    ]
+    small = refiners._cuboid("bus", (-0.1, -0.08, -0.1), (0.1, 0.08, 0.1), "cells")
+    craft = replace(refiners._craft(), parts=(small, *booms))
+    for _, _, agreement in fits(craft, 0.9 * light_of(craft)[0]):
+        assert agreement > 0.985
+
+
+@pytest.mark.parametrize("slope", [0.3, -0.6])
+def test_a_bright_edge_beside_and_behind_the_spacecraft_is_told_from_it(slope: float) -> None:
+    """As the Earth's limb is, far brighter than the spacecraft."""
+    craft = refiners._craft()
+    bright, coverage = light_of(craft)
+    v, u = np.indices(bright.shape)
+    behind = np.where(v - 110 > slope * (u - 128), 0.8, 0.02)
+    agreements = [agreement for *_, agreement in fits(craft, 0.25 * bright + (1 - coverage) * behind)]
+    assert min(agreements) > 0.97
+    assert agreements[-1] > 0.985
+
+
+def test_pixels_that_are_white_in_part_say_nothing_of_the_light() -> None:
+    """White stripes are overexposed, and narrower than a pixel of the coarsest scale."""
+    stripes = [
+        refiners._cuboid(f"stripe {k}", (x, -0.401, -0.351), (x + 0.02, 0.401, 0.351), "white")
+        for k, x in enumerate(np.linspace(-0.48, 0.45, 10))
+    ]
+    craft = replace(refiners._craft(), parts=(BUS, *stripes))
+    seen = np.clip(4.0 * light_of(craft)[0], 0, 1)
+    assert (seen == 1).any()
+    for _, light, _ in fits(craft, seen):
+        assert light.lights.sun == pytest.approx(4.0, rel=0.1)
+
+
+def test_how_an_image_is_coded_is_not_told_by_a_wrong_start() -> None:
+    """At the attitude of this seed an image coded by sRGB agrees more if it is taken for linear."""
+    craft = refiners._craft()
+    linear = np.clip(0.8 * light_of(craft)[0] + 0.01, 0, 1)
+    noise = random_generator(0, 0, "noise").normal(0, 0.004, linear.shape)
+    seen = srgb_from_linear(np.float32(linear)) + noise
+    image = np.clip(np.rint(255 * seen), 0, 255).astype(np.uint8)
+    refiner = RenderCompare(RenderCompareOptions())
+    refiner.open(RefinerSetting(craft, CAMERA, renderer))
+    turn = Rotation.random(random_state=2).as_matrix()
+    wrong, right = (
+        PoseEstimate(each.R_cam_from_body, each.t_body_cam_m, np.eye(6) * 1e-3, np.ones(8, bool), 1.0)
+        for each in (HERE.turned(turn), HERE.moved(np.array([0.05, 0.03, 0, 0.02, 0, 0.05])))
+    )
+    made = refiner.refine(image, [wrong, right], SUN)
+    refiner.close()
+    off = Rotation.from_matrix(made.pose.R_cam_from_body @ HERE.R_cam_from_body.T)
+    assert made.is_better
+    assert np.degrees(off.magnitude()) < 0.3
+    assert made.agreement > 0.999

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from posse_core import Camera, CraftState, PixelBox, PoseEstimate, RenderRequest, Scene, Spacecraft
 from posse_core._interfaces.refiner import RefinerSetting
+from posse_core._interfaces.renderer import Renderer
 from posse_core._model.srgb import srgb_from_linear
 from posse_core._randomness import random_generator
 from posse_core._refinement.compare import LitComparer
@@ -22,15 +25,20 @@ from posse_core._refinement.render_compare import RenderCompare
 from posse_core._refinement.studio import Studio, scaled
 from posse_core.testing import refiners, scenes
 
-from .test_render_compare import SUN, renderer
-
 CAMERA = scenes.camera(256, 192, np.radians(30))
+SUN = np.array([0.4, -0.5, -0.77]) / np.linalg.norm([0.4, -0.5, -0.77])
 RAYS = 3
 """Rays to each side of a pixel of an image."""
 HERE = Placement(
     Rotation.from_euler("xyz", (20, -35, 15), degrees=True).as_matrix(), np.array([0.05, -0.05, 5.2])
 )
 BUS = refiners._cuboid("bus", (-0.5, -0.4, -0.35), (0.5, 0.4, 0.35), "cells")
+
+
+def renderer(name: str, options: Mapping[str, Any], scene: Scene) -> Renderer:
+    made = refiners.RayRenderer()
+    made.open(scene)
+    return made
 
 
 def light_of(craft: Spacecraft, camera: Camera = CAMERA) -> tuple[np.ndarray, np.ndarray]:

@@ -46,7 +46,7 @@ def fitted(
 ) -> Light:
     """Fit the strength of the Sun and of an even sky, neither below 0, to the crop.
 
-    What is saturated, or far from what is drawn, counts little.
+    What is white, even in part, does not count, and what is far from what is drawn counts little.
 
     Args:
         shown: of :func:`drawn_apart`.

@@ -130,8 +130,10 @@ class Search:
         self._radius_m = setting.spacecraft.radius_m
         self._symmetries = setting.spacecraft.symmetries
         self._sizes_px = (*_COARSE_PX, size_px)
-        self._codings = [Picture(grey, setting.camera, is_linear=linear) for linear in (False, True)]
-        self._picture = self._codings[0]
+        self._by_coding = {
+            linear: Picture(grey, setting.camera, is_linear=linear) for linear in (False, True)
+        }
+        self._picture = self._by_coding[False]
 
     def lit(
         self, firsts: Sequence[Placement], trusts: Sequence[float], least_agreement: float
@@ -167,7 +169,7 @@ class Search:
             finest.append(self._to_the_finest(trail, least_agreement))
         trails = sorted(_weighed(self._different(finest)), key=lambda trail: -trail.chance)
         best = trails[0]
-        self._picture = self._codings[0 if best.is_linear else 1]
+        self._picture = self._by_coding[best.is_linear]
         before = best.comparer.compare(firsts[best.start]).agreement
         certainty = best.chance / (sum(trail.chance for trail in trails) + _UNSEEN)
         return Outcome(best.found, before, best.start, certainty)
@@ -226,8 +228,9 @@ class Search:
         return self._lit_at(crops, first, sun, None, number, trust)
 
     def _crops(self, placement: Placement, scale: Scale) -> list[Crop]:
-        """The part around the spacecraft, linear and coded; none if too little of it is in the image."""
-        crops = [picture.crop(placement, self._vertices_m, scale) for picture in self._codings]
+        """The part around the spacecraft, coded and linear; none if too little of it is in the image."""
+        pictures = self._by_coding.values()
+        crops = [picture.crop(placement, self._vertices_m, scale) for picture in pictures]
         return [crop for crop in crops if crop is not None]
 
     def _half_turned(self, best: _Trail) -> list[_Trail]:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from posse_core import Camera, CraftState, PixelBox, PoseEstimate, RenderRequest, Scene, Spacecraft
+from posse_core import CraftState, PixelBox, PoseEstimate, RenderRequest, Scene, Spacecraft
 from posse_core._interfaces.refiner import RefinerSetting
 from posse_core._interfaces.renderer import Renderer
 from posse_core._model.srgb import srgb_from_linear
@@ -41,9 +41,9 @@ def renderer(name: str, options: Mapping[str, Any], scene: Scene) -> Renderer:
     return made
 
 
-def light_of(craft: Spacecraft, camera: Camera = CAMERA) -> tuple[np.ndarray, np.ndarray]:
+def light_of(craft: Spacecraft) -> tuple[np.ndarray, np.ndarray]:
     """Brightness and coverage (h, w) under the Sun alone, each pixel the mean of many rays."""
-    fine = scaled(camera, RAYS)
+    fine = scaled(CAMERA, RAYS)
     state = CraftState(
         *HERE,
         sun_direction_cam=SUN,

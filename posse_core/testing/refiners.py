@@ -243,12 +243,14 @@ def _pixels(samples: AnyArray) -> AnyArray:
 
 
 def _setting() -> RefinerSetting:
-    def renderer(name: str, options: Mapping[str, Any], scene: Scene) -> Renderer:
-        made = RayRenderer()
-        made.open(scene)
-        return made
+    return RefinerSetting(_craft(), _camera(), _renderer)
 
-    return RefinerSetting(_craft(), _camera(), renderer)
+
+def _renderer(name: str, options: Mapping[str, Any], scene: Scene) -> Renderer:
+    """A renderer by rays, whatever is asked for."""
+    made = RayRenderer()
+    made.open(scene)
+    return made
 
 
 def _camera() -> Camera:

@@ -4,7 +4,6 @@ know."""
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -23,7 +22,6 @@ from posse_core import (
     Spacecraft,
 )
 from posse_core._interfaces.refiner import RefinerSetting
-from posse_core._interfaces.renderer import Renderer
 from posse_core._randomness import random_generator
 from posse_core._refinement.compare import Comparison, LitComparer
 from posse_core._refinement.crop import Picture, Scale
@@ -40,12 +38,6 @@ NOISE_DN = 1.5
 SUN = np.array([0.4, -0.5, -0.77]) / np.linalg.norm([0.4, -0.5, -0.77])
 
 
-def renderer(name: str, options: Mapping[str, Any], scene: Scene) -> Renderer:
-    made = refiners.RayRenderer()
-    made.open(scene)
-    return made
-
-
 def image(R: np.ndarray, t: np.ndarray, seed: int, craft: Spacecraft | None = None) -> np.ndarray:
     """(48, 64) uint8, linear, with noise."""
     state = CraftState(
@@ -56,7 +48,7 @@ def image(R: np.ndarray, t: np.ndarray, seed: int, craft: Spacecraft | None = No
         sun_angular_radius_rad=0.0047,
     )
     box = PixelBox(0, 0, CAMERA.width_px, CAMERA.height_px)
-    light = renderer("", {}, Scene(craft or refiners._craft(), CAMERA)).render(
+    light = refiners._renderer("", {}, Scene(craft or refiners._craft(), CAMERA)).render(
         RenderRequest(state, box, None, 0)
     )
     dn = 220 * light.radiance_rgb.mean(axis=-1) + 6
@@ -74,7 +66,7 @@ def start(R: np.ndarray, t: np.ndarray, degrees: float, share: float, seed: int)
 
 def opened(camera: Camera = CAMERA, **options: Any) -> RenderCompare:
     refiner = RenderCompare(RenderCompareOptions(**options))
-    refiner.open(RefinerSetting(refiners._craft(), camera, renderer))
+    refiner.open(RefinerSetting(refiners._craft(), camera, refiners._renderer))
     return refiner
 
 
@@ -212,7 +204,7 @@ def test_of_a_bar_that_looks_alike_both_ways_neither_is_certain() -> None:
     certainties = []
     for symmetries in ((), turns):
         refiner = RenderCompare(RenderCompareOptions())
-        refiner.open(RefinerSetting(replace(bar, symmetries=symmetries), CAMERA, renderer))
+        refiner.open(RefinerSetting(replace(bar, symmetries=symmetries), CAMERA, refiners._renderer))
         made = refiner.refine(seen, [given], SUN)
         assert made.is_better
         certainties.append(made.pose.certainty)
@@ -262,7 +254,7 @@ def test_detail_tells_poses_that_look_alike_in_uneven_light() -> None:
     there = here.turned(Rotation.from_rotvec([0, 0, np.pi]).as_matrix())
     vertices_m = np.concatenate([part.vertices_body_m for part in parts])
     with contextlib.closing(
-        Studio(RefinerSetting(marked, CAMERA, renderer), RenderCompareOptions().renderer)
+        Studio(RefinerSetting(marked, CAMERA, refiners._renderer), RenderCompareOptions().renderer)
     ) as studio:
         details = []
         for least in (1.0, 0.4):

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +11,6 @@ from scipy.spatial.transform import Rotation
 
 from posse_core import CraftState, PixelBox, PoseEstimate, RenderRequest, Scene, Spacecraft
 from posse_core._interfaces.refiner import RefinerSetting
-from posse_core._interfaces.renderer import Renderer
 from posse_core._model.srgb import srgb_from_linear
 from posse_core._randomness import random_generator
 from posse_core._refinement.compare import LitComparer
@@ -35,12 +32,6 @@ HERE = Placement(
 BUS = refiners._cuboid("bus", (-0.5, -0.4, -0.35), (0.5, 0.4, 0.35), "cells")
 
 
-def renderer(name: str, options: Mapping[str, Any], scene: Scene) -> Renderer:
-    made = refiners.RayRenderer()
-    made.open(scene)
-    return made
-
-
 def light_of(craft: Spacecraft) -> tuple[np.ndarray, np.ndarray]:
     """Brightness and coverage (h, w) under the Sun alone, each pixel the mean of many rays."""
     fine = scaled(CAMERA, RAYS)
@@ -51,7 +42,7 @@ def light_of(craft: Spacecraft) -> tuple[np.ndarray, np.ndarray]:
         sun_angular_radius_rad=0.0047,
     )
     box = PixelBox(0, 0, fine.width_px, fine.height_px)
-    light = renderer("", {}, Scene(craft, fine)).render(RenderRequest(state, box, None, 0))
+    light = refiners._renderer("", {}, Scene(craft, fine)).render(RenderRequest(state, box, None, 0))
     return binned(light.radiance_rgb.mean(axis=-1), RAYS), binned(light.coverage, RAYS)
 
 
@@ -61,7 +52,7 @@ def fits(craft: Spacecraft, seen: np.ndarray) -> list[tuple[Crop, Light, float]]
     picture = Picture(np.float32(seen), CAMERA, is_linear=True)
     made = []
     with contextlib.closing(
-        Studio(RefinerSetting(craft, CAMERA, renderer), RenderCompareOptions().renderer)
+        Studio(RefinerSetting(craft, CAMERA, refiners._renderer), RenderCompareOptions().renderer)
     ) as studio:
         for scale in scales(picture.extent_px(HERE, vertices_m), (48.0, 96.0, 192.0)):
             crop = picture.crop(HERE, vertices_m, scale)
@@ -119,7 +110,7 @@ def test_how_an_image_is_coded_is_not_told_by_a_wrong_start() -> None:
     seen = srgb_from_linear(np.float32(linear)) + noise
     image = np.clip(np.rint(255 * seen), 0, 255).astype(np.uint8)
     refiner = RenderCompare(RenderCompareOptions())
-    refiner.open(RefinerSetting(craft, CAMERA, renderer))
+    refiner.open(RefinerSetting(craft, CAMERA, refiners._renderer))
     turn = Rotation.random(random_state=2).as_matrix()
     wrong, right = (
         PoseEstimate(each.R_cam_from_body, each.t_body_cam_m, np.eye(6) * 1e-3, np.ones(8, bool), 1.0)

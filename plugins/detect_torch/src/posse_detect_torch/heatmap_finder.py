@@ -39,12 +39,13 @@ from posse_detect_torch.augment import (
     random_view,
     warp,
 )
+from posse_detect_torch.batches import Batch
 from posse_detect_torch.calibration import calibrate, widening
 from posse_detect_torch.checkpoint import read_weights
 from posse_detect_torch.export import Outputs, difference, export, raw_difference
 from posse_detect_torch.heatmap import PLACES, Decoded, HeatMaps, losses, read
 from posse_detect_torch.int8 import write_int8
-from posse_detect_torch.learn import Batch, Lesson, device_of, first_net, learn
+from posse_detect_torch.learn import Lesson, device_of, first_net, learn
 from posse_detect_torch.options import HeatmapOptions, trained_with
 from posse_detect_torch.pictures import Cut, Pictures, cut_backgrounds, cut_pictures
 

@@ -7,8 +7,7 @@ import itertools
 import math
 import sys
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
@@ -19,6 +18,7 @@ from torch import Tensor, nn
 from tqdm import tqdm
 
 from posse_core import ComponentError, InputError, ModelCard, atomic_file, random_generator
+from posse_detect_torch.batches import Batch, Batches
 from posse_detect_torch.checkpoint import (
     AVERAGE,
     ONNX,
@@ -35,8 +35,8 @@ from posse_detect_torch.options import TrainOptions
 MODEL, LAST, CURVES = "model.safetensors", "last.safetensors", "curves.html"
 _WARM_UP = 0.03  # share of all steps during which the learning rate rises
 _MEASURED = 16  # batches on which the batch norms of an exported network are measured
+_JUDGED = 20  # so many epochs of a training are judged on the valid part, evenly spread
 
-Batch = Mapping[str, Tensor]
 NetT = TypeVar("NetT", bound=nn.Module)
 
 
@@ -54,7 +54,8 @@ class Lesson(ABC):
 
     @abstractmethod
     def sample(self, position: int, random: np.random.Generator) -> dict[str, np.ndarray]:
-        """Return the sample at a position as arrays; it is called from several threads.
+        """Return the sample at a position as arrays; it is called from several threads or
+        processes.
 
         All samples have arrays of the same shapes.
         """
@@ -143,30 +144,34 @@ def learn(make_lesson: Callable[[], Lesson], card: ModelCard, folder: Path) -> P
         raise InputError("no frame of the train part shows a spacecraft; partition the dataset again")
     options, net = lesson.options, lesson.net
     device = next(net.parameters()).device
-    if kept is None and options.start is not None and options.start.suffix == ONNX:
-        with ThreadPoolExecutor(options.threads) as pool:
-            first = itertools.islice(_batches(lesson, 0, pool), _MEASURED)
-            measure_norms(net, (batch["picture"].to(device) for batch in first))
-    average = copy.deepcopy(net).eval()
-    optimizer = lesson.optimizer(net)
-    history: list[dict[str, float]] = []
-    if kept is not None:
-        tensors, history = kept
-        try:
-            _resume(tensors, net, average, optimizer)
-        except (RuntimeError, ValueError, KeyError) as error:  # of torch, for tensors that do not fit
-            raise InputError(
-                f"{last}: does not fit this network ({str(error).splitlines()[0]}); remove it to begin"
-                " anew"
-            ) from None
     steps = math.ceil(len(lesson) / options.batch)
     in_bfloat16 = computes_in_bfloat16(options)
-    with ThreadPoolExecutor(options.threads) as pool:
+    with Batches(lesson, in_processes=device.type == "cuda") as batches:
+        if kept is None and options.start is not None and options.start.suffix == ONNX:
+            first = itertools.islice(batches.of_epoch(0), _MEASURED)
+            measure_norms(net, (batch["picture"].to(device) for batch in first))
+        average = copy.deepcopy(net).eval()
+        optimizer = lesson.optimizer(net)
+        history: list[dict[str, float]] = []
+        if kept is not None:
+            tensors, history = kept
+            try:
+                _resume(tensors, net, average, optimizer)
+            except (
+                RuntimeError,
+                ValueError,
+                KeyError,
+            ) as error:  # of torch, for tensors that do not fit
+                raise InputError(
+                    f"{last}: does not fit this network ({str(error).splitlines()[0]}); remove it to"
+                    " begin anew"
+                ) from None
         for epoch in range(len(history), options.epochs):
-            sums: dict[str, float] = {}
+            sums: dict[str, Tensor] = {}
             net.train()
-            batches = _batches(lesson, epoch, pool)
-            bar = tqdm(batches, f"epoch {epoch + 1}/{options.epochs}", steps, disable=None)
+            bar = tqdm(
+                batches.of_epoch(epoch), f"epoch {epoch + 1}/{options.epochs}", steps, disable=None
+            )
             for number, batch in enumerate(bar):
                 step = epoch * steps + number
                 for group in optimizer.param_groups:
@@ -179,12 +184,19 @@ def learn(make_lesson: Callable[[], Lesson], card: ModelCard, folder: Path) -> P
                 nn.utils.clip_grad_norm_(net.parameters(), lesson.clip)
                 optimizer.step()
                 _follow(average, net, min(lesson.average, (1 + step) / (10 + step)))
-                for name, value in losses.items():
-                    sums[name] = sums.get(name, 0.0) + float(value.detach()) / steps
-            if not all(map(math.isfinite, sums.values())):
+                for (
+                    name,
+                    value,
+                ) in losses.items():  # read at the epoch's end, as reading waits for a device
+                    sums[name] = sums.get(name, torch.zeros(())) + value.detach().double() / steps
+            means = {name: float(total) for name, total in sums.items()}
+            if not all(map(math.isfinite, means.values())):
                 raise ComponentError("the loss is no longer finite; lower the option learning_rate")
-            with tqdm(desc="valid part", bar_format="{desc} ...", leave=False, disable=None):
-                history.append({"epoch": epoch + 1, **sums, **lesson.judge(average)})
+            judged: dict[str, float] = {}
+            if _is_judged(epoch, options.epochs):
+                with tqdm(desc="valid part", bar_format="{desc} ...", leave=False, disable=None):
+                    judged = lesson.judge(average)
+            history.append({"epoch": epoch + 1, **means, **judged})
             card = replace(card, epochs=epoch + 1)
             _save(last, net, average, optimizer, card, history)
             text = page(f"{card.net}: {epoch + 1} epochs on {card.dataset_sha256[:12]}", history)
@@ -198,29 +210,9 @@ def learn(make_lesson: Callable[[], Lesson], card: ModelCard, folder: Path) -> P
     return folder / MODEL
 
 
-def _batches(lesson: Lesson, epoch: int, pool: ThreadPoolExecutor) -> Iterator[Batch]:
-    """Yield batches in the random order of the epoch; the next batch is prepared in the background."""
-    options = lesson.options
-    order = random_generator(options.seed, epoch, "order").permutation(len(lesson))
-    positions = [int(position) for position in order]
-    groups = [positions[i : i + options.batch] for i in range(0, len(positions), options.batch)]
-
-    def start(group: Sequence[int]) -> list[Future[dict[str, np.ndarray]]]:
-        return [
-            pool.submit(
-                lesson.sample,
-                position,
-                random_generator(options.seed, epoch * len(positions) + position, "augmentation"),
-            )
-            for position in group
-        ]
-
-    coming = start(groups[0])
-    none: list[int] = []
-    for following in [*groups[1:], none]:
-        samples = [future.result() for future in coming]
-        coming = start(following)
-        yield {key: torch.from_numpy(np.stack([s[key] for s in samples])) for key in samples[0]}
+def _is_judged(epoch: int, epochs: int) -> bool:
+    """Whether an epoch, counted from 0, is judged: the first, the last, and others evenly spread."""
+    return epoch in (0, epochs - 1) or (epoch + 1) % math.ceil(epochs / _JUDGED) == 0
 
 
 @torch.no_grad()

@@ -10,9 +10,9 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from posse_core import AnyArray, LabelledImages, ModelCard
+from posse_detect_torch.batches import Batch
 from posse_detect_torch.box_detector import BoxDetector, BoxLesson
 from posse_detect_torch.export import Outputs, compare_detections
-from posse_detect_torch.learn import Batch
 from posse_detect_torch.nano import Decoded, Nano, losses
 from posse_detect_torch.options import NanoOptions, trained_with
 

@@ -13,9 +13,9 @@ import torch
 from torch import Tensor, nn
 
 from posse_core import LabelledImages, ModelCard
+from posse_detect_torch.batches import Batch
 from posse_detect_torch.box_detector import BoxDetector, BoxLesson
 from posse_detect_torch.imagenet import load_imagenet
-from posse_detect_torch.learn import Batch
 from posse_detect_torch.options import SdnOptions, trained_with
 from posse_detect_torch.regions import iou_matrix
 from posse_detect_torch.sdn import PROPOSALS, Decoded, Sdn, proposals

@@ -2,6 +2,8 @@
 
 import multiprocessing
 import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -46,7 +48,7 @@ def test_an_epoch_has_each_sample_once_in_an_order_of_its_own(count, batch, thre
     found = epochs(Draws(count, TrainOptions(batch=batch, threads=threads)), in_processes=False)
     for batches in of(found, "position"):
         assert [len(positions) for positions in batches[:-1]] == [batch] * (len(batches) - 1)
-        assert sorted(sum(batches, [])) == list(range(count))
+        assert sorted(position for positions in batches for position in positions) == list(range(count))
     drawn = [number for batches in of(found, "drawn") for numbers in batches for number in numbers]
     assert len(set(drawn)) == 3 * count
     if count > 1:
@@ -68,6 +70,37 @@ def test_processes_and_any_number_of_threads_prepare_the_same():
         assert of(found, "drawn") == of(alone, "drawn")
         own = {pid for batches in of(found, "by") for by in batches for pid in by} == {os.getpid()}
         assert own != in_processes
+
+
+@pytest.mark.skipif(
+    "fork" not in multiprocessing.get_all_start_methods(), reason="this system cannot fork"
+)
+def test_processes_compute_by_opencv_though_its_threads_are_left_behind():
+    """A program that has used sixteen threads of OpenCV, as pictures are cut, once waited for ever."""
+    program = """
+import cv2, numpy as np
+from concurrent.futures import ThreadPoolExecutor
+from posse_detect_torch.batches import Batches
+from posse_detect_torch.options import TrainOptions
+
+picture = np.ones((480, 640), np.float32)
+
+class Turns:
+    options = TrainOptions(batch=2, threads=2)
+    def __len__(self): return 8
+    def sample(self, position, random):
+        return {"picture": cv2.warpAffine(picture, np.eye(2, 3), (640, 480))}
+
+cv2.setNumThreads(16)
+with ThreadPoolExecutor(8) as pool:
+    list(pool.map(lambda i: Turns().sample(i, None), range(200)))
+with Batches(Turns(), in_processes=True) as batches:
+    print(sum(len(batch["picture"]) for batch in batches.of_epoch(0)))
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.stdout.strip() == "8", done.stderr
 
 
 def test_an_epoch_that_is_left_early_begins_anew():

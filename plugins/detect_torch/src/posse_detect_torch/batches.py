@@ -100,7 +100,8 @@ _lessons: list[Sampled] = []
 
 
 def _begin(lesson: Sampled) -> None:
-    cv2.setNumThreads(1)  # OpenCV's threads do not survive a fork, and each worker is one of many
+    # OpenCV's threads do not survive a fork: without them it computes, while with 1 it waits for them.
+    cv2.setNumThreads(0)
     _lessons.append(lesson)
 
 

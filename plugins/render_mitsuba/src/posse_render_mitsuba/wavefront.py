@@ -50,8 +50,11 @@ class Wavefront:
         self._max_depth = options.max_depth
         # The kernel is traced once and then replayed, because tracing costs 0.1 s. Dr.Jit traces it
         # again if the number of samples equals the length of one of the scene's arrays, which happens
-        # often with small boxes.
-        self._sample_pixels: Any = dr.freeze(sample_pixels, limit=MAX_KERNELS, warn_after=NEVER)
+        # often with small boxes. On CUDA devices, Dr.Jit 1.5 ends the process when it replays.
+        self._replayed: Any = None
+        if options.variant != "cuda":
+            self._replayed = dr.freeze(sample_pixels, limit=MAX_KERNELS, warn_after=NEVER)
+        self._sample_pixels = self._replayed or sample_pixels
 
     def draw(self, world: World, place: Place, request: RenderRequest) -> FloatArray:
         """(h, w, 4) radiance in three bands, W m⁻² sr⁻¹, and coverage of the request's box."""
@@ -85,7 +88,8 @@ class Wavefront:
     def trace_again(self) -> None:
         """Trace the kernel anew for the next image, because other textures are in use. Dr.Jit does not
         see those of nested BSDFs when it replays a kernel. What is traced is not compiled again."""
-        self._sample_pixels.clear()
+        if self._replayed is not None:
+            self._replayed.clear()
 
     def _round(
         self, sample_pixels: Callable[..., Any], centres_px: FloatArray, random: Any

@@ -77,7 +77,7 @@ def sightings_of(
             ):
                 dropped.append(detection)
                 continue
-            sighting = shapes.seen(image, found, poses, camera, sun_direction_cam)
+            sighting = shapes.seen(image, found, poses, camera, sun_direction_cam, detection.box_px)
         if _is_there(found.label, sighting.detection.box_px, seen):
             dropped.append(detection)
         else:

@@ -68,6 +68,7 @@ class Shapes:
         poses: Sequence[PoseEstimate],
         camera: Camera,
         sun_direction_cam: FloatArray | None = None,
+        box_px: FloatArray | None = None,
     ) -> Sighting:
         """Refine the pose of a detection, if there is a refiner, and take the mesh's box.
 
@@ -76,24 +77,24 @@ class Shapes:
 
         Args:
             poses: that the detection's keypoints may agree on, most trusted first; the refiner chooses.
-            sun_direction_cam: as of :meth:`posse_core.Refiner.refine`.
+            sun_direction_cam, box_px: as of :meth:`posse_core.Refiner.refine`.
         """
         if not poses or detection.label not in self._crafts:
             pose = next(iter(poses), None)
             return Sighting(detection, pose, start=pose)
         pose = start = poses[0]
-        refinement = self.refined(image, detection.label, poses, camera, sun_direction_cam)
+        refinement = self.refined(image, detection.label, poses, camera, sun_direction_cam, box_px)
         if refinement is not None:
             if refinement.is_better:
                 pose = refinement.pose
             elif not refinement.is_confirmed:
                 # A start that the refiner chose and could not improve says nothing for itself.
                 pose = replace(start, certainty=_UNREFINED * start.certainty)
-        box_px = self.box_px(detection.label, pose, camera)
+        mesh_px = self.box_px(detection.label, pose, camera)
         is_sure = refinement is not None and refinement.is_better and pose.certainty >= _CERTAIN
         least = 0.0 if is_sure else _LEAST_OVERLAP
-        if box_px is not None and float(box_iou(box_px, detection.box_px)) > least:
-            detection = replace(detection, box_px=box_px)
+        if mesh_px is not None and float(box_iou(mesh_px, detection.box_px)) > least:
+            detection = replace(detection, box_px=mesh_px)
         return Sighting(detection, replace(pose, detection=detection), refinement, start)
 
     def __contains__(self, label: object) -> bool:
@@ -107,6 +108,7 @@ class Shapes:
         poses: Sequence[PoseEstimate],
         camera: Camera,
         sun_direction_cam: FloatArray | None = None,
+        box_px: FloatArray | None = None,
     ) -> Refinement | None:
         """What the refiner makes of the poses of a class; None without a refiner, or without the mesh.
 
@@ -114,7 +116,8 @@ class Shapes:
         """
         if self._refiner is None or label not in self._crafts:
             return None
-        return self._opened(self._refiner, label, camera).refine(image, poses, sun_direction_cam)
+        opened = self._opened(self._refiner, label, camera)
+        return opened.refine(image, poses, sun_direction_cam, box_px)
 
     def box_px(self, label: str, pose: PoseEstimate, camera: Camera) -> FloatArray | None:
         """The box (4,) x, y, width, height of the pixels that the mesh covers at a pose, as the label

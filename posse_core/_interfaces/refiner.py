@@ -75,6 +75,7 @@ class Refiner(Component[OptionsT]):
         image: AnyArray,
         starts: Sequence[PoseEstimate],
         sun_direction_cam: FloatArray | None = None,
+        box_px: FloatArray | None = None,
     ) -> Refinement:
         """Refine a pose.
 
@@ -83,6 +84,8 @@ class Refiner(Component[OptionsT]):
             starts: one pose or several, the likeliest first.
             sun_direction_cam: (3,) unit vector from the spacecraft to the Sun, camera axes; None where
                 it is not known, or what shines is no Sun.
+            box_px: (4,) x, y, width, height of the box in which a detector saw the spacecraft, or that
+                part of it which is lit; None where there was none.
         """
 
     @abstractmethod

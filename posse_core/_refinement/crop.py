@@ -82,6 +82,14 @@ class Picture:
         low, high = self._bounds(placement, vertices_body_m)
         return float((high - low).max())
 
+    def share_of(self, placement: Placement, vertices_body_m: FloatArray, box_px: FloatArray) -> float:
+        """The length of the box around the spacecraft, as far as it is in the image, over that of a box
+        (4,): the square root of the ratio of their areas; 0 if it is not in the image."""
+        low, high = self._bounds(placement, vertices_body_m)
+        size = np.array([self._camera.width_px, self._camera.height_px]) - 0.5
+        width, height = np.clip(high, -0.5, size) - np.clip(low, -0.5, size)
+        return float(np.sqrt(width * height / (box_px[2] * box_px[3])))
+
     def crop(self, placement: Placement, vertices_body_m: FloatArray, scale: Scale) -> Crop | None:
         """The part around the spacecraft at a pose; None if too little of it is in the image."""
         bins, camera = scale.binned, self._camera

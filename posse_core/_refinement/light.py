@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import nnls
 
-from posse_core._arrays import FloatArray
+from posse_core._arrays import Float32Array, FloatArray
 from posse_core._refinement.crop import Crop, binned
+from posse_core._refinement.flow import normals
 from posse_core._refinement.placement import Placement
 from posse_core._refinement.studio import Drawn, Lights, Studio
 from posse_core._refinement.windows import smooth
@@ -17,6 +18,8 @@ _DARK = 0.02
 _CODING = 0.6
 """The slope of sRGB's coding falls with about this power of the brightness."""
 _ROUNDS = 4
+_LAMBERT = 2 / 3
+"""The slope of what a matt surface sends back, by its normal, over that of the sky's radiance."""
 
 
 @dataclass(frozen=True)
@@ -32,47 +35,89 @@ class Light:
     blur_px: float
 
 
+@dataclass(frozen=True)
+class Apart:
+    """The spacecraft under each light alone, at full strength.
+
+    Attributes:
+        sun: under the Sun.
+        sky: under an even sky.
+        facing: (h, w, 3) unit normals of what is seen, towards the camera; 0 off it.
+    """
+
+    sun: Drawn
+    sky: Drawn
+    facing: Float32Array
+
+
 def drawn_apart(
     crop: Crop, studio: Studio, placement: Placement, sun_direction_cam: FloatArray
-) -> tuple[Drawn, Drawn]:
-    """The spacecraft under the Sun alone and under an even sky alone, each at full strength."""
+) -> Apart:
+    """Draw the spacecraft under each light alone."""
     scale, box = crop.scale.drawn, crop.drawn_box
     sun = studio.draw(scale, box, placement, Lights(1.0, 0.0, sun_direction_cam))
-    return sun, studio.draw(scale, box, placement, Lights(0.0, 1.0, sun_direction_cam))
+    sky = studio.draw(scale, box, placement, Lights(0.0, 1.0, sun_direction_cam))
+    return Apart(sun, sky, -normals(sky.depth_m, crop.camera, box))
 
 
 def fitted(
-    crop: Crop, shown: tuple[Drawn, Drawn], sun_direction_cam: FloatArray, blur_px: float
+    crop: Crop,
+    shown: Apart,
+    sun_direction_cam: FloatArray,
+    blur_px: float,
+    least_sun: float = 0.0,
 ) -> Light:
-    """Fit the strength of the Sun and of an even sky, neither below 0, to the crop.
+    """Fit the strengths of the Sun and of the sky, neither below 0, to the crop.
 
-    What is white, even in part, does not count, and what is far from what is drawn counts little.
+    Where the Sun shines from beyond the spacecraft, most of what is seen is lit by the Earth, and the
+    sky may be brighter on one side. What is white, even in part, does not count, and what is far from
+    what is drawn counts little.
 
     Args:
-        shown: of :func:`drawn_apart`.
+        least_sun: how much brighter a plate that faces the Sun is, at least, than one that faces the
+            brightest part of the sky.
     """
     scale, blur = crop.scale, blur_px * crop.scale.drawn
-    covered = binned(smooth(shown[0].coverage, blur), scale.finer)
+    covered = binned(smooth(shown.sun.coverage, blur), scale.finer)
     inside = covered > (0.9 if np.count_nonzero(covered > 0.9) >= 20 else 0.3)
     inside &= ~crop.is_saturated
     seen = crop.linear[inside].astype(np.float64)
     if not len(seen):
         return Light(Lights(1.0, 0.0, sun_direction_cam), blur_px)
-    columns = [binned(smooth(each.bright, blur), scale.finer)[inside] for each in shown]
+    has_slope = sun_direction_cam[2] > 0
+    brights = [shown.sun.bright, *(_halves(shown) if has_slope else [shown.sky.bright])]
+    columns = [binned(smooth(bright, blur), scale.finer)[inside] for bright in brights]
     parts = np.stack(columns, axis=1).astype(np.float64)
+    parts[:, 1:] += least_sun * parts[:, :1]
     slope = 1 / np.maximum(seen, _DARK) ** _CODING
-    weight, strength = slope, np.zeros(2)
+    weight, strength = slope, np.zeros(len(brights))
     for _ in range(_ROUNDS):
         strength = nnls(parts * weight[:, None], seen * weight)[0]
         off = np.abs(parts @ strength - seen) * slope
         spread = 1.4826 * float(np.median(off)) + 1e-4
         weight = slope / np.sqrt(np.maximum(1, off / (1.5 * spread)))
-    sun, sky = strength.tolist()
-    return Light(Lights(float(sun), float(sky), sun_direction_cam), blur_px)
+    sun = float(strength[0] + least_sun * strength[1:].sum())
+    if not has_slope:
+        return Light(Lights(sun, float(strength[1]), sun_direction_cam), blur_px)
+    halves = strength[1:].reshape(3, 2)
+    sky = float(halves.sum() / 2)
+    x, y, z = ((halves[:, 0] - halves[:, 1]) / 2 / max(sky, 1e-9) / _LAMBERT).tolist()
+    return Light(Lights(sun, sky, sun_direction_cam, (x, y, z)), blur_px)
 
 
-def together(shown: tuple[Drawn, Drawn], lights: Lights) -> Drawn:
+def _halves(shown: Apart) -> list[Float32Array]:
+    """The spacecraft under skies that are as bright on one side of each axis as they are dark on the
+    other: along x, against x, along y and so on, in camera axes."""
+    return [
+        np.asarray(shown.sky.bright * (1 + sign * shown.facing[..., axis]) / 2, np.float32)
+        for axis in range(3)
+        for sign in (1, -1)
+    ]
+
+
+def together(shown: Apart, lights: Lights) -> Drawn:
     """What is seen under both."""
-    sun, sky = shown
-    bright = np.float32(lights.sun) * sun.bright + np.float32(lights.sky) * sky.bright
-    return Drawn(bright, sun.coverage, sun.depth_m)
+    shade = 1 + _LAMBERT * (shown.facing @ np.array(lights.sky_slope, np.float32))
+    sky = np.float32(lights.sky) * shade * shown.sky.bright
+    bright = np.float32(lights.sun) * shown.sun.bright + sky
+    return Drawn(np.asarray(bright, np.float32), shown.sun.coverage, shown.sun.depth_m)

@@ -63,9 +63,10 @@ class CheckedRefiner(Refiner):
         image: AnyArray,
         starts: Sequence[PoseEstimate],
         sun_direction_cam: FloatArray | None = None,
+        box_px: FloatArray | None = None,
     ) -> Refinement:
         with failures_named("refiner", self._name):
-            made = self._refiner.refine(image, starts, sun_direction_cam)
+            made = self._refiner.refine(image, starts, sun_direction_cam, box_px)
         fault = _fault(made, starts)
         if fault is not None:
             raise ComponentError(f"refiner {self._name!r}: {fault}")

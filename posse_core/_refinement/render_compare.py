@@ -62,6 +62,7 @@ class RenderCompare(Refiner[RenderCompareOptions]):
         image: AnyArray,
         starts: Sequence[PoseEstimate],
         sun_direction_cam: FloatArray | None = None,
+        box_px: FloatArray | None = None,
     ) -> Refinement:
         """Refine a pose; see :meth:`posse_core.Refiner.refine`."""
         if self._setting is None or self._studio is None:
@@ -82,6 +83,7 @@ class RenderCompare(Refiner[RenderCompareOptions]):
             sun_direction_cam,
             float(self.options.size_px),
             lambda: time.perf_counter() < end_s,
+            box_px,
         )
         firsts = [Placement.of(start) for start in starts]
         trusts = [start.trust for start in starts]

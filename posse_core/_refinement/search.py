@@ -15,10 +15,11 @@ from posse_core._interfaces.refiner import RefinerSetting
 from posse_core._refinement.compare import Comparer, LitComparer, ShapeComparer, sharpest
 from posse_core._refinement.crop import Crop, Picture, Scale, scales
 from posse_core._refinement.descent import Found, descended
-from posse_core._refinement.light import Light, drawn_apart, fitted, together
+from posse_core._refinement.light import Apart, Light, drawn_apart, fitted, together
 from posse_core._refinement.placement import Placement
-from posse_core._refinement.studio import Drawn, Studio
+from posse_core._refinement.studio import Studio
 from posse_core._refinement.sunlight import brightest_direction
+from posse_core._refinement.trail import RIVAL, Trail, chance, size_fit, weighed
 
 _STEPS = 4
 _ROUNDS = 3
@@ -32,17 +33,15 @@ _SURE, _CLEAR = 0.95, 0.98
 finest, fewer rivals are followed."""
 _HOPE = 0.15
 """How far the agreement may rise at finer scales."""
-_LEAST_TRUST, _POWER = 0.01, 0.25
-"""The chance of a pose rises with this power of its trust, which is often too sure."""
 _TURNED = 0.3
 """A pose turned by half a turn is trusted by so much of its start's trust."""
-_LEFT_OVER = 1e-3
-"""What no drawing explains of the detail."""
 _UNSEEN = 16.0
 """The chance of all poses that were not tried."""
-_RIVAL, _FOLLOWED, _MOST = 50.0, 5, 10
-"""Poses whose chance is less by at most this factor are followed to the finest scale: so many, and
-until one agrees clearly at most so many."""
+_FOLLOWED, _MOST = 5, 10
+"""So many rivals are followed to the finest scale, and until one agrees clearly at most so many."""
+_LEAST_SUN = 2.0
+"""Where the Sun is known, a plate that faces it is at least so many times as bright as one that faces
+the brightest part of the sky: the Earth sends back a third of the Sun's light, and clouds half of it."""
 _SAME_RAD, _SAME_SHARE = np.radians(5), 0.05
 """Poses that differ by less, in attitude and in position as a share of the range, are the same."""
 _ASIDE_RAD, _FARTHER = np.radians(12), 1.15
@@ -73,45 +72,11 @@ class Outcome:
         return self.found.comparison.agreement
 
 
-@dataclass(frozen=True)
-class _Trail:
-    """A pose on its way through the scales.
-
-    Attributes:
-        found: the pose and the comparison at it.
-        comparer: that made the comparison.
-        sun_direction_cam: (3,) where the light comes from.
-        blur_px: of the image.
-        is_linear: whether the image is; otherwise it is coded by sRGB.
-        start: index of the start.
-        trust: how likely the pose is before the image is compared.
-        share: of its chance that is left since others explain detail better.
-    """
-
-    found: Found
-    comparer: LitComparer
-    sun_direction_cam: FloatArray
-    blur_px: float
-    is_linear: bool
-    start: int
-    trust: float
-    share: float = 1.0
-
-    @property
-    def agreement(self) -> float:
-        return self.found.comparison.agreement
-
-    @property
-    def chance(self) -> float:
-        """How likely the pose is among others; see :func:`_chance`."""
-        return self.share * _chance(self.agreement, self.trust)
-
-
 class Search:
     """The search in one image.
 
     Args:
-        sun_direction_cam: as of :meth:`posse_core.Refiner.refine`.
+        sun_direction_cam, box_px: as of :meth:`posse_core.Refiner.refine`.
         size_px: extent of the spacecraft in the finest crops.
         has_time: whether anything new may be begun.
     """
@@ -124,8 +89,10 @@ class Search:
         sun_direction_cam: FloatArray | None,
         size_px: float,
         has_time: Callable[[], bool],
+        box_px: FloatArray | None = None,
     ) -> None:
         self._studio, self._sun, self._has_time = studio, sun_direction_cam, has_time
+        self._box_px = box_px
         self._vertices_m = np.concatenate([part.vertices_body_m for part in setting.spacecraft.parts])
         self._radius_m = setting.spacecraft.radius_m
         self._symmetries = setting.spacecraft.symmetries
@@ -160,23 +127,23 @@ class Search:
             trails += self._half_turned(best)
         # What looks alike when it is coarse may not when it is fine.
         trails = self._different(trails)
-        rivals = [trail for trail in trails if trail.chance > trails[0].chance / _RIVAL]
-        finest: list[_Trail] = []
+        rivals = [trail for trail in trails if trail.chance > trails[0].coarse_chance / RIVAL]
+        finest: list[Trail] = []
         for trail in rivals[:_MOST]:
             is_clear = any(each.agreement > _CLEAR for each in finest)
             if is_clear and len(finest) >= _FOLLOWED:
                 break
             finest.append(self._to_the_finest(trail, least_agreement))
-        trails = sorted(_weighed(self._different(finest)), key=lambda trail: -trail.chance)
+        trails = sorted(weighed(self._different(finest)), key=lambda trail: -trail.chance)
         best = trails[0]
         self._picture = self._by_coding[best.is_linear]
         before = best.comparer.compare(firsts[best.start]).agreement
         certainty = best.chance / (sum(trail.chance for trail in trails) + _UNSEEN)
         return Outcome(best.found, before, best.start, certainty)
 
-    def _different(self, trails: Sequence[_Trail]) -> list[_Trail]:
+    def _different(self, trails: Sequence[Trail]) -> list[Trail]:
         """Those that differ, most likely first; of several that are the same pose, the likeliest."""
-        kept: list[_Trail] = []
+        kept: list[Trail] = []
         for trail in sorted(trails, key=lambda trail: -trail.chance):
             pose = trail.found.placement
             errors = [pose_errors(*each.found.placement, *pose, self._symmetries) for each in kept]
@@ -184,7 +151,7 @@ class Search:
                 kept.append(trail)
         return kept
 
-    def _to_the_finest(self, trail: _Trail, least_agreement: float) -> _Trail:
+    def _to_the_finest(self, trail: Trail, least_agreement: float) -> Trail:
         """A trail through the scales, while its agreement may still become enough."""
         for scale in self._scales(trail.found.placement)[1:]:
             if not self._has_time() or trail.agreement < least_agreement - _HOPE:
@@ -217,7 +184,7 @@ class Search:
     def _scales(self, placement: Placement) -> list[Scale]:
         return scales(self._picture.extent_px(placement, self._vertices_m), self._sizes_px)
 
-    def _coarse(self, first: Placement, trust: float, number: int) -> _Trail | None:
+    def _coarse(self, first: Placement, trust: float, number: int) -> Trail | None:
         """A start followed at the coarsest scale."""
         crops = self._crops(first, self._scales(first)[0])
         if not crops:
@@ -233,21 +200,21 @@ class Search:
         crops = [picture.crop(placement, self._vertices_m, scale) for picture in pictures]
         return [crop for crop in crops if crop is not None]
 
-    def _half_turned(self, best: _Trail) -> list[_Trail]:
+    def _half_turned(self, best: Trail) -> list[Trail]:
         """Trails from a pose turned by half a turn about each body axis, where they may rival it."""
         turned = [best.found.placement.turned(R_about(axis, np.pi)) for axis in np.eye(3)]
         trust = _TURNED * best.trust
         return [
             self._lit_at(crops, placement, best.sun_direction_cam, None, best.start, trust)
-            for agreement, crops, placement in self._drawn(best, turned)
-            if _chance(agreement, trust) > best.chance / _RIVAL and self._has_time()
+            for likely, crops, placement in self._drawn(best, turned, trust)
+            if likely > best.coarse_chance / RIVAL and self._has_time()
         ]
 
-    def _nearby(self, best: _Trail, first: Placement) -> list[_Trail]:
+    def _nearby(self, best: Trail, first: Placement) -> list[Trail]:
         """Trails from poses near a start: those that agree most, and so on from the best of these."""
         # About the axis along which a spacecraft is long, an image tells attitudes least.
         axes = np.linalg.svd(self._vertices_m, full_matrices=False)[2]
-        trails: list[_Trail] = []
+        trails: list[Trail] = []
         here = first
         for _ in range(_WALKS):
             near = [
@@ -258,30 +225,32 @@ class Search:
             near += [here.at_range(share) for share in (1 / _FARTHER, _FARTHER)]
             found = [
                 self._lit_at(crops, placement, best.sun_direction_cam, None, best.start, best.trust)
-                for _, crops, placement in self._drawn(best, near)[:_NEARBY]
+                for _, crops, placement in self._drawn(best, near, best.trust)[:_NEARBY]
                 if self._has_time()
             ]
             trails += found
-            better = max(found, key=lambda trail: trail.agreement, default=best)
-            if better.agreement <= best.agreement or better.agreement > _SURE:
+            better = max(found, key=lambda trail: trail.chance, default=best)
+            if better.chance <= best.chance or better.agreement > _SURE:
                 break
             best, here = better, better.found.placement
         return trails
 
     def _drawn(
-        self, best: _Trail, placements: Sequence[Placement]
+        self, best: Trail, placements: Sequence[Placement], trust: float
     ) -> list[tuple[float, list[Crop], Placement]]:
-        """Agreement, crops and pose of poses, under the light of a trail, the most agreeing first."""
+        """Chance, crops and pose of poses of one trust, under a trail's light, the likeliest first."""
         sun = best.sun_direction_cam
         tried = []
         for placement in placements:
             crops = self._crops(placement, self._scales(placement)[0])
             if crops and self._has_time():
                 shown = drawn_apart(crops[0], self._studio, placement, sun)
-                tried.append((self._coded(crops, shown, sun, _BLUR_PX)[0], crops, placement))
+                agreement = self._coded(crops, shown, sun, _BLUR_PX)[0]
+                likely = self._fit(placement) * chance(agreement, trust)
+                tried.append((likely, crops, placement))
         return sorted(tried, key=lambda each: -each[0])
 
-    def _followed(self, trail: _Trail, scale: Scale) -> _Trail | None:
+    def _followed(self, trail: Trail, scale: Scale) -> Trail | None:
         """A trail at the next scale."""
         here = trail.found.placement
         crops = self._crops(here, scale)
@@ -301,7 +270,7 @@ class Search:
         blur_px: float | None,
         start: int,
         trust: float,
-    ) -> _Trail:
+    ) -> Trail:
         """Descend in a crop, fitting the light and the blur, and finding how the image is coded.
 
         A blur of None is not known yet, and is fitted after the first steps.
@@ -319,14 +288,22 @@ class Search:
             if (has_blur and not has_moved) or not self._has_time():
                 break
             has_blur = True
-        return _Trail(found, comparer, sun, light.blur_px, crop.is_linear, start, trust)
+        fit = self._fit(found.placement)
+        return Trail(found, comparer, sun, light.blur_px, crop.is_linear, start, trust, fit)
+
+    def _fit(self, placement: Placement) -> float:
+        """What is left of a pose's chance, 0 … 1, by the detected box."""
+        if self._box_px is None:
+            return 1.0
+        return size_fit(self._picture.share_of(placement, self._vertices_m, self._box_px))
 
     def _coded(
-        self, crops: Sequence[Crop], shown: tuple[Drawn, Drawn], sun: FloatArray, blur_px: float
+        self, crops: Sequence[Crop], shown: Apart, sun: FloatArray, blur_px: float
     ) -> tuple[float, Crop, Light]:
         """Of crops of differently coded images, that which agrees most with what is drawn, how much, and
         the light in it."""
-        lights = [fitted(crop, shown, sun, blur_px) for crop in crops]
+        least = 0.0 if self._sun is None else _LEAST_SUN
+        lights = [fitted(crop, shown, sun, blur_px, least) for crop in crops]
         agreements = [
             LitComparer(crop, self._studio, light).agreement(together(shown, light.lights))
             for crop, light in zip(crops, lights, strict=True)
@@ -338,29 +315,3 @@ class Search:
         fx_px = crop.camera.fx_px / crop.scale.finer
         radius_px = fx_px * self._radius_m / max(float(here.t_body_cam_m[2]), 1e-3)
         return descended(comparer, here, self._radius_m, radius_px, steps, self._has_time)
-
-
-def _weighed(trails: Sequence[_Trail]) -> list[_Trail]:
-    """Trails whose chance falls as others explain the image's detail better: brightness as a whole
-    hardly tells poses that look alike, while edges and marks do."""
-    if len(trails) < 2:
-        return list(trails)
-    left = [1 - trail.comparer.detail(trail.found.placement) + _LEFT_OVER for trail in trails]
-    rivals = [
-        each
-        for each, trail in zip(left, trails, strict=True)
-        if trail.chance > trails[0].chance / _RIVAL
-    ]
-    return [
-        replace(trail, share=min(1.0, min(rivals) / each))
-        for each, trail in zip(left, trails, strict=True)
-    ]
-
-
-def _chance(agreement: float, trust: float) -> float:
-    """How likely a pose is, among others, by how an image agrees with it and its trust.
-
-    What is left of the disagreement counts as variance would; trust counts little
-    (docs/refining.md#how-certain-a-refined-pose-is).
-    """
-    return float((trust + _LEAST_TRUST) ** _POWER / max(1 - agreement, 1e-3) ** 2)

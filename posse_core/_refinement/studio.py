@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -19,7 +20,10 @@ from posse_core._scenario.component import ComponentChoice
 
 _SUN_RADIUS_RAD = 0.00465
 _FORWARD = np.array([0.0, 0.0, -1.0])
-_SKY = EnvironmentMap(np.full((8, 16, 3), 1 / 3, np.float32))
+_SKY_HEIGHT = 16
+_STEP = 0.05
+"""Slopes of the sky are rounded to this, so that drawings of one light share a map."""
+_EVEN = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -30,11 +34,14 @@ class Lights:
         sun: what a white plate that faces the Sun returns, as a share of white in the image.
         sky: what a white plate under an even sky returns.
         sun_direction_cam: (3,) unit vector from the spacecraft to the Sun, camera axes.
+        sky_slope: from where the sky shines more: its radiance is as 1 + slope · direction, in camera
+            axes, and not below 0.
     """
 
     sun: float
     sky: float
     sun_direction_cam: FloatArray
+    sky_slope: tuple[float, float, float] = _EVEN
 
 
 @dataclass(frozen=True)
@@ -89,7 +96,7 @@ class Studio:
             camera = scaled(self._setting.camera, scale)
             name, options = self._choice.name, self._choice.options
             self._open[scale] = self._setting.renderer(name, options, Scene(self._craft, camera))
-        # The sky is the same one always, as renderers keep what they make of it; drawings are dimmed.
+        # The sky is as bright always, as renderers keep what they make of it; drawings are dimmed.
         level = lights.sky if lights.sky > 0 else 1.0
         craft = CraftState(
             R_cam_from_body=placement.R_cam_from_body,
@@ -98,7 +105,8 @@ class Studio:
             sun_irradiance_rgb_w_m2=np.full(3, np.pi * lights.sun / level / 3),
             sun_angular_radius_rad=_SUN_RADIUS_RAD,
         )
-        sky = _SKY if lights.sky > 0 else None
+        x, y, z = (round(slope / _STEP) for slope in lights.sky_slope)
+        sky = _sky(x, y, z) if lights.sky > 0 else None
         light = self._open[scale].render(RenderRequest(craft, box, sky, 0))
         self.images += 1
         depth_m = light.depth_m
@@ -118,6 +126,17 @@ class Studio:
         for renderer in self._open.values():
             renderer.close()
         self._open.clear()
+
+
+@lru_cache(maxsize=64)
+def _sky(x: int, y: int, z: int) -> EnvironmentMap:
+    """The sky with a slope in steps."""
+    theta = np.pi * (np.arange(_SKY_HEIGHT) + 0.5)[:, None] / _SKY_HEIGHT
+    phi = np.pi * (np.arange(2 * _SKY_HEIGHT) + 0.5) / _SKY_HEIGHT - np.pi
+    across, up = np.sin(theta) * np.sin(phi), -np.cos(theta) * np.ones_like(phi)
+    brighter = x * across + y * up + z * np.sin(theta) * np.cos(phi)
+    radiance = np.maximum(0, 1 + _STEP * brighter) / 3
+    return EnvironmentMap(np.repeat(radiance[..., None], 3, axis=2).astype(np.float32))
 
 
 def _merged(craft: Spacecraft) -> Spacecraft:

@@ -9,7 +9,7 @@ from posse_core._frames import R_with_z
 from posse_core._refinement.compare import LitComparer
 from posse_core._refinement.crop import Crop
 from posse_core._refinement.flow import normals
-from posse_core._refinement.light import fitted, together
+from posse_core._refinement.light import Apart, fitted, together
 from posse_core._refinement.placement import Placement
 from posse_core._refinement.studio import Drawn, Lights, Studio
 
@@ -38,15 +38,17 @@ def brightest_direction(
     scale, box = crop.scale.drawn, crop.drawn_box
     sky = studio.draw(scale, box, placement, Lights(0.0, 1.0, np.array([0.0, 0.0, -1.0])))
 
+    away = normals(sky.depth_m, crop.camera, box)
+
     def agreement(direction: FloatArray, sun: Drawn) -> float:
-        light = fitted(crop, (sun, sky), direction, blur_px)
-        return LitComparer(crop, studio, light).agreement(together((sun, sky), light.lights))
+        shown = Apart(sun, sky, -away)
+        light = fitted(crop, shown, direction, blur_px)
+        return LitComparer(crop, studio, light).agreement(together(shown, light.lights))
 
     def drawn(direction: FloatArray) -> float:
         return agreement(direction, studio.draw(scale, box, placement, Lights(1.0, 0.0, direction)))
 
     if near is None:
-        away = normals(sky.depth_m, crop.camera, box)
         everywhere = _everywhere()
         shaded = [agreement(each, _shaded(sky, away, each)) for each in everywhere]
         tried = everywhere[np.argsort(shaded)[-_DRAWN:]]

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from posse_core._arrays import AnyArray, FloatArray
+from posse_core._arrays import AnyArray, Float32Array, FloatArray
 from posse_core._geometry.raycast import RayCaster
 from posse_core._interfaces.detector import PoseEstimate
 from posse_core._interfaces.refiner import Refinement, Refiner, RefinerSetting
@@ -30,6 +30,8 @@ from posse_core.testing.conformance import CHANGED, Conformance
 _SUN_CAM = np.array([0.4, -0.5, -0.768114574786861])
 _SAMPLES = 3
 _NOISE_DN = 1.0
+_LIT = 40
+"""Numbers above which a pixel of the image is lit, beside a sky of 0 with noise."""
 _R_TRUE = Rotation.from_euler("xyz", [20, -35, 15], degrees=True).as_matrix()
 _T_TRUE_M = np.array([0.12, -0.08, 6.0])
 _TURN_RAD = np.radians([2.0, -2.5, 3.0])
@@ -105,6 +107,18 @@ class RefinerConformance(Conformance):
         with self._opened() as refiner:
             made = refiner.refine(_image(), [_start()])
         _check_form(made)
+
+    def test_the_detected_box_may_be_known(self) -> None:
+        """That of what is lit, which is most of what is seen."""
+        columns, rows = (np.flatnonzero(np.any(_image() > _LIT, axis=axis)) for axis in (0, 1))
+        low = np.array([columns[0], rows[0]])
+        box_px = np.concatenate([low, np.array([columns[-1], rows[-1]]) + 1 - low]).astype(np.float64)
+        kept = box_px.copy()
+        with self._opened() as refiner:
+            made = refiner.refine(_image(), [_start()], _SUN_CAM, box_px)
+        assert made.is_better, "it does not accept a pose in the box that a detector saw"
+        assert _errors(made.pose)[0] < _errors(_start())[0] / 2, "the box keeps it from the pose"
+        np.testing.assert_array_equal(box_px, kept, err_msg=CHANGED)
 
     def test_the_same_image_gives_the_same_bits(self) -> None:
         """Also for a refiner that has refined another image in between."""
@@ -214,24 +228,40 @@ class RayRenderer(Renderer):
 
     def render(self, request: RenderRequest) -> Radiance:
         view, box, craft = self._caster.view(request.craft), request.box, request.craft
-        sky_rgb = 0.0
-        if request.environment is not None:
-            sky_rgb = request.environment.radiance_rgb.mean(axis=(0, 1))
         rgb = np.zeros((self._finer.height_px, self._finer.width_px, 3), np.float32)
         covered = np.zeros(rgb.shape[:2], np.float32)
         depth_m = np.full(rgb.shape[:2], np.nan, np.float32)
         if not view.box.is_empty:
             colour = self._colours[view.part_id]
             facing = np.where(view.lit, np.maximum(view.normal_cam @ craft.sun_direction_cam, 0), 0)
-            sunny = facing[..., None] * craft.sun_irradiance_rgb_w_m2 / np.pi
+            light = np.asarray(facing[..., None] * craft.sun_irradiance_rgb_w_m2 / np.pi)
+            if request.environment is not None:
+                normals_cam = view.normal_cam[view.hit].astype(np.float32)
+                light[view.hit] += _from_sky(normals_cam, request.environment.radiance_rgb)
             inside = view.box.slices
-            rgb[inside] = np.where(view.hit[..., None], colour * (sunny + sky_rgb), 0)
+            rgb[inside] = np.where(view.hit[..., None], colour * light, 0)
             covered[inside], depth_m[inside] = view.hit, view.depth_m
         middle = depth_m[_SAMPLES // 2 :: _SAMPLES, _SAMPLES // 2 :: _SAMPLES]
         return Radiance(box, _pixels(rgb)[box.slices], _pixels(covered)[box.slices], middle[box.slices])
 
     def close(self) -> None:
         pass
+
+
+def _from_sky(normals_cam: Float32Array, radiance_rgb: Float32Array) -> Float32Array:
+    """What white, matt surfaces with normals (N, 3) send back of a sky that nothing hides: (N, 3). Of an
+    even sky it is the sky's radiance."""
+    if np.all(radiance_rgb == radiance_rgb[0, 0]):
+        return np.broadcast_to(radiance_rgb[0, 0], normals_cam.shape)
+    height, width, _ = radiance_rgb.shape
+    theta = np.pi * (np.arange(height) + 0.5)[:, None] / height
+    phi = 2 * np.pi * (np.arange(width) + 0.5) / width - np.pi
+    across, along = np.sin(theta) * np.sin(phi), np.sin(theta) * np.cos(phi)
+    towards = np.stack([across, np.broadcast_to(-np.cos(theta), across.shape), along])
+    facing = np.maximum(normals_cam @ towards.reshape(3, -1).astype(np.float32), 0)
+    share = facing * np.repeat(np.sin(theta), width).astype(np.float32)
+    sent = share @ radiance_rgb.reshape(-1, 3) / share.sum(axis=1, keepdims=True)
+    return np.asarray(sent, np.float32)
 
 
 def _pixels(samples: AnyArray) -> AnyArray:

@@ -183,7 +183,7 @@ class Turns(posse.Refiner):
     def open(self, setting):
         raise NotImplementedError  # it is given as it is
 
-    def refine(self, image, starts, sun_direction_cam=None):
+    def refine(self, image, starts, sun_direction_cam=None, box_px=None):
         (start,) = starts
         turned = self.turn @ start.R_cam_from_body
         pose = replace(start, R_cam_from_body=turned, covariance=1e-9 * np.eye(6))

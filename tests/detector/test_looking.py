@@ -144,6 +144,7 @@ class Content(posse.Refiner):
     """Leaves each pose as it is, and counts them."""
 
     refined = 0
+    boxes_px: ClassVar[list[np.ndarray | None]] = []
 
     def open(self, setting):
         pass
@@ -151,8 +152,9 @@ class Content(posse.Refiner):
     def close(self):
         pass
 
-    def refine(self, image, starts, sun_direction_cam=None):
+    def refine(self, image, starts, sun_direction_cam=None, box_px=None):
         type(self).refined += 1
+        type(self).boxes_px.append(box_px)
         return posse.Refinement(starts[0], False, 0.9, 0.9, True)
 
 
@@ -164,3 +166,14 @@ def test_two_detections_of_one_spacecraft_count_once_and_are_refined_once():
     assert [each.detection.score for each in found] == [0.9]
     assert [each.score for each in dropped] == [0.6]
     assert Content.refined == 1
+
+
+def test_a_refiner_is_told_the_box_that_the_detector_saw():
+    """And not that of the mesh at a first pose, around which keypoints were found again."""
+    Content.boxes_px.clear()
+    shapes = Shapes({"brick": cuboid.cuboid()}, lambda craft, camera: Content(posse.NoOptions()))
+    (found,), _ = sightings_of([poor()], Sees(), IMAGE, cuboid.CAMERA, shapes, 0.3, None)
+    np.testing.assert_array_equal(Content.boxes_px, [poor().box_px])
+    assert found.start is not None
+    assert found.start.detection is not None
+    assert not np.array_equal(found.start.detection.box_px, poor().box_px)

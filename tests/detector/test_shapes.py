@@ -108,6 +108,7 @@ class Exact(posse.Refiner):
         super().__init__(posse.NoOptions())
         self.truth, self.accepts, self.confirms, self.is_closed = truth, accepts, confirms, False
         self.suns: list[np.ndarray | None] = []
+        self.boxes: list[np.ndarray | None] = []
 
     def open(self, setting: RefinerSetting) -> None:
         raise NotImplementedError
@@ -117,8 +118,10 @@ class Exact(posse.Refiner):
         image: AnyArray,
         starts: Sequence[posse.PoseEstimate],
         sun_direction_cam: np.ndarray | None = None,
+        box_px: np.ndarray | None = None,
     ) -> posse.Refinement:
         self.suns.append(sun_direction_cam)
+        self.boxes.append(box_px)
         pose = self.truth if self.accepts else starts[0]
         return posse.Refinement(pose, self.accepts, 0.9, 0.5, self.confirms)
 
@@ -208,7 +211,7 @@ def test_what_refinement_changed_is_measured(dataset) -> None:
             return [replace(d, keypoints_px=d.keypoints_px + np.array([2.0, 0])) for d in found]
 
     class Every(Exact):
-        def refine(self, image, starts, sun_direction_cam=None):
+        def refine(self, image, starts, sun_direction_cam=None, box_px=None):
             line = labels.line(image)
             R = Rotation.from_quat(np.roll(line.q_cam_from_body, -1)).as_matrix()
             if sun_direction_cam is not None:

@@ -9,7 +9,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from posse_core import CraftState, PixelBox, PoseEstimate, RenderRequest, Scene, Spacecraft
+from posse_core import (
+    CraftState,
+    EnvironmentMap,
+    Part,
+    PixelBox,
+    PoseEstimate,
+    RenderRequest,
+    Scene,
+    Spacecraft,
+)
 from posse_core._interfaces.refiner import RefinerSetting
 from posse_core._model.srgb import srgb_from_linear
 from posse_core._randomness import random_generator
@@ -32,21 +41,26 @@ HERE = Placement(
 BUS = refiners._cuboid("bus", (-0.5, -0.4, -0.35), (0.5, 0.4, 0.35), "cells")
 
 
-def light_of(craft: Spacecraft) -> tuple[np.ndarray, np.ndarray]:
-    """Brightness and coverage (h, w) under the Sun alone, each pixel the mean of many rays."""
+def light_of(
+    craft: Spacecraft,
+    place: Placement = HERE,
+    sun: np.ndarray = SUN,
+    sky: EnvironmentMap | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Brightness and coverage (h, w) under the Sun, each pixel the mean of many rays."""
     fine = scaled(CAMERA, RAYS)
     state = CraftState(
-        *HERE,
-        sun_direction_cam=SUN,
+        *place,
+        sun_direction_cam=sun,
         sun_irradiance_rgb_w_m2=np.full(3, np.pi),
         sun_angular_radius_rad=0.0047,
     )
     box = PixelBox(0, 0, fine.width_px, fine.height_px)
-    light = refiners._renderer("", {}, Scene(craft, fine)).render(RenderRequest(state, box, None, 0))
+    light = refiners._renderer("", {}, Scene(craft, fine)).render(RenderRequest(state, box, sky, 0))
     return binned(light.radiance_rgb.mean(axis=-1), RAYS), binned(light.coverage, RAYS)
 
 
-def fits(craft: Spacecraft, seen: np.ndarray) -> list[tuple[Crop, Light, float]]:
+def fits(craft: Spacecraft, seen: np.ndarray, sun: np.ndarray = SUN) -> list[tuple[Crop, Light, float]]:
     """Crop, light and agreement at the true pose, from the coarsest scale to the finest."""
     vertices_m = np.concatenate([part.vertices_body_m for part in craft.parts])
     picture = Picture(np.float32(seen), CAMERA, is_linear=True)
@@ -57,8 +71,8 @@ def fits(craft: Spacecraft, seen: np.ndarray) -> list[tuple[Crop, Light, float]]
         for scale in scales(picture.extent_px(HERE, vertices_m), (48.0, 96.0, 192.0)):
             crop = picture.crop(HERE, vertices_m, scale)
             assert crop is not None
-            shown = drawn_apart(crop, studio, HERE, SUN)
-            light = fitted(crop, shown, SUN, 0.4)
+            shown = drawn_apart(crop, studio, HERE, sun)
+            light = fitted(crop, shown, sun, 0.4)
             agreement = LitComparer(crop, studio, light).agreement(together(shown, light.lights))
             made.append((crop, light, agreement))
     assert made[0][0].scale.binned > 1
@@ -122,3 +136,57 @@ def test_how_an_image_is_coded_is_not_told_by_a_wrong_start() -> None:
     assert made.is_better
     assert np.degrees(off.magnitude()) < 0.3
     assert made.agreement > 0.999
+
+
+@pytest.mark.parametrize("side", [(1.0, 0.0, 0.0), (-0.6, 0.8, 0.0)])
+def test_a_spacecraft_lit_by_the_earth_on_one_side_agrees(side: tuple[float, float, float]) -> None:
+    """The Sun shines from beyond it, and a disc of 65 degrees about a direction in place of it."""
+    sun = np.array([0.3, -0.2, 0.93]) / np.linalg.norm([0.3, -0.2, 0.93])
+    theta = np.pi * (np.arange(32) + 0.5)[:, None] / 32
+    phi = np.pi * (np.arange(64) + 0.5) / 32 - np.pi
+    up = np.broadcast_to(-np.cos(theta), (32, 64))
+    towards = np.stack([np.sin(theta) * np.sin(phi), up, np.sin(theta) * np.cos(phi)], axis=-1)
+    earth = np.where(towards @ np.array(side) > np.cos(np.radians(65)), 0.3, 0.0)
+    sky = EnvironmentMap(np.repeat(earth[..., None], 3, axis=-1).astype(np.float32))
+    craft = refiners._craft()
+    for _, light, agreement in fits(craft, light_of(craft, sun=sun, sky=sky)[0], sun):
+        assert agreement > 0.97
+        assert np.array(light.lights.sky_slope) @ side > 0.5
+
+
+def test_of_two_sizes_that_of_the_detected_box_is_taken() -> None:
+    """A small spacecraft beside the detected one is as its mesh says, which that one is not quite."""
+    craft = refiners._craft()
+    dirty = replace(craft, parts=(*craft.parts, *_patches()))
+    far = Placement(HERE.R_cam_from_body, np.array([2.6, 1.4, 12.0]))
+    near_light, near_cover = light_of(dirty)
+    far_light, far_cover = light_of(craft, far)
+    assert not (near_cover * far_cover).any()
+    seen = srgb_from_linear(np.float32(np.clip(0.7 * (near_light + far_light), 0, 1)))
+    image = np.rint(255 * seen).astype(np.uint8)
+    starts = [
+        PoseEstimate(each.R_cam_from_body, each.t_body_cam_m, np.eye(6) * 1e-3, np.ones(8, bool), 1.0)
+        for each in (HERE, far)
+    ]
+    refiner = RenderCompare(RenderCompareOptions())
+    refiner.open(RefinerSetting(craft, CAMERA, refiners._renderer))
+    made = [refiner.refine(image, starts, SUN, box_of(cover)) for cover in (near_cover, far_cover)]
+    blind = refiner.refine(image, starts, SUN)
+    refiner.close()
+    ranges_m = [float(each.pose.t_body_cam_m[2]) for each in (*made, blind)]
+    assert ranges_m == pytest.approx([5.2, 12.0, 12.0], rel=0.03)
+
+
+def box_of(coverage: np.ndarray) -> np.ndarray:
+    """The box (4,) of what is covered."""
+    rows, columns = (np.flatnonzero(np.any(coverage > 0, axis=axis)) for axis in (1, 0))
+    low = np.array([columns[0], rows[0]])
+    return np.concatenate([low, np.array([columns[-1], rows[-1]]) + 1 - low]).astype(np.float64)
+
+
+def _patches() -> list[Part]:
+    """White patches that no mesh has."""
+    return [
+        refiners._cuboid(f"patch {k}", (x, y, -0.36), (x + 0.2, y + 0.2, -0.349), "white")
+        for k, (x, y) in enumerate([(-0.4, -0.3), (0.1, 0.0), (-0.1, -0.35)])
+    ]

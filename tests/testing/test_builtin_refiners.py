@@ -39,6 +39,7 @@ class Spoiled(Refiner):
         image: AnyArray,
         starts: Sequence[PoseEstimate],
         sun_direction_cam: FloatArray | None = None,
+        box_px: FloatArray | None = None,
     ) -> Refinement:
         self.calls += 1
         wrong = self.wrong
@@ -47,6 +48,10 @@ class Spoiled(Refiner):
             start = starts[0]
         if wrong == "needs the Sun":
             assert sun_direction_cam is not None
+        if wrong == "needs no box":
+            assert box_px is None
+        if wrong == "changes the box" and box_px is not None:
+            box_px += 1
         if wrong == "changes the image":
             image[:] = 0
         if wrong == "changes the start":
@@ -109,6 +114,9 @@ def test_one_that_knows_the_truth_passes(test: str) -> None:
         ("a copy of the start", "test_where_nothing_is_seen_the_start_is_returned"),
         ("the first start", "test_of_several_starts_the_right_one_is_taken"),
         ("needs the Sun", "test_the_sun_need_not_be_known"),
+        ("needs no box", "test_the_detected_box_may_be_known"),
+        ("changes the box", "test_the_detected_box_may_be_known"),
+        ("accepts nothing", "test_the_detected_box_may_be_known"),
         ("remembers", "test_the_same_image_gives_the_same_bits"),
         ("changes the image", "test_what_it_is_given_is_left_alone"),
         ("changes the start", "test_what_it_is_given_is_left_alone"),

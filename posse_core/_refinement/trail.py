@@ -1,0 +1,101 @@
+"""Poses on their way through the scales of a search, and how likely they are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from posse_core._arrays import FloatArray
+from posse_core._refinement.compare import LitComparer
+from posse_core._refinement.descent import Found
+
+_LEAST_TRUST, _POWER = 0.01, 0.25
+"""The chance of a pose rises with this power of its trust, which is often too sure."""
+_LEFT_OVER = 1e-3
+"""What no drawing explains of the detail."""
+_LEAST_OFF, _COARSE_OFF = 1e-3, 0.02
+"""What of a disagreement counts at least; and that of the likeliest pose among others at the coarsest
+scale, where different ones may agree nearly as much."""
+RIVAL = 50.0
+"""Poses whose chance is less by at most this factor may be the right one."""
+_BOX_SIGMA = 0.2
+"""Spread of the logarithm of the length of a pose's box over that of the detected one."""
+_LARGER, _SMALLER = 0.1, 0.01
+"""The least that is left of a pose's chance where its box is larger than the detected one, which may be
+around what is lit alone, and where it is smaller."""
+
+
+@dataclass(frozen=True)
+class Trail:
+    """A pose on its way through the scales.
+
+    Attributes:
+        found: the pose and the comparison at it.
+        comparer: that made the comparison.
+        sun_direction_cam: (3,) where the light comes from.
+        blur_px: of the image.
+        is_linear: whether the image is; otherwise it is coded by sRGB.
+        start: index of the start.
+        trust: how likely the pose is before the image is compared.
+        fit: what is left of its chance by the detected box.
+        share: of its chance that is left since others explain detail better.
+    """
+
+    found: Found
+    comparer: LitComparer
+    sun_direction_cam: FloatArray
+    blur_px: float
+    is_linear: bool
+    start: int
+    trust: float
+    fit: float
+    share: float = 1.0
+
+    @property
+    def agreement(self) -> float:
+        return self.found.comparison.agreement
+
+    @property
+    def chance(self) -> float:
+        """How likely the pose is among others; see :func:`chance`."""
+        return self.share * self.fit * chance(self.agreement, self.trust)
+
+    @property
+    def coarse_chance(self) -> float:
+        """The same, as far as the coarsest scale can tell."""
+        return self.fit * chance(self.agreement, self.trust, _COARSE_OFF)
+
+
+def weighed(trails: Sequence[Trail]) -> list[Trail]:
+    """Trails whose chance falls as others explain the image's detail better: brightness as a whole
+    hardly tells poses that look alike, while edges and marks do."""
+    if len(trails) < 2:
+        return list(trails)
+    left = [1 - trail.comparer.detail(trail.found.placement) + _LEFT_OVER for trail in trails]
+    rivals = [
+        each for each, trail in zip(left, trails, strict=True) if trail.chance > trails[0].chance / RIVAL
+    ]
+    return [
+        replace(trail, share=min(1.0, min(rivals) / each))
+        for each, trail in zip(left, trails, strict=True)
+    ]
+
+
+def chance(agreement: float, trust: float, least_off: float = _LEAST_OFF) -> float:
+    """How likely a pose is, among others, by how an image agrees with it and its trust.
+
+    What is left of the disagreement counts as variance would; trust counts little
+    (docs/refining.md#how-certain-a-refined-pose-is).
+    """
+    return float((trust + _LEAST_TRUST) ** _POWER / max(1 - agreement, least_off) ** 2)
+
+
+def size_fit(share: float) -> float:
+    """What is left of the chance of a pose whose box in the image has this share of the length of the
+    detected one's."""
+    if share <= 0:
+        return _SMALLER
+    alike = float(np.exp(-((np.log(share) / _BOX_SIGMA) ** 2) / 2))
+    return max(alike, _SMALLER if share < 1 else _LARGER)

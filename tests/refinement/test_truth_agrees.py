@@ -138,20 +138,20 @@ def test_how_an_image_is_coded_is_not_told_by_a_wrong_start() -> None:
     assert made.agreement > 0.999
 
 
-@pytest.mark.parametrize("side", [(1.0, 0.0, 0.0), (-0.6, 0.8, 0.0)])
-def test_a_spacecraft_lit_by_the_earth_on_one_side_agrees(side: tuple[float, float, float]) -> None:
+def test_a_spacecraft_lit_by_the_earth_on_one_side_agrees() -> None:
     """The Sun shines from beyond it, and a disc of 65 degrees about a direction in place of it."""
     sun = np.array([0.3, -0.2, 0.93]) / np.linalg.norm([0.3, -0.2, 0.93])
     theta = np.pi * (np.arange(32) + 0.5)[:, None] / 32
     phi = np.pi * (np.arange(64) + 0.5) / 32 - np.pi
     up = np.broadcast_to(-np.cos(theta), (32, 64))
     towards = np.stack([np.sin(theta) * np.sin(phi), up, np.sin(theta) * np.cos(phi)], axis=-1)
-    earth = np.where(towards @ np.array(side) > np.cos(np.radians(65)), 0.3, 0.0)
+    side = np.array([-0.6, 0.8, 0.0])
+    earth = np.where(towards @ side > np.cos(np.radians(65)), 0.3, 0.0)
     sky = EnvironmentMap(np.repeat(earth[..., None], 3, axis=-1).astype(np.float32))
     craft = refiners._craft()
     for _, light, agreement in fits(craft, light_of(craft, sun=sun, sky=sky)[0], sun):
         assert agreement > 0.97
-        assert np.array(light.lights.sky_slope) @ side > 0.5
+        assert side @ light.lights.sky_slope > 0.5
 
 
 def test_of_two_sizes_that_of_the_detected_box_is_taken() -> None:
@@ -171,10 +171,9 @@ def test_of_two_sizes_that_of_the_detected_box_is_taken() -> None:
     refiner = RenderCompare(RenderCompareOptions())
     refiner.open(RefinerSetting(craft, CAMERA, refiners._renderer))
     made = [refiner.refine(image, starts, SUN, box_of(cover)) for cover in (near_cover, far_cover)]
-    blind = refiner.refine(image, starts, SUN)
     refiner.close()
-    ranges_m = [float(each.pose.t_body_cam_m[2]) for each in (*made, blind)]
-    assert ranges_m == pytest.approx([5.2, 12.0, 12.0], rel=0.03)
+    ranges_m = [float(each.pose.t_body_cam_m[2]) for each in made]
+    assert ranges_m == pytest.approx([5.2, 12.0], rel=0.03)
 
 
 def box_of(coverage: np.ndarray) -> np.ndarray:

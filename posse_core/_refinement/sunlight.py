@@ -37,11 +37,10 @@ def brightest_direction(
     """
     scale, box = crop.scale.drawn, crop.drawn_box
     sky = studio.draw(scale, box, placement, Lights(0.0, 1.0, np.array([0.0, 0.0, -1.0])))
-
-    away = normals(sky.depth_m, crop.camera, box)
+    facing = -normals(sky.depth_m, crop.camera, box)
 
     def agreement(direction: FloatArray, sun: Drawn) -> float:
-        shown = Apart(sun, sky, -away)
+        shown = Apart(sun, sky, facing)
         light = fitted(crop, shown, direction, blur_px)
         return LitComparer(crop, studio, light).agreement(together(shown, light.lights))
 
@@ -50,7 +49,7 @@ def brightest_direction(
 
     if near is None:
         everywhere = _everywhere()
-        shaded = [agreement(each, _shaded(sky, away, each)) for each in everywhere]
+        shaded = [agreement(each, _shaded(sky, facing, each)) for each in everywhere]
         tried = everywhere[np.argsort(shaded)[-_DRAWN:]]
     else:
         tried = near[None]
@@ -61,11 +60,11 @@ def brightest_direction(
     return np.asarray(ring[int(np.argmax(around))] if max(around) > max(found) else best)
 
 
-def _shaded(sky: Drawn, away: Float32Array, direction: FloatArray) -> Drawn:
+def _shaded(sky: Drawn, facing: Float32Array, direction: FloatArray) -> Drawn:
     """What is drawn under an even sky, as light from a direction (3,) would shade it that casts no
-    shadows, by normals (h, w, 3) away from the camera."""
-    facing = np.maximum(0, -away @ direction.astype(np.float32))
-    return Drawn(np.asarray(sky.bright * facing, np.float32), sky.coverage, sky.depth_m)
+    shadows, by normals (h, w, 3) towards the camera."""
+    lit = np.maximum(0, facing @ direction.astype(np.float32))
+    return Drawn(np.asarray(sky.bright * lit, np.float32), sky.coverage, sky.depth_m)
 
 
 def _everywhere() -> FloatArray:

@@ -25,6 +25,7 @@ from posse_core._model.spacecraft import Material, Part, Spacecraft
 from posse_core._plugins.options import NoOptions
 from posse_core._randomness import random_generator
 from posse_core.testing import scenes
+from posse_core.testing.closed_forms import directions
 from posse_core.testing.conformance import CHANGED, Conformance
 
 _SUN_CAM = np.array([0.4, -0.5, -0.768114574786861])
@@ -253,13 +254,10 @@ def _from_sky(normals_cam: Float32Array, radiance_rgb: Float32Array) -> Float32A
     even sky it is the sky's radiance."""
     if np.all(radiance_rgb == radiance_rgb[0, 0]):
         return np.broadcast_to(radiance_rgb[0, 0], normals_cam.shape)
-    height, width, _ = radiance_rgb.shape
-    theta = np.pi * (np.arange(height) + 0.5)[:, None] / height
-    phi = 2 * np.pi * (np.arange(width) + 0.5) / width - np.pi
-    across, along = np.sin(theta) * np.sin(phi), np.sin(theta) * np.cos(phi)
-    towards = np.stack([across, np.broadcast_to(-np.cos(theta), across.shape), along])
-    facing = np.maximum(normals_cam @ towards.reshape(3, -1).astype(np.float32), 0)
-    share = facing * np.repeat(np.sin(theta), width).astype(np.float32)
+    towards = directions(len(radiance_rgb)).reshape(-1, 3)
+    facing = np.maximum(normals_cam @ towards.T.astype(np.float32), 0)
+    # Pixels are smaller towards the top and the bottom.
+    share = facing * np.hypot(towards[:, 0], towards[:, 2]).astype(np.float32)
     sent = share @ radiance_rgb.reshape(-1, 3) / share.sum(axis=1, keepdims=True)
     return np.asarray(sent, np.float32)
 

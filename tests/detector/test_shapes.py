@@ -108,7 +108,6 @@ class Exact(posse.Refiner):
         super().__init__(posse.NoOptions())
         self.truth, self.accepts, self.confirms, self.is_closed = truth, accepts, confirms, False
         self.suns: list[np.ndarray | None] = []
-        self.boxes: list[np.ndarray | None] = []
 
     def open(self, setting: RefinerSetting) -> None:
         raise NotImplementedError
@@ -121,7 +120,6 @@ class Exact(posse.Refiner):
         box_px: np.ndarray | None = None,
     ) -> posse.Refinement:
         self.suns.append(sun_direction_cam)
-        self.boxes.append(box_px)
         pose = self.truth if self.accepts else starts[0]
         return posse.Refinement(pose, self.accepts, 0.9, 0.5, self.confirms)
 

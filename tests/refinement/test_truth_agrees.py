@@ -30,6 +30,7 @@ from posse_core._refinement.placement import Placement
 from posse_core._refinement.render_compare import RenderCompare
 from posse_core._refinement.studio import Studio, scaled
 from posse_core.testing import refiners, scenes
+from posse_core.testing.closed_forms import directions
 
 CAMERA = scenes.camera(256, 192, np.radians(30))
 SUN = np.array([0.4, -0.5, -0.77]) / np.linalg.norm([0.4, -0.5, -0.77])
@@ -141,12 +142,8 @@ def test_how_an_image_is_coded_is_not_told_by_a_wrong_start() -> None:
 def test_a_spacecraft_lit_by_the_earth_on_one_side_agrees() -> None:
     """The Sun shines from beyond it, and a disc of 65 degrees about a direction in place of it."""
     sun = np.array([0.3, -0.2, 0.93]) / np.linalg.norm([0.3, -0.2, 0.93])
-    theta = np.pi * (np.arange(32) + 0.5)[:, None] / 32
-    phi = np.pi * (np.arange(64) + 0.5) / 32 - np.pi
-    up = np.broadcast_to(-np.cos(theta), (32, 64))
-    towards = np.stack([np.sin(theta) * np.sin(phi), up, np.sin(theta) * np.cos(phi)], axis=-1)
     side = np.array([-0.6, 0.8, 0.0])
-    earth = np.where(towards @ side > np.cos(np.radians(65)), 0.3, 0.0)
+    earth = np.where(directions(32) @ side > np.cos(np.radians(65)), 0.3, 0.0)
     sky = EnvironmentMap(np.repeat(earth[..., None], 3, axis=-1).astype(np.float32))
     craft = refiners._craft()
     for _, light, agreement in fits(craft, light_of(craft, sun=sun, sky=sky)[0], sun):

@@ -11,6 +11,11 @@ import pytest
 from posse_detect_torch.batches import Batches
 from posse_detect_torch.options import TrainOptions
 
+forks = pytest.mark.skipif(
+    "fork" not in multiprocessing.get_all_start_methods(),
+    reason="where a system cannot fork, batches are prepared by threads alone",
+)
+
 
 class Draws:
     """Samples of nothing but their place, a random number and the process that drew it."""
@@ -55,9 +60,7 @@ def test_an_epoch_has_each_sample_once_in_an_order_of_its_own(count, batch, thre
         assert of(found, "position")[0] != of(found, "position")[1]
 
 
-@pytest.mark.skipif(
-    "fork" not in multiprocessing.get_all_start_methods(), reason="this system cannot fork"
-)
+@forks
 def test_processes_and_any_number_of_threads_prepare_the_same():
     alone = epochs(Draws(37, TrainOptions(batch=8, threads=1)), in_processes=False)
     for lesson, in_processes in [
@@ -72,9 +75,7 @@ def test_processes_and_any_number_of_threads_prepare_the_same():
         assert own != in_processes
 
 
-@pytest.mark.skipif(
-    "fork" not in multiprocessing.get_all_start_methods(), reason="this system cannot fork"
-)
+@forks
 def test_processes_compute_by_opencv_though_its_threads_are_left_behind():
     """A program that has used sixteen threads of OpenCV, as pictures are cut, once waited for ever."""
     program = """

@@ -157,11 +157,7 @@ def learn(make_lesson: Callable[[], Lesson], card: ModelCard, folder: Path) -> P
             tensors, history = kept
             try:
                 _resume(tensors, net, average, optimizer)
-            except (
-                RuntimeError,
-                ValueError,
-                KeyError,
-            ) as error:  # of torch, for tensors that do not fit
+            except (RuntimeError, ValueError, KeyError) as error:  # of torch, where they do not fit
                 raise InputError(
                     f"{last}: does not fit this network ({str(error).splitlines()[0]}); remove it to"
                     " begin anew"
@@ -184,10 +180,8 @@ def learn(make_lesson: Callable[[], Lesson], card: ModelCard, folder: Path) -> P
                 nn.utils.clip_grad_norm_(net.parameters(), lesson.clip)
                 optimizer.step()
                 _follow(average, net, min(lesson.average, (1 + step) / (10 + step)))
-                for (
-                    name,
-                    value,
-                ) in losses.items():  # read at the epoch's end, as reading waits for a device
+                # They are read at the epoch's end, since reading waits for the device.
+                for name, value in losses.items():
                     sums[name] = sums.get(name, torch.zeros(())) + value.detach().double() / steps
             means = {name: float(total) for name, total in sums.items()}
             if not all(map(math.isfinite, means.values())):

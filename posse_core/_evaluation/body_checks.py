@@ -15,7 +15,7 @@ from posse_core import _frames as frames
 from posse_core._arrays import BoolArray, FloatArray
 from posse_core._evaluation.body_case import BodyCase
 from posse_core._evaluation.case import POSE, Case
-from posse_core._evaluation.raster import RayMeeting, extent_px
+from posse_core._evaluation.raster import extent_px
 from posse_core._model.labels import NOT_IN_FRAME, VISIBLE
 
 REPROJECTION_ERROR_PX = 0.01
@@ -184,12 +184,8 @@ def _visibility(case: Case, body: BodyCase) -> Iterator[str]:
     visibility = body.keypoints[1]
     names = list(body.craft.keypoints_body_m)
     points_m, after_s = body.keypoints_seen
-    moment_s, rays = np.nan, None
-    for i in np.flatnonzero(visibility != NOT_IN_FRAME):
-        if after_s[i] != moment_s or rays is None:
-            moment_s = after_s[i]
-            rays = RayMeeting(case.vertices_m(moment_s)[case.faces])
-        before_m = points_m[i, 2] - rays.depth_m(points_m[i] / points_m[i, 2])
+    shown = np.flatnonzero(visibility != NOT_IN_FRAME)
+    for i, before_m in zip(shown, case.hidden_by_m(points_m[shown], after_s[shown]), strict=True):
         if visibility[i] == VISIBLE and before_m > SEEN_KEYPOINT_DEPTH_SHARE * body.size_m:
             yield f"{names[i]} is labelled seen, and the mesh is {before_m:.3g} m before it"
         if visibility[i] != VISIBLE and before_m < HIDDEN_KEYPOINT_DEPTH_SHARE * body.size_m:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from posse_core._arrays import AnyArray, BoolArray, FloatArray, IntArray
 from posse_core._dataset.dataset import Dataset
@@ -14,7 +15,7 @@ from posse_core._dataset.layout import inside
 from posse_core._errors import InputError
 from posse_core._evaluation.body_case import BodyCase
 from posse_core._evaluation.placed import JointsSaid
-from posse_core._evaluation.raster import FirstHits, first_hits, first_hits_by_rows
+from posse_core._evaluation.raster import FirstHits, RayMeeting, first_hits, first_hits_by_rows
 from posse_core._model.label_line import BodyLabels, LabelLine
 
 ARRAYS = {
@@ -180,6 +181,28 @@ class Case:
     def vertices_m(self, after_s: float = 0.0) -> FloatArray:
         """(V, 3) all meshes in camera axes after a time, by the labels."""
         return np.concatenate([body.vertices_m(after_s) for body in self.bodies])
+
+    def met_after(
+        self, rays: FloatArray, after_s: FloatArray, origin_m: ArrayLike = (0.0, 0.0, 0.0)
+    ) -> FloatArray:
+        """How far along each ray, in its own lengths, a mesh is first met: (N,), infinite for none.
+
+        Args:
+            rays: (N, 3) directions, camera axes.
+            after_s: (N,) when each meets the meshes, after the frame's instant.
+            origin_m: (3,) from where, camera axes.
+        """
+        lengths = np.full(len(rays), np.inf)
+        for instant_s in np.unique(after_s):
+            then = after_s == instant_s
+            corners_m = (self.vertices_m(float(instant_s)) - np.asarray(origin_m))[self.faces]
+            lengths[then] = RayMeeting(corners_m).lengths(rays[then])
+        return lengths
+
+    def hidden_by_m(self, points_cam_m: FloatArray, after_s: FloatArray) -> FloatArray:
+        """By how much less planar depth a mesh is seen in front of points (N, 3), each at its time:
+        (N,), negative where the mesh is beyond, −∞ where there is none."""
+        return points_cam_m[:, 2] * (1 - self.met_after(points_cam_m, after_s))
 
     @cached_property
     def hits(self) -> FirstHits:

@@ -18,7 +18,6 @@ from posse_core._evaluation.body_checks import (
 )
 from posse_core._evaluation.case import DEPTH_ERROR_M, Case, depth_error_m
 from posse_core._evaluation.checks import COMPARED_PIXELS, Check
-from posse_core._evaluation.raster import RayMeeting
 
 FLOW_ERROR_SHARE = 1e-5
 """How far a flow may lie from the poses', over its length, since it has single precision."""
@@ -129,13 +128,9 @@ def _flow_visible(case: Case) -> Iterator[str]:
     moved = _moved(case, following)
     in_image = ((moved.next_px >= -0.5) & (moved.next_px < size_px - 0.5)).all(axis=1)
     candidates = np.flatnonzero(in_image)
-    moment_s, rays = np.nan, None
-    for i in candidates[:: max(1, -(-len(candidates) // COMPARED_RAYS))]:
-        if moved.next_s[i] != moment_s or rays is None:
-            moment_s = moved.next_s[i]
-            rays = RayMeeting(following.vertices_m(moment_s)[following.faces])
-        point_m = moved.next_m[i]
-        before_m = point_m[2] - rays.depth_m(point_m / point_m[2])
+    compared = candidates[:: max(1, -(-len(candidates) // COMPARED_RAYS))]
+    hidden_m = following.hidden_by_m(moved.next_m[compared], moved.next_s[compared])
+    for i, before_m in zip(compared, hidden_m, strict=True):
         where = f"({moved.column[i]}, {moved.row[i]})"
         is_visible = visible[moved.row[i], moved.column[i]]
         if is_visible and before_m > HIDDEN_DEPTH_SHARE * case.target.size_m:

@@ -20,7 +20,9 @@ from posse_core._model.camera import Camera
 _STEPS = 8
 """Pieces that a distorted edge is first cut into."""
 _PAIRS = 1 << 20
-"""Pairs of pixel and triangle that are tried at once."""
+"""Pairs of pixel, or ray, and triangle that are tried at once."""
+_CONE_SLACK = 1e-9
+"""What rounding may take from the cosine of a cone around a triangle."""
 
 
 @dataclass(frozen=True)
@@ -121,18 +123,38 @@ def first_hits(
 
 
 class RayMeeting:
-    """Single rays from the camera against triangles (T, 3, 3), in camera axes."""
+    """Rays from the camera against triangles (T, 3, 3), in camera axes."""
 
     def __init__(self, corners_cam_m: FloatArray) -> None:
         self._normals, self._volume = _edge_planes(corners_cam_m)
+        towards = _unit(corners_cam_m)
+        self._middle = _unit(towards.sum(axis=1))
+        # A cone around the middle that is narrower than a half-space holds a triangle if it holds its
+        # corners. One that the camera is in, or beside, is tried with every ray.
+        cosine = np.einsum("tij,tj->ti", towards, self._middle).min(axis=1) - _CONE_SLACK
+        self._cosine = np.where(cosine > 0, cosine, -np.inf)
 
-    def depth_m(self, ray: FloatArray) -> float:
-        """Least planar depth at which the ray (3,), with z = 1, meets a triangle; infinite for none."""
-        sides = self._normals @ ray
-        total = sides.sum(axis=1)
-        inside = (sides >= 0).all(axis=1) | (sides <= 0).all(axis=1)
-        hit = inside & (total * self._volume > 0)
-        return float(np.min(self._volume[hit] / total[hit], initial=np.inf))
+    def lengths(self, rays: FloatArray) -> FloatArray:
+        """How far along each ray (N, 3), in its own lengths, it first meets a triangle: (N,), infinite
+        for none."""
+        directions = _unit(rays)
+        lengths = np.full(len(rays), np.inf)
+        step = max(1, _PAIRS // max(1, len(self._middle)))
+        for start in range(0, len(rays), step):
+            ray, face = np.nonzero(~(directions[start : start + step] @ self._middle.T < self._cosine))
+            ray += start
+            sides = np.einsum("pij,pj->pi", self._normals[face], rays[ray])
+            total = sides.sum(axis=1)
+            inside = (sides >= 0).all(axis=1) | (sides <= 0).all(axis=1)
+            hit = inside & (total * self._volume[face] > 0)
+            np.minimum.at(lengths, ray[hit], self._volume[face[hit]] / total[hit])
+        return lengths
+
+
+def _unit(vectors: FloatArray) -> FloatArray:
+    """(..., 3) → the same of length 1; NaN where the length is zero."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / np.where(length > 0, length, np.nan))
 
 
 def _edge_planes(corners: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -22,7 +22,6 @@ from posse_core._errors import InputError
 from posse_core._evaluation.case import ARRAYS, POSE, Case
 from posse_core._evaluation.checks import CHECKS, SCHEMA
 from posse_core._evaluation.placed import JointsSaid
-from posse_core._evaluation.raster import RayMeeting
 from posse_core._evaluation.result import Fault, Result
 from posse_core._interfaces.sensor import Sensor, StoredReading
 from posse_core._model.label_line import BodyReading, LabelLine, ReadingLabels, Vector, first_fault
@@ -185,14 +184,8 @@ class ReadingCase(Case):
         """Distances along rays to the mesh; see :class:`posse_core.StoredReading`."""
         directions = np.asarray(directions, dtype=np.float64)
         after_s = np.broadcast_to(np.asarray(after_s, dtype=np.float64), len(directions))
-        distances_m = np.empty(len(directions))
-        for instant_s in np.unique(after_s):
-            vertices_m = self.vertices_m(float(instant_s))
-            meeting = RayMeeting((vertices_m - np.asarray(origin_m))[self.faces])
-            for i in np.flatnonzero(after_s == instant_s):
-                times = meeting.depth_m(directions[i])
-                distances_m[i] = times * float(np.linalg.norm(directions[i]))
-        return distances_m
+        lengths = self.met_after(directions, after_s, origin_m)
+        return np.asarray(lengths * np.linalg.norm(directions, axis=1))
 
 
 def _pose_said(said: ReadingLabels | BodyReading, omega_sensor_rad_s: Vector) -> dict[str, Any]:

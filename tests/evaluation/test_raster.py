@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from posse_core._evaluation.raster import depth_of_mesh
+from posse_core._evaluation.raster import RayMeeting, depth_of_mesh
 
 FACES = np.concatenate([part.faces + 4 * i for i, part in enumerate(cuboid.cuboid().parts)])
 VERTICES = np.concatenate([part.vertices_body_m for part in cuboid.cuboid().parts])
@@ -48,3 +48,20 @@ def test_many_triangles_are_taken_in_blocks():
     radius_px = np.hypot(u - 79.5, v - 59.5)
     assert np.allclose(depth[radius_px < 37.49], 4.0, rtol=1e-12)
     assert np.all(np.isinf(depth[radius_px > 37.5]))
+
+
+@given(st.integers(0, 10**6), st.floats(-6, 6), st.floats(-6, 6), st.floats(-60, 60))
+def test_rays_in_all_directions_meet_a_cuboid_where_its_slabs_are(seed, x, y, z):
+    """From beside it, behind it, and from within."""
+    rng = np.random.default_rng(seed)
+    R, t = Rotation.random(random_state=seed).as_matrix(), np.array([x, y, z])
+    rays = np.concatenate([rng.normal(size=(200, 3)), t + rng.normal(size=(200, 3))])
+    lengths = RayMeeting((VERTICES @ R.T + t)[FACES]).lengths(rays)
+    walls = np.stack([-cuboid.HALF, cuboid.HALF]) + t @ R
+    enter, leave = np.sort(walls[:, None] / (rays @ R), axis=0)
+    first, last = enter.max(axis=1), leave.min(axis=1)
+    meets = (first < last) & (last > 0)
+    expected = np.where(meets, np.where(first > 0, first, last), np.inf)
+    both = np.isfinite(lengths) & np.isfinite(expected)
+    assert (np.isfinite(lengths) != np.isfinite(expected)).sum() <= 1
+    assert np.allclose(lengths[both], expected[both], rtol=1e-9, atol=0)

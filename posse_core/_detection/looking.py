@@ -10,7 +10,7 @@ import numpy as np
 from posse_core._arrays import AnyArray, FloatArray
 from posse_core._detection.hypotheses import is_known, poses_of, weighed
 from posse_core._detection.shapes import Shapes, Sighting
-from posse_core._evaluation.metrics import box_iou
+from posse_core._evaluation.metrics import box_iou, box_share
 from posse_core._interfaces.detector import Detection, KeypointFinder, PoseEstimate
 from posse_core._interfaces.trust import TRUSTED
 from posse_core._model.camera import Camera
@@ -29,6 +29,8 @@ _ENOUGH_OF_SCORE = 1 / 3
 """Share of the least score that is enough where the pose is trusted."""
 _ONE = 0.7
 """Detections of a class whose boxes overlap by more are of one spacecraft."""
+_PART = 0.8
+"""A box of which more lies in that of a spacecraft with a trusted pose is around a part of it."""
 
 
 def sightings_of(
@@ -52,8 +54,8 @@ def sightings_of(
             None where it is not known.
 
     Returns:
-        The spacecraft, those with a trusted pose first, and then by their scores; and the detections
-        that were dropped.
+        The spacecraft, those with a trusted pose first, most trusted first, and then by their scores;
+        and the detections that were dropped.
     """
     enough = _ENOUGH_OF_SCORE * least_score
     dropped = [detection for detection in detections if detection.score < enough]
@@ -82,7 +84,30 @@ def sightings_of(
             dropped.append(detection)
         else:
             seen.append(sighting)
-    return seen, dropped
+    # Refinement has told which poses the image agrees with.
+    seen.sort(key=lambda sighting: -_trust(sighting))  # stable
+    whole: list[Sighting] = []
+    for sighting in seen:
+        if _is_part(sighting.detection, whole):
+            dropped.append(sighting.detection)
+        else:
+            whole.append(sighting)
+    return whole, dropped
+
+
+def _trust(sighting: Sighting) -> float:
+    """The trust of a pose that is trusted; 0 of others, which go by their scores."""
+    pose = sighting.pose
+    return pose.trust if pose is not None and pose.trust >= TRUSTED else 0.0
+
+
+def _is_part(part: Detection, others: Sequence[Sighting]) -> bool:
+    """Whether a box is around a part of a spacecraft that has a trusted pose."""
+    return any(
+        float(box_share(part.box_px, other.detection.box_px)) > _PART
+        for other in others
+        if other.detection.label == part.label and _trust(other)
+    )
 
 
 def _is_trusted(poses: Sequence[PoseEstimate]) -> bool:

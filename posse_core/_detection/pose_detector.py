@@ -51,8 +51,8 @@ class PoseDetector:
     def sightings(
         self, image: AnyArray, camera: Camera, sun_direction_cam: FloatArray | None = None
     ) -> list[Sighting]:
-        """Return the spacecraft in an image with their poses: those with a trusted pose first, then by
-        their scores.
+        """Return the spacecraft in an image with their poses: those with a trusted pose first, most
+        trusted first, then by their scores.
 
         A third of the least score is enough for a detection whose pose is trusted. Where the mesh of a
         spacecraft is known, its pose is refined, if that was asked for, and the box is that of the mesh

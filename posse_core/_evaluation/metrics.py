@@ -60,12 +60,23 @@ def true_boxes(labels: LabelLine) -> list[TrueBox]:
 
 def box_iou(a_px: FloatArray, b_px: FloatArray) -> FloatArray:
     """Intersection over union of boxes (..., 4) x, y, width, height, pair by pair."""
+    a, b, common = _common(a_px, b_px)
+    union = a[..., 2:].prod(axis=-1) + b[..., 2:].prod(axis=-1) - common
+    return np.asarray(common / np.maximum(union, 1e-12))
+
+
+def box_share(a_px: FloatArray, b_px: FloatArray) -> FloatArray:
+    """Share of the area of boxes (..., 4) x, y, width, height that lies in others, pair by pair."""
+    a, _, common = _common(a_px, b_px)
+    return np.asarray(common / np.maximum(a[..., 2:].prod(axis=-1), 1e-12))
+
+
+def _common(a_px: FloatArray, b_px: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Boxes as arrays, and the area (...) that each pair has in common."""
     a, b = np.asarray(a_px, np.float64), np.asarray(b_px, np.float64)
     low = np.maximum(a[..., :2], b[..., :2])
     high = np.minimum(a[..., :2] + a[..., 2:], b[..., :2] + b[..., 2:])
-    common = np.clip(high - low, 0, None).prod(axis=-1)
-    union = a[..., 2:].prod(axis=-1) + b[..., 2:].prod(axis=-1) - common
-    return np.asarray(common / np.maximum(union, 1e-12))
+    return a, b, np.clip(high - low, 0, None).prod(axis=-1)
 
 
 def coco_metrics(

@@ -140,6 +140,28 @@ def test_a_trusted_pose_comes_first_and_makes_up_for_a_low_score():
     assert sorted(each.score for each in dropped) == [0.05, 0.12]
 
 
+class Halved(Sees):
+    """Takes a part of the spacecraft for one that is twice as far, and is less sure of it."""
+
+    def find(self, image, detections):
+        (detection,) = detections
+        if float(box_iou(detection.box_px, TRUE_PX)) > 0.5:
+            return super().find(image, detections)
+        farther = cuboid.CAMERA.project(CORNERS @ R.T + 2 * T)
+        return [replace(detection, keypoints_px=farther, keypoints_sigma_px=np.full(8, 0.45))]
+
+
+def test_a_part_of_a_spacecraft_that_is_seen_whole_is_dropped():
+    part_px = np.concatenate([TRUE_PX[:2] + TRUE_PX[2:] / 4, TRUE_PX[2:] / 2])
+    boxes = [posse.Detection("brick", 0.9, part_px), posse.Detection("brick", 0.5, TRUE_PX + 1.0)]
+    (_, (far, *_)), (_, (near, *_)) = (
+        look(Halved(), IMAGE, each, cuboid.CAMERA, SHAPES) for each in boxes
+    )
+    assert 0.5 < far.trust < near.trust
+    (found,), (dropped,) = sightings_of(boxes, Halved(), IMAGE, cuboid.CAMERA, SHAPES, 0.3, None)
+    assert (found.detection.score, dropped.score) == (0.5, 0.9)
+
+
 class Content(posse.Refiner):
     """Leaves each pose as it is, and counts them."""
 

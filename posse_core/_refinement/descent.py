@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,10 +32,15 @@ _BLOCK_PX, _BLOCKS = 8, 8
 
 @dataclass(frozen=True)
 class Found:
-    """A pose and the comparison at it."""
+    """A pose and the comparison at it.
+
+    Attributes:
+        is_settled: whether no step from here, or only a tiny one, makes them agree more.
+    """
 
     placement: Placement
     comparison: Comparison
+    is_settled: bool = False
 
 
 def descended(
@@ -45,6 +50,7 @@ def descended(
     radius_px: float,
     steps: int,
     has_time: Callable[[], bool],
+    looseness: float = 1.0,
 ) -> Found:
     """Descend from a pose.
 
@@ -52,12 +58,13 @@ def descended(
         radius_m, radius_px: of the spacecraft, in space and in the crop.
         steps: the most steps.
         has_time: whether another step may be made.
+        looseness: by how much larger residuals may be than usual before they count no more.
     """
     here = Found(placement, comparer.compare(placement))
     unit = units(placement, radius_m, radius_px)
     damping = 1e-3
     for _ in range(steps):
-        spread = _spread(here.comparison)
+        spread = looseness * _spread(here.comparison)
         cost = _cost(here.comparison, spread)
         H, slope = _normal_equations(here.comparison, spread, unit)
         there = None
@@ -76,10 +83,10 @@ def descended(
                 break
             damping = max(damping, 1e-3) * 10
         if there is None:
-            break
+            return replace(here, is_settled=True)
         here, damping = there, max(damping / 10, 1e-4)
         if float(np.abs(step).max()) < _SMALLEST:
-            break
+            return replace(here, is_settled=True)
     return here
 
 

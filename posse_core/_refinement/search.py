@@ -22,8 +22,10 @@ from posse_core._refinement.sunlight import brightest_direction
 from posse_core._refinement.trail import RIVAL, Trail, chance, size_fit, weighed
 
 _STEPS = 4
-_ROUNDS = 3
+_COARSE_ROUNDS, _ROUNDS = 3, 10
 """At each scale the light is fitted and so many steps are made, at most so many times."""
+_LOOSE = 4.0
+"""In the first of these rounds residuals may be so many times as large before they count no more."""
 _SHAPE_STEPS = 10
 _COARSE_PX = (48.0, 96.0)
 _BLUR_PX = 0.7
@@ -42,6 +44,8 @@ _FOLLOWED, _MOST = 5, 10
 _LEAST_SUN = 2.0
 """Where the Sun is known, a plate that faces it is at least so many times as bright as one that faces
 the brightest part of the sky: the Earth sends back a third of the Sun's light, and clouds half of it."""
+_FOUND, _AROUND = 0.9, 2
+"""Where none agrees by so much at the finest scale, poses near so many other trails are tried too."""
 _SAME_RAD, _SAME_SHARE = np.radians(5), 0.05
 """Poses that differ by less, in attitude and in position as a share of the range, are the same."""
 _ASIDE_RAD, _FARTHER = np.radians(12), 1.15
@@ -121,35 +125,53 @@ class Search:
         best = max(trails, key=lambda trail: trail.chance)
         # Light that was found by a pose that is wrong says nothing of other poses.
         if self._sun is not None or best.agreement > least_agreement - _HOPE:
-            if best.agreement < _SURE:
-                trails += self._nearby(best, firsts[best.start])
-                best = max(trails, key=lambda trail: trail.chance)
-            trails += self._half_turned(best)
-        # What looks alike when it is coarse may not when it is fine.
-        trails = self._different(trails)
-        rivals = [trail for trail in trails if trail.chance > trails[0].coarse_chance / RIVAL]
-        finest: list[Trail] = []
-        for trail in rivals[:_MOST]:
-            is_clear = any(each.agreement > _CLEAR for each in finest)
-            if is_clear and len(finest) >= _FOLLOWED:
+            trails += self._around(best, firsts[best.start])
+        finest = self._finest(trails, (), least_agreement)
+        for trail in self._different(trails)[:_AROUND] if self._sun is not None else ():
+            if finest[0].agreement > _FOUND or not self._has_time():
                 break
-            finest.append(self._to_the_finest(trail, least_agreement))
-        trails = sorted(weighed(self._different(finest)), key=lambda trail: -trail.chance)
-        best = trails[0]
+            around = self._around(trail, trail.found.placement)
+            finest = self._finest(around, finest, least_agreement)
+        finest = self._finest(self._half_turned(finest[0], finest), finest, least_agreement)
+        best = finest[0]
         self._picture = self._by_coding[best.is_linear]
         before = best.comparer.compare(firsts[best.start]).agreement
-        certainty = best.chance / (sum(trail.chance for trail in trails) + _UNSEEN)
+        certainty = best.chance / (sum(trail.chance for trail in finest) + _UNSEEN)
         return Outcome(best.found, before, best.start, certainty)
+
+    def _around(self, best: Trail, first: Placement) -> list[Trail]:
+        """Trails from poses near a start, where it agrees too little, and from half-turned ones."""
+        trails = self._nearby(best, first) if best.agreement < _SURE else []
+        best = max([best, *trails], key=lambda trail: trail.chance)
+        return trails + self._half_turned(best)
+
+    def _finest(
+        self, trails: Sequence[Trail], finest: Sequence[Trail], least_agreement: float
+    ) -> list[Trail]:
+        """What has been followed to the finest scale and what of other trails may rival the likeliest,
+        likeliest first. What looks alike when it is coarse may not when it is fine."""
+        followed = list(finest)
+        trails = self._different(trails)
+        rivals = [trail for trail in trails if trail.chance > trails[0].coarse_chance / RIVAL]
+        for trail in rivals[:_MOST]:
+            is_clear = any(each.agreement > _CLEAR for each in followed)
+            if is_clear and len(followed) - len(finest) >= _FOLLOWED:
+                break
+            followed.append(self._to_the_finest(trail, least_agreement))
+        return sorted(weighed(self._different(followed)), key=lambda trail: -trail.chance)
 
     def _different(self, trails: Sequence[Trail]) -> list[Trail]:
         """Those that differ, most likely first; of several that are the same pose, the likeliest."""
         kept: list[Trail] = []
         for trail in sorted(trails, key=lambda trail: -trail.chance):
-            pose = trail.found.placement
-            errors = [pose_errors(*each.found.placement, *pose, self._symmetries) for each in kept]
-            if not any(e_t < _SAME_SHARE and e_q < _SAME_RAD for e_t, e_q in errors):
+            if self._is_new(trail.found.placement, kept):
                 kept.append(trail)
         return kept
+
+    def _is_new(self, placement: Placement, known: Sequence[Trail]) -> bool:
+        """Whether a pose differs from those of all trails that are known."""
+        errors = [pose_errors(*each.found.placement, *placement, self._symmetries) for each in known]
+        return not any(e_t < _SAME_SHARE and e_q < _SAME_RAD for e_t, e_q in errors)
 
     def _to_the_finest(self, trail: Trail, least_agreement: float) -> Trail:
         """A trail through the scales, while its agreement may still become enough."""
@@ -200,9 +222,11 @@ class Search:
         crops = [picture.crop(placement, self._vertices_m, scale) for picture in pictures]
         return [crop for crop in crops if crop is not None]
 
-    def _half_turned(self, best: Trail) -> list[Trail]:
-        """Trails from a pose turned by half a turn about each body axis, where they may rival it."""
+    def _half_turned(self, best: Trail, known: Sequence[Trail] = ()) -> list[Trail]:
+        """Trails from a pose turned by half a turn about each body axis, where they may rival it and are
+        not known."""
         turned = [best.found.placement.turned(R_about(axis, np.pi)) for axis in np.eye(3)]
+        turned = [placement for placement in turned if self._is_new(placement, known)]
         trust = _TURNED * best.trust
         return [
             self._lit_at(crops, placement, best.sun_direction_cam, None, best.start, trust)
@@ -275,19 +299,20 @@ class Search:
 
         A blur of None is not known yet, and is fitted after the first steps.
         """
-        has_blur = blur_px is not None
-        for _ in range(_ROUNDS):
+        rounds = _COARSE_ROUNDS if blur_px is None else _ROUNDS
+        for number in range(rounds):
             shown = drawn_apart(crops[0], self._studio, here, sun)
             _, crop, light = self._coded(crops, shown, sun, _BLUR_PX if blur_px is None else blur_px)
-            if has_blur:
+            if blur_px is not None or number > 0:
                 blur_px = sharpest(together(shown, light.lights), crop)
                 light = replace(light, blur_px=blur_px)
             comparer = LitComparer(crop, self._studio, light)
-            found = self._descended(comparer, crop, here, _STEPS)
-            has_moved, here = here is not found.placement, found.placement
-            if (has_blur and not has_moved) or not self._has_time():
+            # A thin boom that is off by more than its width is far off in each of its pixels.
+            looseness = _LOOSE if number == 0 else 1.0
+            found = self._descended(comparer, crop, here, _STEPS, looseness)
+            here = found.placement
+            if (number > 0 and found.is_settled) or not self._has_time():
                 break
-            has_blur = True
         fit = self._fit(found.placement)
         return Trail(found, comparer, sun, light.blur_px, crop.is_linear, start, trust, fit)
 
@@ -311,7 +336,9 @@ class Search:
         best = int(np.argmax(agreements))
         return agreements[best], crops[best], lights[best]
 
-    def _descended(self, comparer: Comparer, crop: Crop, here: Placement, steps: int) -> Found:
+    def _descended(
+        self, comparer: Comparer, crop: Crop, here: Placement, steps: int, looseness: float = 1.0
+    ) -> Found:
         fx_px = crop.camera.fx_px / crop.scale.finer
         radius_px = fx_px * self._radius_m / max(float(here.t_body_cam_m[2]), 1e-3)
-        return descended(comparer, here, self._radius_m, radius_px, steps, self._has_time)
+        return descended(comparer, here, self._radius_m, radius_px, steps, self._has_time, looseness)

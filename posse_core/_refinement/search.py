@@ -125,12 +125,12 @@ class Search:
         best = max(trails, key=lambda trail: trail.chance)
         # Light that was found by a pose that is wrong says nothing of other poses.
         if self._sun is not None or best.agreement > least_agreement - _HOPE:
-            trails += self._around(best, firsts[best.start])
+            trails += self._around(best, firsts[best.start], _WALKS)
         finest = self._finest(trails, (), least_agreement)
         for trail in self._different(trails)[:_AROUND] if self._sun is not None else ():
             if finest[0].agreement > _FOUND or not self._has_time():
                 break
-            around = self._around(trail, trail.found.placement)
+            around = self._around(trail, trail.found.placement, 1)
             finest = self._finest(around, finest, least_agreement)
         finest = self._finest(self._half_turned(finest[0], finest), finest, least_agreement)
         best = finest[0]
@@ -139,9 +139,9 @@ class Search:
         certainty = best.chance / (sum(trail.chance for trail in finest) + _UNSEEN)
         return Outcome(best.found, before, best.start, certainty)
 
-    def _around(self, best: Trail, first: Placement) -> list[Trail]:
+    def _around(self, best: Trail, first: Placement, walks: int) -> list[Trail]:
         """Trails from poses near a start, where it agrees too little, and from half-turned ones."""
-        trails = self._nearby(best, first) if best.agreement < _SURE else []
+        trails = self._nearby(best, first, walks) if best.agreement < _SURE else []
         best = max([best, *trails], key=lambda trail: trail.chance)
         return trails + self._half_turned(best)
 
@@ -152,7 +152,8 @@ class Search:
         likeliest first. What looks alike when it is coarse may not when it is fine."""
         followed = list(finest)
         trails = self._different(trails)
-        rivals = [trail for trail in trails if trail.chance > trails[0].coarse_chance / RIVAL]
+        least = max((trail.coarse_chance for trail in [*followed, *trails]), default=0.0) / RIVAL
+        rivals = [trail for trail in trails if trail.chance > least]
         for trail in rivals[:_MOST]:
             is_clear = any(each.agreement > _CLEAR for each in followed)
             if is_clear and len(followed) - len(finest) >= _FOLLOWED:
@@ -234,13 +235,13 @@ class Search:
             if likely > best.coarse_chance / RIVAL and self._has_time()
         ]
 
-    def _nearby(self, best: Trail, first: Placement) -> list[Trail]:
+    def _nearby(self, best: Trail, first: Placement, walks: int) -> list[Trail]:
         """Trails from poses near a start: those that agree most, and so on from the best of these."""
         # About the axis along which a spacecraft is long, an image tells attitudes least.
         axes = np.linalg.svd(self._vertices_m, full_matrices=False)[2]
         trails: list[Trail] = []
         here = first
-        for _ in range(_WALKS):
+        for _ in range(walks):
             near = [
                 here.turned(R_about(axis, times * _ASIDE_RAD))
                 for axis in axes

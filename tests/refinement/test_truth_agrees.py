@@ -92,6 +92,32 @@ def test_booms_that_are_thinner_than_a_coarse_pixel_are_drawn_whole() -> None:
         assert agreement > 0.985
 
 
+@pytest.mark.slow
+def test_a_spacecraft_of_thin_booms_is_found_from_far_off() -> None:
+    """They are a pixel wide, and their tips some 40 pixels from where they are at the start."""
+    booms = [
+        refiners._cuboid("long", (-0.006, -1.3, -0.006), (0.006, 1.3, 0.006), "white"),
+        refiners._cuboid("short", (0.1, -0.006, -0.006), (1.2, 0.006, 0.006), "white"),
+    ]
+    bus = refiners._cuboid("bus", (-0.25, -0.2, -0.2), (0.25, 0.2, 0.2), "cells")
+    craft = replace(refiners._craft(), parts=(bus, *booms))
+    image = np.rint(255 * np.clip(0.8 * light_of(craft)[0], 0, 1)).astype(np.uint8)
+    draw = random_generator(1, 0, "start")
+    axis = draw.standard_normal(3)
+    turn = Rotation.from_rotvec(np.radians(30) * axis / np.linalg.norm(axis)).as_matrix()
+    start = PoseEstimate(
+        turn @ HERE.R_cam_from_body, 0.9 * HERE.t_body_cam_m, np.eye(6) * 1e-3, np.ones(8, bool), 1.0
+    )
+    refiner = RenderCompare(RenderCompareOptions())
+    refiner.open(RefinerSetting(craft, CAMERA, refiners._renderer))
+    made = refiner.refine(image, [start], SUN)
+    refiner.close()
+    assert made.is_better
+    off = Rotation.from_matrix(HERE.R_cam_from_body @ made.pose.R_cam_from_body.T).magnitude()
+    assert np.degrees(off) < 0.1
+    np.testing.assert_allclose(made.pose.t_body_cam_m, HERE.t_body_cam_m, atol=0.01)
+
+
 @pytest.mark.parametrize("slope", [0.3, -0.6])
 def test_a_bright_edge_beside_and_behind_the_spacecraft_is_told_from_it(slope: float) -> None:
     """As the Earth's limb is, far brighter than the spacecraft."""

@@ -19,6 +19,7 @@ SMALL = {
     "sensors.changes.camera.height_px": "60",
     "sensors.heat.camera.width_px": "80",
     "sensors.heat.camera.height_px": "64",
+    "sensors.heat.steps": "8",
 }
 
 

@@ -22,7 +22,7 @@ from posse_core._refinement.sunlight import brightest_direction
 from posse_core._refinement.trail import RIVAL, Trail, chance, size_fit, weighed
 
 _STEPS = 4
-_COARSE_ROUNDS, _ROUNDS = 3, 10
+_ROUNDS = 10
 """At each scale the light is fitted and so many steps are made, at most so many times."""
 _LOOSE = 4.0
 """In the first of these rounds residuals may be so many times as large before they count no more."""
@@ -44,8 +44,6 @@ _FOLLOWED, _MOST = 5, 10
 _LEAST_SUN = 2.0
 """Where the Sun is known, a plate that faces it is at least so many times as bright as one that faces
 the brightest part of the sky: the Earth sends back a third of the Sun's light, and clouds half of it."""
-_FOUND, _AROUND = 0.9, 2
-"""Where none agrees by so much at the finest scale, poses near so many other trails are tried too."""
 _SAME_RAD, _SAME_SHARE = np.radians(5), 0.05
 """Poses that differ by less, in attitude and in position as a share of the range, are the same."""
 _ASIDE_RAD, _FARTHER = np.radians(12), 1.15
@@ -125,54 +123,35 @@ class Search:
         best = max(trails, key=lambda trail: trail.chance)
         # Light that was found by a pose that is wrong says nothing of other poses.
         if self._sun is not None or best.agreement > least_agreement - _HOPE:
-            trails += self._around(best, firsts[best.start], _WALKS)
-        finest = self._finest(trails, (), least_agreement)
-        for trail in self._different(trails)[:_AROUND] if self._sun is not None else ():
-            if finest[0].agreement > _FOUND or not self._has_time():
+            if best.agreement < _SURE:
+                trails += self._nearby(best, firsts[best.start])
+                best = max(trails, key=lambda trail: trail.chance)
+            trails += self._half_turned(best)
+        # What looks alike when it is coarse may not when it is fine.
+        trails = self._different(trails)
+        rivals = [trail for trail in trails if trail.chance > trails[0].coarse_chance / RIVAL]
+        finest: list[Trail] = []
+        for trail in rivals[:_MOST]:
+            is_clear = any(each.agreement > _CLEAR for each in finest)
+            if is_clear and len(finest) >= _FOLLOWED:
                 break
-            around = self._around(trail, trail.found.placement, 1)
-            finest = self._finest(around, finest, least_agreement)
-        finest = self._finest(self._half_turned(finest[0], finest), finest, least_agreement)
-        best = finest[0]
+            finest.append(self._to_the_finest(trail, least_agreement))
+        trails = sorted(weighed(self._different(finest)), key=lambda trail: -trail.chance)
+        best = trails[0]
         self._picture = self._by_coding[best.is_linear]
         before = best.comparer.compare(firsts[best.start]).agreement
-        certainty = best.chance / (sum(trail.chance for trail in finest) + _UNSEEN)
+        certainty = best.chance / (sum(trail.chance for trail in trails) + _UNSEEN)
         return Outcome(best.found, before, best.start, certainty)
-
-    def _around(self, best: Trail, first: Placement, walks: int) -> list[Trail]:
-        """Trails from poses near a start, where it agrees too little, and from half-turned ones."""
-        trails = self._nearby(best, first, walks) if best.agreement < _SURE else []
-        best = max([best, *trails], key=lambda trail: trail.chance)
-        return trails + self._half_turned(best)
-
-    def _finest(
-        self, trails: Sequence[Trail], finest: Sequence[Trail], least_agreement: float
-    ) -> list[Trail]:
-        """What has been followed to the finest scale and what of other trails may rival the likeliest,
-        likeliest first. What looks alike when it is coarse may not when it is fine."""
-        followed = list(finest)
-        trails = self._different(trails)
-        least = max((trail.coarse_chance for trail in [*followed, *trails]), default=0.0) / RIVAL
-        rivals = [trail for trail in trails if trail.chance > least]
-        for trail in rivals[:_MOST]:
-            is_clear = any(each.agreement > _CLEAR for each in followed)
-            if is_clear and len(followed) - len(finest) >= _FOLLOWED:
-                break
-            followed.append(self._to_the_finest(trail, least_agreement))
-        return sorted(weighed(self._different(followed)), key=lambda trail: -trail.chance)
 
     def _different(self, trails: Sequence[Trail]) -> list[Trail]:
         """Those that differ, most likely first; of several that are the same pose, the likeliest."""
         kept: list[Trail] = []
         for trail in sorted(trails, key=lambda trail: -trail.chance):
-            if self._is_new(trail.found.placement, kept):
+            pose = trail.found.placement
+            errors = [pose_errors(*each.found.placement, *pose, self._symmetries) for each in kept]
+            if not any(e_t < _SAME_SHARE and e_q < _SAME_RAD for e_t, e_q in errors):
                 kept.append(trail)
         return kept
-
-    def _is_new(self, placement: Placement, known: Sequence[Trail]) -> bool:
-        """Whether a pose differs from those of all trails that are known."""
-        errors = [pose_errors(*each.found.placement, *placement, self._symmetries) for each in known]
-        return not any(e_t < _SAME_SHARE and e_q < _SAME_RAD for e_t, e_q in errors)
 
     def _to_the_finest(self, trail: Trail, least_agreement: float) -> Trail:
         """A trail through the scales, while its agreement may still become enough."""
@@ -223,11 +202,9 @@ class Search:
         crops = [picture.crop(placement, self._vertices_m, scale) for picture in pictures]
         return [crop for crop in crops if crop is not None]
 
-    def _half_turned(self, best: Trail, known: Sequence[Trail] = ()) -> list[Trail]:
-        """Trails from a pose turned by half a turn about each body axis, where they may rival it and are
-        not known."""
+    def _half_turned(self, best: Trail) -> list[Trail]:
+        """Trails from a pose turned by half a turn about each body axis, where they may rival it."""
         turned = [best.found.placement.turned(R_about(axis, np.pi)) for axis in np.eye(3)]
-        turned = [placement for placement in turned if self._is_new(placement, known)]
         trust = _TURNED * best.trust
         return [
             self._lit_at(crops, placement, best.sun_direction_cam, None, best.start, trust)
@@ -235,13 +212,13 @@ class Search:
             if likely > best.coarse_chance / RIVAL and self._has_time()
         ]
 
-    def _nearby(self, best: Trail, first: Placement, walks: int) -> list[Trail]:
+    def _nearby(self, best: Trail, first: Placement) -> list[Trail]:
         """Trails from poses near a start: those that agree most, and so on from the best of these."""
         # About the axis along which a spacecraft is long, an image tells attitudes least.
         axes = np.linalg.svd(self._vertices_m, full_matrices=False)[2]
         trails: list[Trail] = []
         here = first
-        for _ in range(walks):
+        for _ in range(_WALKS):
             near = [
                 here.turned(R_about(axis, times * _ASIDE_RAD))
                 for axis in axes
@@ -300,8 +277,7 @@ class Search:
 
         A blur of None is not known yet, and is fitted after the first steps.
         """
-        rounds = _COARSE_ROUNDS if blur_px is None else _ROUNDS
-        for number in range(rounds):
+        for number in range(_ROUNDS):
             shown = drawn_apart(crops[0], self._studio, here, sun)
             _, crop, light = self._coded(crops, shown, sun, _BLUR_PX if blur_px is None else blur_px)
             if blur_px is not None or number > 0:

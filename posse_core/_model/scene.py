@@ -304,6 +304,15 @@ class EnvironmentMap:
 
     radiance_rgb: Float32Array
 
+    @staticmethod
+    def directions_cam(height: int) -> FloatArray:
+        """(height, 2·height, 3) unit vectors, camera axes: the directions of the pixels of a map of so
+        many rows."""
+        theta = np.pi * (np.arange(height)[:, None] + 0.5) / height
+        phi = np.pi * (np.arange(2 * height) + 0.5) / height - np.pi
+        up = np.broadcast_to(-np.cos(theta), (height, 2 * height))
+        return np.stack([np.sin(theta) * np.sin(phi), up, np.sin(theta) * np.cos(phi)], axis=-1)
+
 
 @dataclass(frozen=True)
 class RenderRequest:

@@ -131,10 +131,7 @@ class Studio:
 @lru_cache(maxsize=64)
 def _sky(x: int, y: int, z: int) -> EnvironmentMap:
     """The sky with a slope in steps."""
-    theta = np.pi * (np.arange(_SKY_HEIGHT) + 0.5)[:, None] / _SKY_HEIGHT
-    phi = np.pi * (np.arange(2 * _SKY_HEIGHT) + 0.5) / _SKY_HEIGHT - np.pi
-    across, up = np.sin(theta) * np.sin(phi), -np.cos(theta) * np.ones_like(phi)
-    brighter = x * across + y * up + z * np.sin(theta) * np.cos(phi)
+    brighter = EnvironmentMap.directions_cam(_SKY_HEIGHT) @ np.array([x, y, z])
     radiance = np.maximum(0, 1 + _STEP * brighter) / 3
     return EnvironmentMap(np.repeat(radiance[..., None], 3, axis=2).astype(np.float32))
 

@@ -1,9 +1,11 @@
-"""Skies between two instants."""
+"""Skies between two instants, and the directions of their maps."""
 
 import numpy as np
 import pytest
 
+import posse_core as posse
 from posse_core._model.sky_view import SkyView
+from posse_core.testing import closed_forms
 
 STARS = np.array([[3.0, 4.0], [7.5, 1.0]]), np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
 NONE = np.empty((0, 2)), np.empty((0, 3))
@@ -29,3 +31,13 @@ def test_black_adds_nothing(share):
         assert mixed.radiance_rgb is not None
         np.testing.assert_allclose(mixed.radiance_rgb, left, rtol=1e-6)
         assert len(mixed.points_px) == 0
+
+
+@pytest.mark.parametrize("height", [1, 5, 64])
+def test_directions_of_a_map_spread_over_the_sphere(height):
+    """They are those of the closed forms, forward in the middle and up in the first row."""
+    found = posse.EnvironmentMap.directions_cam(height)
+    np.testing.assert_allclose(found, closed_forms.directions(height), atol=1e-12)
+    assert (found[0, :, 1] <= 1e-12).all()
+    ahead = np.unravel_index(np.argmax(found[..., 2]), found.shape[:2])
+    assert np.abs(np.array(ahead) + 0.5 - [height / 2, height]).max() <= 0.5

@@ -13,7 +13,7 @@ from functools import cache
 import cv2
 import numpy as np
 
-from posse_core import Float32Array, FloatArray
+from posse_core import EnvironmentMap, Float32Array, FloatArray
 
 LOBE_ROUGHNESS = (0.25, 0.5, 0.75, 1.0)
 """Perceptual roughness of the lobes. For a smaller roughness, the first lobe is blended with the map
@@ -98,6 +98,4 @@ def _weights() -> Float32Array:
 def _directions(height: int) -> tuple[FloatArray, FloatArray]:
     """(texels,) polar angle and (texels, 3) direction of a map's texels, camera axes."""
     theta = np.pi * (np.arange(height) + 0.5) / height
-    phi = 2 * np.pi * (np.arange(2 * height) + 0.5) / (2 * height) - np.pi
-    t, p = (a.ravel() for a in np.meshgrid(theta, phi, indexing="ij"))
-    return t, np.stack([np.sin(t) * np.sin(p), -np.cos(t), np.sin(t) * np.cos(p)], axis=-1)
+    return np.repeat(theta, 2 * height), EnvironmentMap.directions_cam(height).reshape(-1, 3)

@@ -85,7 +85,7 @@ def sightings_of(
         else:
             seen.append(sighting)
     # Refinement has told which poses the image agrees with.
-    seen.sort(key=lambda sighting: -_trust(sighting))  # stable
+    seen.sort(key=lambda sighting: -_trust(sighting.pose))  # stable
     whole: list[Sighting] = []
     for sighting in seen:
         if _is_part(sighting.detection, whole):
@@ -95,9 +95,8 @@ def sightings_of(
     return whole, dropped
 
 
-def _trust(sighting: Sighting) -> float:
-    """The trust of a pose that is trusted; 0 of others, which go by their scores."""
-    pose = sighting.pose
+def _trust(pose: PoseEstimate | None) -> float:
+    """The trust of a pose that is trusted; 0 of others, which go by their scores, and of none."""
     return pose.trust if pose is not None and pose.trust >= TRUSTED else 0.0
 
 
@@ -106,13 +105,13 @@ def _is_part(part: Detection, others: Sequence[Sighting]) -> bool:
     return any(
         float(box_share(part.box_px, other.detection.box_px)) > _PART
         for other in others
-        if other.detection.label == part.label and _trust(other)
+        if other.detection.label == part.label and _trust(other.pose)
     )
 
 
 def _is_trusted(poses: Sequence[PoseEstimate]) -> bool:
     """Whether the first of the poses is, which is trusted most."""
-    return bool(poses) and poses[0].trust >= TRUSTED
+    return _trust(next(iter(poses), None)) > 0
 
 
 def _is_there(label: str, box_px: FloatArray | None, seen: Sequence[Sighting]) -> bool:

@@ -152,7 +152,7 @@ class RayMeeting:
 
 
 def _unit(vectors: FloatArray) -> FloatArray:
-    """(..., 3) → the same of length 1; NaN where the length is zero."""
+    """(..., 3) → the same of length 1; NaN where there is no direction, as of a corner at the camera."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return np.asarray(vectors / np.where(length > 0, length, np.nan))
 

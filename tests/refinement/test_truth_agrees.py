@@ -80,14 +80,26 @@ def fits(craft: Spacecraft, seen: np.ndarray, sun: np.ndarray = SUN) -> list[tup
     return made
 
 
+def opened(craft: Spacecraft) -> RenderCompare:
+    refiner = RenderCompare(RenderCompareOptions())
+    refiner.open(RefinerSetting(craft, CAMERA, refiners._renderer))
+    return refiner
+
+
+def with_booms(w: float, bus: tuple[float, float, float]) -> Spacecraft:
+    """A bus and two booms, by half of their widths in metres."""
+    x, y, z = bus
+    parts = (
+        refiners._cuboid("bus", (-x, -y, -z), (x, y, z), "cells"),
+        refiners._cuboid("long", (-w, -1.3, -w), (w, 1.3, w), "white"),
+        refiners._cuboid("short", (0.1, -w, -w), (1.2, w, w), "white"),
+    )
+    return replace(refiners._craft(), parts=parts)
+
+
 def test_booms_that_are_thinner_than_a_coarse_pixel_are_drawn_whole() -> None:
     """A boom is half a pixel of the image wide, and an eighth of one of the coarsest scale."""
-    booms = [
-        refiners._cuboid("long", (-0.0025, -1.3, -0.0025), (0.0025, 1.3, 0.0025), "white"),
-        refiners._cuboid("short", (0.1, -0.0025, -0.0025), (1.2, 0.0025, 0.0025), "white"),
-    ]
-    small = refiners._cuboid("bus", (-0.1, -0.08, -0.1), (0.1, 0.08, 0.1), "cells")
-    craft = replace(refiners._craft(), parts=(small, *booms))
+    craft = with_booms(0.0025, (0.1, 0.08, 0.1))
     for _, _, agreement in fits(craft, 0.9 * light_of(craft)[0]):
         assert agreement > 0.985
 
@@ -95,12 +107,7 @@ def test_booms_that_are_thinner_than_a_coarse_pixel_are_drawn_whole() -> None:
 @pytest.mark.slow
 def test_a_spacecraft_of_thin_booms_is_found_from_far_off() -> None:
     """They are a pixel wide, and their tips some 40 pixels from where they are at the start."""
-    booms = [
-        refiners._cuboid("long", (-0.006, -1.3, -0.006), (0.006, 1.3, 0.006), "white"),
-        refiners._cuboid("short", (0.1, -0.006, -0.006), (1.2, 0.006, 0.006), "white"),
-    ]
-    bus = refiners._cuboid("bus", (-0.25, -0.2, -0.2), (0.25, 0.2, 0.2), "cells")
-    craft = replace(refiners._craft(), parts=(bus, *booms))
+    craft = with_booms(0.006, (0.25, 0.2, 0.2))
     image = np.rint(255 * np.clip(0.8 * light_of(craft)[0], 0, 1)).astype(np.uint8)
     draw = random_generator(1, 0, "start")
     axis = draw.standard_normal(3)
@@ -108,8 +115,7 @@ def test_a_spacecraft_of_thin_booms_is_found_from_far_off() -> None:
     start = PoseEstimate(
         turn @ HERE.R_cam_from_body, 0.9 * HERE.t_body_cam_m, np.eye(6) * 1e-3, np.ones(8, bool), 1.0
     )
-    refiner = RenderCompare(RenderCompareOptions())
-    refiner.open(RefinerSetting(craft, CAMERA, refiners._renderer))
+    refiner = opened(craft)
     made = refiner.refine(image, [start], SUN)
     refiner.close()
     assert made.is_better
@@ -150,8 +156,7 @@ def test_how_an_image_is_coded_is_not_told_by_a_wrong_start() -> None:
     noise = random_generator(0, 0, "noise").normal(0, 0.004, linear.shape)
     seen = srgb_from_linear(np.float32(linear)) + noise
     image = np.clip(np.rint(255 * seen), 0, 255).astype(np.uint8)
-    refiner = RenderCompare(RenderCompareOptions())
-    refiner.open(RefinerSetting(craft, CAMERA, refiners._renderer))
+    refiner = opened(craft)
     turn = Rotation.random(random_state=2).as_matrix()
     wrong, right = (
         PoseEstimate(each.R_cam_from_body, each.t_body_cam_m, np.eye(6) * 1e-3, np.ones(8, bool), 1.0)
@@ -191,8 +196,7 @@ def test_of_two_sizes_that_of_the_detected_box_is_taken() -> None:
         PoseEstimate(each.R_cam_from_body, each.t_body_cam_m, np.eye(6) * 1e-3, np.ones(8, bool), 1.0)
         for each in (HERE, far)
     ]
-    refiner = RenderCompare(RenderCompareOptions())
-    refiner.open(RefinerSetting(craft, CAMERA, refiners._renderer))
+    refiner = opened(craft)
     made = [refiner.refine(image, starts, SUN, box_of(cover)) for cover in (near_cover, far_cover)]
     refiner.close()
     ranges_m = [float(each.pose.t_body_cam_m[2]) for each in made]

@@ -5,14 +5,15 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
-from posse_core._arrays import AnyArray, BoolArray, Float32Array
+from posse_core._arrays import BoolArray, Float32Array
+from posse_core._refinement.background import near_pixels, with_background
 from posse_core._refinement.crop import Crop, binned
 from posse_core._refinement.flow import by_pose, gradient, normals
 from posse_core._refinement.light import Light
 from posse_core._refinement.placement import Placement
+from posse_core._refinement.registration import Registered, registered
 from posse_core._refinement.studio import Drawn, Studio
 from posse_core._refinement.windows import Windows, smooth
 
@@ -22,17 +23,11 @@ _DETAIL_PX = 3.0
 """The same for windows of which the detail is judged."""
 _GAINS = (0.0, 3.0)
 """Least and greatest gain."""
-_BESIDE_PX = 2
-"""How far beside the spacecraft pixels are compared."""
 _NOISE = 4 / 255
 """Variations of what is drawn below this share of white say nothing."""
 _SHAPE_NOISE = 0.03
 """The same for coverage and normals."""
 _BLURS_PX = (0.0, 0.35, 0.5, 0.7, 0.9, 1.2, 1.6)
-_KERNEL = np.ones((3, 3), np.uint8)
-_EDGE_PX, _FAINT = 1.5, np.float32(0.01)
-"""Where a background is continued behind the spacecraft: the blur of what is nearest, and the weight of
-what is twice as far away."""
 
 
 @dataclass(frozen=True)
@@ -75,16 +70,22 @@ class LitComparer(Comparer):
     def agreement(self, drawn: Drawn) -> float:
         """How well the crop agrees with what is drawn already."""
         finer = self._crop.scale.finer
-        modelled, near = binned(self._scene(drawn), finer), _near(drawn, finer)
+        modelled, near = binned(self._scene(drawn), finer), near_pixels(drawn, finer)
         if self._studio.knows_materials:
             return _correlation(self._crop.seen, modelled, near)
         return self._explained(modelled, near, _WINDOW_PX)
+
+    def registered(self, drawn: Drawn, placement: Placement) -> Registered:
+        """Where what is drawn at a pose lies in the crop."""
+        finer = self._crop.scale.finer
+        modelled = binned(self._scene(drawn), finer)
+        return registered(self._crop, modelled, near_pixels(drawn, finer), placement)
 
     def detail(self, placement: Placement) -> float:
         """0 … 1, how much is explained of what varies within a few pixels."""
         crop, finer = self._crop, self._crop.scale.finer
         drawn = self._studio.draw(crop.scale.drawn, crop.drawn_box, placement, self._light.lights)
-        return self._explained(binned(self._scene(drawn), finer), _near(drawn, finer), _DETAIL_PX)
+        return self._explained(binned(self._scene(drawn), finer), near_pixels(drawn, finer), _DETAIL_PX)
 
     def _explained(self, modelled: Float32Array, near: BoolArray, window_px: float) -> float:
         """0 … 1, how much is explained of what varies within windows."""
@@ -102,7 +103,7 @@ class LitComparer(Comparer):
         crop, finer = self._crop, self._crop.scale.finer
         blur_px, scene = self._light.blur_px * crop.scale.drawn, self._scene(drawn)
         seen, modelled = crop.seen, binned(scene, finer)
-        near = _near(drawn, finer)
+        near = near_pixels(drawn, finer)
         windows = Windows(near.astype(np.float32), _WINDOW_PX)
         explained = windows.explained(seen, modelled[..., None], _NOISE, _GAINS)
         jacobian = by_pose(
@@ -143,7 +144,7 @@ class ShapeComparer(Comparer):
         facing = normals(drawn.depth_m, crop.camera, crop.drawn_box)
         channels = [drawn.coverage, *(facing[..., k] * drawn.coverage for k in (0, 1))]
         channels = [smooth(np.ascontiguousarray(channel), blur_px) for channel in channels]
-        near = _near(drawn, finer)
+        near = near_pixels(drawn, finer)
         windows = Windows(near.astype(np.float32), _WINDOW_PX)
         coarse = np.stack([binned(channel, finer) for channel in channels], axis=-1)
         explained = windows.explained(crop.seen, coarse, _SHAPE_NOISE)
@@ -169,52 +170,14 @@ class ShapeComparer(Comparer):
         return Comparison(residual, binned(jacobian, finer) * share[..., None], near, agreement)
 
 
-def with_background(drawn: Drawn, crop: Crop) -> Float32Array:
-    """What is drawn, before what is seen beside the spacecraft, as it reaches behind it."""
-    covered = cv2.dilate(binned(drawn.coverage, crop.scale.finer), _KERNEL, iterations=_BESIDE_PX)
-    free = (covered < 1e-3).astype(np.float32)
-    if not free.any():
-        return drawn.bright
-    behind = cv2.resize(_filled(crop.linear * free, free), drawn.bright.shape[::-1])
-    return np.asarray(drawn.bright + (1 - drawn.coverage) * behind, np.float32)
-
-
-def _filled(sums: Float32Array, weights: Float32Array) -> Float32Array:
-    """An image (h, w) continued where its weights are 0, from what is nearest (push-pull: Gortler et al.
-    1996, The Lumigraph).
-
-    Args:
-        sums: the image times its weights.
-    """
-    levels = [(smooth(sums, _EDGE_PX), smooth(weights, _EDGE_PX))]
-    while min(levels[-1][0].shape) > 1:
-        finer = levels[-1]
-        levels.append((_float32(cv2.pyrDown(finer[0])), _float32(cv2.pyrDown(finer[1]))))
-    filled = np.full_like(levels[-1][0], sums.sum() / weights.sum())
-    for seen, weight in reversed(levels):
-        coarser = _float32(cv2.resize(filled, seen.shape[::-1]))
-        filled = (seen + _FAINT * coarser) / (weight + _FAINT)
-    return filled
-
-
-def _float32(image: AnyArray) -> Float32Array:
-    return np.asarray(image, np.float32)
-
-
 def sharpest(drawn: Drawn, crop: Crop) -> float:
     """The blur, px of the image, with which what is drawn agrees best with the crop."""
-    scene, near = with_background(drawn, crop), _near(drawn, crop.scale.finer)
+    scene, near = with_background(drawn, crop), near_pixels(drawn, crop.scale.finer)
     agreements = []
     for blur_px in _BLURS_PX:
         blurred = crop.coded(smooth(scene, blur_px * crop.scale.drawn))
         agreements.append(_correlation(crop.seen, binned(blurred, crop.scale.finer), near))
     return _BLURS_PX[int(np.argmax(agreements))]
-
-
-def _near(drawn: Drawn, finer: int) -> BoolArray:
-    """Pixels on the spacecraft and a little beside it."""
-    on = (binned(drawn.coverage, finer) > 0).astype(np.uint8)
-    return np.asarray(cv2.dilate(on, _KERNEL, iterations=_BESIDE_PX) > 0)
 
 
 def _share(left: Float32Array, variance: Float32Array, near: BoolArray) -> float:

@@ -8,11 +8,12 @@ import numpy as np
 from scipy.optimize import nnls
 
 from posse_core._arrays import Float32Array, FloatArray
+from posse_core._refinement.background import behind, near_pixels
 from posse_core._refinement.crop import Crop, binned
 from posse_core._refinement.flow import normals
 from posse_core._refinement.placement import Placement
 from posse_core._refinement.studio import Drawn, Lights, Studio
-from posse_core._refinement.windows import smooth
+from posse_core._refinement.windows import Windows, smooth
 
 _DARK = 0.02
 _CODING = 0.6
@@ -65,6 +66,7 @@ def fitted(
     shown: Apart,
     sun_direction_cam: FloatArray,
     blur_px: float,
+    apart_px: float,
     least_sun: float = 0.0,
 ) -> Light:
     """Fit the strengths of the Sun and of the sky, neither below 0, to the crop.
@@ -74,19 +76,23 @@ def fitted(
     what is drawn counts little.
 
     Args:
+        apart_px: by how many of the crop's pixels what is drawn may be beside what is seen. Both are
+            averaged over windows of this size, as edges and booms would else be dark where they are
+            drawn bright, and the light be found too faint.
         least_sun: how much brighter a plate that faces the Sun is, at least, than one that faces the
             brightest part of the sky.
     """
     scale, blur = crop.scale, blur_px * crop.scale.drawn
-    covered = binned(smooth(shown.sun.coverage, blur), scale.finer)
-    inside = covered > (0.9 if np.count_nonzero(covered > 0.9) >= 20 else 0.3)
-    inside &= ~crop.is_saturated
-    seen = crop.linear[inside].astype(np.float64)
-    if not len(seen):
+    inside = near_pixels(shown.sun, scale.finer) & ~crop.is_saturated
+    if not inside.any():
         return Light(Lights(1.0, 0.0, sun_direction_cam), blur_px)
+    windows = Windows(inside.astype(np.float32), apart_px)
+    uncovered = 1 - binned(smooth(shown.sun.coverage, blur), scale.finer)
+    own = np.asarray(crop.linear - uncovered * behind(shown.sun, crop), np.float32)
+    seen = windows.mean(own)[inside].astype(np.float64)
     has_slope = sun_direction_cam[2] > 0
     brights = [shown.sun.bright, *(_halves(shown) if has_slope else [shown.sky.bright])]
-    columns = [binned(smooth(bright, blur), scale.finer)[inside] for bright in brights]
+    columns = [windows.mean(binned(smooth(bright, blur), scale.finer))[inside] for bright in brights]
     parts = np.stack(columns, axis=1).astype(np.float64)
     parts[:, 1:] += least_sun * parts[:, :1]
     slope = 1 / np.maximum(seen, _DARK) ** _CODING

@@ -28,6 +28,8 @@ _LOOSE = 4.0
 """In the first of these rounds residuals may be so many times as large before they count no more."""
 _SHAPE_STEPS = 10
 _COARSE_PX = (48.0, 96.0)
+_APART_PX, _FOUND_PX = 2.0, 1.0
+"""By how many of a crop's pixels what is drawn may be beside what is seen, before and after steps."""
 _BLUR_PX = 0.7
 """Blur of an image, until it is measured: that of POSSE's cameras by default."""
 _SURE, _CLEAR = 0.95, 0.98
@@ -46,8 +48,8 @@ _LEAST_SUN = 2.0
 the brightest part of the sky: the Earth sends back a third of the Sun's light, and clouds half of it."""
 _SAME_RAD, _SAME_SHARE = np.radians(5), 0.05
 """Poses that differ by less, in attitude and in position as a share of the range, are the same."""
-_ASIDE_RAD, _FARTHER = np.radians(12), 1.15
-"""By how much poses nearby are turned, once and twice, and how much farther or nearer they are."""
+_TILTS = ((np.radians(12), 6), (np.radians(25), 8))
+"""By how much poses nearby are turned about axes across the line of sight, and about how many."""
 _NEARBY, _WALKS = 3, 4
 """How many of the poses nearby are followed at the coarsest scale, and how often others near the best of
 them are tried."""
@@ -214,17 +216,16 @@ class Search:
 
     def _nearby(self, best: Trail, first: Placement) -> list[Trail]:
         """Trails from poses near a start: those that agree most, and so on from the best of these."""
-        # About the axis along which a spacecraft is long, an image tells attitudes least.
-        axes = np.linalg.svd(self._vertices_m, full_matrices=False)[2]
+        # Turns in the image's plane and the range follow from where the drawing lies.
+        tilts = [
+            angle * np.array([np.cos(side), np.sin(side), 0])
+            for angle, count in _TILTS
+            for side in 2 * np.pi * (np.arange(count) + 0.5) / count
+        ]
         trails: list[Trail] = []
         here = first
         for _ in range(_WALKS):
-            near = [
-                here.turned(R_about(axis, times * _ASIDE_RAD))
-                for axis in axes
-                for times in (-2, -1, 1, 2)
-            ]
-            near += [here.at_range(share) for share in (1 / _FARTHER, _FARTHER)]
+            near = [here, *(here.moved(np.array([*tilt, 0, 0, 0])) for tilt in tilts)]
             found = [
                 self._lit_at(crops, placement, best.sun_direction_cam, None, best.start, best.trust)
                 for _, crops, placement in self._drawn(best, near, best.trust)[:_NEARBY]
@@ -247,9 +248,13 @@ class Search:
             crops = self._crops(placement, self._scales(placement)[0])
             if crops and self._has_time():
                 shown = drawn_apart(crops[0], self._studio, placement, sun)
-                agreement = self._coded(crops, shown, sun, _BLUR_PX)[0]
-                likely = self._fit(placement) * chance(agreement, trust)
-                tried.append((likely, crops, placement))
+                agreement, crop, light = self._coded(crops, shown, sun, _BLUR_PX, _APART_PX)
+                drawing = together(shown, light.lights)
+                there = LitComparer(crop, self._studio, light).registered(drawing, placement)
+                crops = self._crops(there.placement, self._scales(there.placement)[0])
+                if crops:
+                    likely = chance(min(1.0, agreement + there.rise), trust)
+                    tried.append((self._fit(there.placement) * likely, crops, there.placement))
         return sorted(tried, key=lambda each: -each[0])
 
     def _followed(self, trail: Trail, scale: Scale) -> Trail | None:
@@ -279,7 +284,10 @@ class Search:
         """
         for number in range(_ROUNDS):
             shown = drawn_apart(crops[0], self._studio, here, sun)
-            _, crop, light = self._coded(crops, shown, sun, _BLUR_PX if blur_px is None else blur_px)
+            apart_px = _APART_PX if number == 0 else _FOUND_PX
+            _, crop, light = self._coded(
+                crops, shown, sun, _BLUR_PX if blur_px is None else blur_px, apart_px
+            )
             if blur_px is not None or number > 0:
                 blur_px = sharpest(together(shown, light.lights), crop)
                 light = replace(light, blur_px=blur_px)
@@ -300,12 +308,17 @@ class Search:
         return size_fit(self._picture.share_of(placement, self._vertices_m, self._box_px))
 
     def _coded(
-        self, crops: Sequence[Crop], shown: Apart, sun: FloatArray, blur_px: float
+        self,
+        crops: Sequence[Crop],
+        shown: Apart,
+        sun: FloatArray,
+        blur_px: float,
+        apart_px: float,
     ) -> tuple[float, Crop, Light]:
         """Of crops of differently coded images, that which agrees most with what is drawn, how much, and
         the light in it."""
         least = 0.0 if self._sun is None else _LEAST_SUN
-        lights = [fitted(crop, shown, sun, blur_px, least) for crop in crops]
+        lights = [fitted(crop, shown, sun, blur_px, apart_px, least) for crop in crops]
         agreements = [
             LitComparer(crop, self._studio, light).agreement(together(shown, light.lights))
             for crop, light in zip(crops, lights, strict=True)

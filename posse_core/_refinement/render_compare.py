@@ -19,6 +19,7 @@ from posse_core._interfaces.trust import ANGLE_RAD, RANGE_SHARE
 from posse_core._refinement.descent import covariance
 from posse_core._refinement.options import RenderCompareOptions
 from posse_core._refinement.placement import Placement
+from posse_core._refinement.prior import is_within
 from posse_core._refinement.search import Outcome, Search
 from posse_core._refinement.studio import Studio
 
@@ -85,25 +86,27 @@ class RenderCompare(Refiner[RenderCompareOptions]):
             lambda: time.perf_counter() < end_s,
             box_px,
         )
-        firsts = [Placement.of(start) for start in starts]
-        trusts = [start.trust for start in starts]
-        lit = search.lit(firsts, trusts, self.options.least_agreement)
+        lit = search.lit(starts, self.options.least_agreement)
         if lit is not None and lit.agreement >= self.options.least_agreement:
-            is_likely = self._is_near(lit, starts) or lit.certainty >= _LEAST_CERTAINTY * max(trusts)
+            most = max(start.trust for start in starts)
+            is_likely = self._is_near(lit, starts) or lit.certainty >= _LEAST_CERTAINTY * most
             is_better = is_likely and _has_fallen(lit.before, lit.agreement)
             return self._made(lit, starts, is_better=is_better)
         # Where the Sun is known, a right pose agrees in brightness.
-        shape = search.shape(firsts[0], trusts[0]) if sun_direction_cam is None else None
+        first = Placement.of(starts[0])
+        shape = search.shape(starts[0]) if sun_direction_cam is None else None
         if shape is None:
             outcome = lit
-        elif lit is None or _is_plausible(shape, firsts[0]):
-            again = search.lit([shape.found.placement], trusts[:1], self.options.least_agreement)
+        elif lit is None or _is_plausible(shape, first):
+            R, t_m = shape.found.placement
+            there = replace(starts[0], R_cam_from_body=R, t_body_cam_m=t_m)
+            again = search.lit([there], self.options.least_agreement)
             if again is not None and again.agreement >= self.options.least_agreement:
                 before = lit.before if lit is not None else 0.0
                 outcome = replace(again, start=0, before=before)
                 is_better = _has_fallen(before, again.agreement)
                 return self._made(outcome, starts, is_better=is_better)
-            return self._made(shape, starts, is_better=_is_plausible(shape, firsts[0]))
+            return self._made(shape, starts, is_better=_is_plausible(shape, first))
         else:
             outcome = lit
         if outcome is None:
@@ -129,14 +132,11 @@ class RenderCompare(Refiner[RenderCompareOptions]):
     def _is_near(self, outcome: Outcome, starts: Sequence[PoseEstimate]) -> bool:
         """Whether the pose that was found is where it would be if its start were right."""
         assert self._setting is not None
-        start = starts[outcome.start]
-        e_t, e_q_rad = pose_errors(
-            start.R_cam_from_body,
-            start.t_body_cam_m,
-            *outcome.found.placement,
-            self._setting.spacecraft.symmetries,
-        )
-        return e_t < RANGE_SHARE and e_q_rad < ANGLE_RAD
+        start, found = starts[outcome.start], outcome.found.placement
+        symmetries = self._setting.spacecraft.symmetries
+        e_t, e_q_rad = pose_errors(*Placement.of(start), *found, symmetries)
+        is_alike = e_t < RANGE_SHARE and e_q_rad < ANGLE_RAD
+        return is_alike or is_within(found, start, symmetries)
 
 
 def _has_fallen(before: float, after: float) -> bool:

@@ -11,12 +11,14 @@ import numpy as np
 from posse_core._arrays import Float32Array, FloatArray
 from posse_core._evaluation.poses import pose_errors
 from posse_core._frames import R_about
+from posse_core._interfaces.detector import PoseEstimate
 from posse_core._interfaces.refiner import RefinerSetting
 from posse_core._refinement.compare import Comparer, LitComparer, ShapeComparer, sharpest
 from posse_core._refinement.crop import Crop, Picture, Scale, scales
 from posse_core._refinement.descent import Found, descended
 from posse_core._refinement.light import Apart, Light, drawn_apart, fitted, together
 from posse_core._refinement.placement import Placement
+from posse_core._refinement.prior import prior
 from posse_core._refinement.studio import Studio
 from posse_core._refinement.sunlight import brightest_direction
 from posse_core._refinement.trail import RIVAL, Trail, chance, size_fit, weighed
@@ -37,9 +39,9 @@ _SURE, _CLEAR = 0.95, 0.98
 finest, fewer rivals are followed."""
 _HOPE = 0.15
 """How far the agreement may rise at finer scales."""
-_TURNED = 0.3
-"""A pose turned by half a turn is trusted by so much of its start's trust."""
-_UNSEEN = 16.0
+_TURNS = 6
+"""Axes across each principal axis about which a pose is turned by half a turn."""
+_UNSEEN = 4.0
 """The chance of all poses that were not tried."""
 _FOLLOWED, _MOST = 5, 10
 """So many rivals are followed to the finest scale, and until one agrees clearly at most so many."""
@@ -100,26 +102,25 @@ class Search:
         self._vertices_m = np.concatenate([part.vertices_body_m for part in setting.spacecraft.parts])
         self._radius_m = setting.spacecraft.radius_m
         self._symmetries = setting.spacecraft.symmetries
+        self._axes = _axes(self._vertices_m)
+        self._starts: Sequence[PoseEstimate] = ()
         self._sizes_px = (*_COARSE_PX, size_px)
         self._by_coding = {
             linear: Picture(grey, setting.camera, is_linear=linear) for linear in (False, True)
         }
         self._picture = self._by_coding[False]
 
-    def lit(
-        self, firsts: Sequence[Placement], trusts: Sequence[float], least_agreement: float
-    ) -> Outcome | None:
+    def lit(self, starts: Sequence[PoseEstimate], least_agreement: float) -> Outcome | None:
         """The pose by brightness; None where no start shows the spacecraft in the image.
 
         Args:
-            trusts: how likely each start is.
+            starts: where to begin, and how likely each is.
             least_agreement: what is far below it at the coarsest scale is not followed.
         """
-        trails = []
-        for number, (first, trust) in enumerate(zip(firsts, trusts, strict=True)):
-            trail = self._coarse(first, trust, number)
-            if trail is not None:
-                trails.append(trail)
+        self._starts = starts
+        firsts = [Placement.of(start) for start in starts]
+        coarse = [self._coarse(first, number) for number, first in enumerate(firsts)]
+        trails = [trail for trail in coarse if trail is not None]
         if not trails:
             return None
         best = max(trails, key=lambda trail: trail.chance)
@@ -166,14 +167,14 @@ class Search:
             trail = finer
         return trail
 
-    def shape(self, first: Placement, trust: float) -> Outcome | None:
+    def shape(self, start: PoseEstimate) -> Outcome | None:
         """The pose by outlines and creases, whatever the light; None where the start does not show the
         spacecraft in the image.
 
         Outlines are much the same from several sides: the pose is as certain as the start is trusted.
         """
         found, comparer = None, None
-        here = first
+        here = first = Placement.of(start)
         for scale in self._scales(first):
             crop = self._picture.crop(here, self._vertices_m, scale)
             if crop is None or not self._has_time():
@@ -183,12 +184,12 @@ class Search:
             here = found.placement
         if found is None or comparer is None:
             return None
-        return Outcome(found, comparer.compare(first).agreement, 0, trust)
+        return Outcome(found, comparer.compare(first).agreement, 0, start.trust)
 
     def _scales(self, placement: Placement) -> list[Scale]:
         return scales(self._picture.extent_px(placement, self._vertices_m), self._sizes_px)
 
-    def _coarse(self, first: Placement, trust: float, number: int) -> Trail | None:
+    def _coarse(self, first: Placement, number: int) -> Trail | None:
         """A start followed at the coarsest scale."""
         crops = self._crops(first, self._scales(first)[0])
         if not crops:
@@ -196,7 +197,7 @@ class Search:
         sun = self._sun
         if sun is None:
             sun = brightest_direction(crops[0], self._studio, first, _BLUR_PX)
-        return self._lit_at(crops, first, sun, None, number, trust)
+        return self._lit_at(crops, first, sun, None, number)
 
     def _crops(self, placement: Placement, scale: Scale) -> list[Crop]:
         """The part around the spacecraft, coded and linear; none if too little of it is in the image."""
@@ -205,12 +206,12 @@ class Search:
         return [crop for crop in crops if crop is not None]
 
     def _half_turned(self, best: Trail) -> list[Trail]:
-        """Trails from a pose turned by half a turn about each body axis, where they may rival it."""
-        turned = [best.found.placement.turned(R_about(axis, np.pi)) for axis in np.eye(3)]
-        trust = _TURNED * best.trust
+        """Trails from a pose turned by half a turn about axes across its principal ones, where they may
+        rival it."""
+        turned = [best.found.placement.turned(R_about(axis, np.pi)) for axis in self._axes]
         return [
-            self._lit_at(crops, placement, best.sun_direction_cam, None, best.start, trust)
-            for likely, crops, placement in self._drawn(best, turned, trust)
+            self._lit_at(crops, placement, best.sun_direction_cam, None, best.start)
+            for likely, crops, placement in self._drawn(best, turned)
             if likely > best.coarse_chance / RIVAL and self._has_time()
         ]
 
@@ -227,8 +228,8 @@ class Search:
         for _ in range(_WALKS):
             near = [here, *(here.moved(np.array([*tilt, 0, 0, 0])) for tilt in tilts)]
             found = [
-                self._lit_at(crops, placement, best.sun_direction_cam, None, best.start, best.trust)
-                for _, crops, placement in self._drawn(best, near, best.trust)[:_NEARBY]
+                self._lit_at(crops, placement, best.sun_direction_cam, None, best.start)
+                for _, crops, placement in self._drawn(best, near)[:_NEARBY]
                 if self._has_time()
             ]
             trails += found
@@ -239,9 +240,10 @@ class Search:
         return trails
 
     def _drawn(
-        self, best: Trail, placements: Sequence[Placement], trust: float
+        self, best: Trail, placements: Sequence[Placement]
     ) -> list[tuple[float, list[Crop], Placement]]:
-        """Chance, crops and pose of poses of one trust, under a trail's light, the likeliest first."""
+        """Chance, crops and place of poses under a trail's light, moved to where their drawings lie, the
+        likeliest first."""
         sun = best.sun_direction_cam
         tried = []
         for placement in placements:
@@ -253,7 +255,7 @@ class Search:
                 there = LitComparer(crop, self._studio, light).registered(drawing, placement)
                 crops = self._crops(there.placement, self._scales(there.placement)[0])
                 if crops:
-                    likely = chance(min(1.0, agreement + there.rise), trust)
+                    likely = chance(min(1.0, agreement + there.rise), self._prior(there.placement))
                     tried.append((self._fit(there.placement) * likely, crops, there.placement))
         return sorted(tried, key=lambda each: -each[0])
 
@@ -267,7 +269,7 @@ class Search:
         if self._sun is None:
             crop = next(crop for crop in crops if crop.is_linear == trail.is_linear)
             sun = brightest_direction(crop, self._studio, here, trail.blur_px, sun)
-        return self._lit_at(crops, here, sun, trail.blur_px, trail.start, trail.trust)
+        return self._lit_at(crops, here, sun, trail.blur_px, trail.start)
 
     def _lit_at(
         self,
@@ -276,7 +278,6 @@ class Search:
         sun: FloatArray,
         blur_px: float | None,
         start: int,
-        trust: float,
     ) -> Trail:
         """Descend in a crop, fitting the light and the blur, and finding how the image is coded.
 
@@ -298,8 +299,12 @@ class Search:
             here = found.placement
             if (number > 0 and found.is_settled) or not self._has_time():
                 break
-        fit = self._fit(found.placement)
-        return Trail(found, comparer, sun, light.blur_px, crop.is_linear, start, trust, fit)
+        prior, fit = self._prior(here), self._fit(here)
+        return Trail(found, comparer, sun, light.blur_px, crop.is_linear, start, prior, fit)
+
+    def _prior(self, placement: Placement) -> float:
+        """How likely a pose is by the starts."""
+        return prior(placement, self._starts, self._symmetries)
 
     def _fit(self, placement: Placement) -> float:
         """What is left of a pose's chance, 0 … 1, by the detected box."""
@@ -332,3 +337,16 @@ class Search:
         fx_px = crop.camera.fx_px / crop.scale.finer
         radius_px = fx_px * self._radius_m / max(float(here.t_body_cam_m[2]), 1e-3)
         return descended(comparer, here, self._radius_m, radius_px, steps, self._has_time, looseness)
+
+
+def _axes(vertices_m: FloatArray) -> FloatArray:
+    """(N, 3) unit vectors across each principal axis of vertices (V, 3), evenly spread, body axes."""
+    principal = np.linalg.svd(vertices_m - vertices_m.mean(axis=0), full_matrices=False)[2]
+    turns = np.arange(_TURNS) * np.pi / _TURNS
+    circles = [
+        np.outer(np.cos(turns), principal[one]) + np.outer(np.sin(turns), principal[other])
+        for one, other in ((0, 1), (1, 2), (2, 0))
+    ]
+    # The principal axes themselves are in two circles each.
+    last = np.delete(circles[2], [0, _TURNS // 2], axis=0)
+    return np.concatenate([circles[0], circles[1][1:], last])

@@ -11,8 +11,6 @@ from posse_core._arrays import FloatArray
 from posse_core._refinement.compare import LitComparer
 from posse_core._refinement.descent import Found
 
-_LEAST_TRUST, _POWER = 0.01, 0.25
-"""The chance of a pose rises with this power of its trust, which is often too sure."""
 _LEFT_OVER = 1e-3
 """What no drawing explains of the detail."""
 _LEAST_OFF, _COARSE_OFF = 1e-3, 0.02
@@ -20,9 +18,9 @@ _LEAST_OFF, _COARSE_OFF = 1e-3, 0.02
 scale, where different ones may agree nearly as much."""
 RIVAL = 50.0
 """Poses whose chance is less by at most this factor may be the right one."""
-_BOX_SIGMA = 0.2
+_BOX_SIGMA = 0.28
 """Spread of the logarithm of the length of a pose's box over that of the detected one."""
-_LARGER, _SMALLER = 0.1, 0.01
+_LARGER, _SMALLER = 0.3, 0.1
 """The least that is left of a pose's chance where its box is larger than the detected one, which may be
 around what is lit alone, and where it is smaller."""
 
@@ -38,7 +36,7 @@ class Trail:
         blur_px: of the image.
         is_linear: whether the image is; otherwise it is coded by sRGB.
         start: index of the start.
-        trust: how likely the pose is before the image is compared.
+        prior: how likely the pose is before the image is compared.
         fit: what is left of its chance by the detected box.
         share: of its chance that is left since others explain detail better.
     """
@@ -49,7 +47,7 @@ class Trail:
     blur_px: float
     is_linear: bool
     start: int
-    trust: float
+    prior: float
     fit: float
     share: float = 1.0
 
@@ -60,12 +58,12 @@ class Trail:
     @property
     def chance(self) -> float:
         """How likely the pose is among others; see :func:`chance`."""
-        return self.share * self.fit * chance(self.agreement, self.trust)
+        return self.share * self.fit * chance(self.agreement, self.prior)
 
     @property
     def coarse_chance(self) -> float:
         """The same, as far as the coarsest scale can tell."""
-        return self.fit * chance(self.agreement, self.trust, _COARSE_OFF)
+        return self.fit * chance(self.agreement, self.prior, _COARSE_OFF)
 
 
 def weighed(trails: Sequence[Trail]) -> list[Trail]:
@@ -83,13 +81,12 @@ def weighed(trails: Sequence[Trail]) -> list[Trail]:
     ]
 
 
-def chance(agreement: float, trust: float, least_off: float = _LEAST_OFF) -> float:
-    """How likely a pose is, among others, by how an image agrees with it and its trust.
+def chance(agreement: float, prior: float, least_off: float = _LEAST_OFF) -> float:
+    """How likely a pose is, among others, by how an image agrees with it and its prior.
 
-    What is left of the disagreement counts as variance would; trust counts little
-    (docs/refining.md#how-certain-a-refined-pose-is).
+    What is left of the disagreement counts as variance would.
     """
-    return float((trust + _LEAST_TRUST) ** _POWER / max(1 - agreement, least_off) ** 2)
+    return float(prior / max(1 - agreement, least_off) ** 2)
 
 
 def size_fit(share: float) -> float:

@@ -25,5 +25,5 @@ class RenderCompareOptions(Options):
         192, ge=32, le=1024, description="extent of the spacecraft in the finest images, about"
     )
     least_agreement: float = Field(
-        0.75, ge=0, le=1, description="a pose whose agreement with the image is lower is not accepted"
+        0.8, ge=0, le=1, description="a pose whose agreement with the image is lower is not accepted"
     )

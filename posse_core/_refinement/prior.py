@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from posse_core._arrays import FloatArray
 from posse_core._evaluation.poses import nees
 from posse_core._interfaces.detector import PoseEstimate
@@ -11,11 +13,12 @@ from posse_core._refinement.placement import Placement
 
 _LEAST_TRUST, _POWER = 0.01, 0.5
 """The chance of a start rises with this power of its trust, which is often too sure."""
-_FREEDOM = 12.0
+_FREEDOM, _FREEDOM_OF_PLACE = 12.0, 6.0
 """Squares of distances above twice the number of unknowns are far more often than a normal distribution
 has them."""
-_MISTAKEN = 0.05
-"""What is left wherever a pose is, since keypoints may have been found on another side."""
+_TURNED, _SURE = 0.33, 0.9
+"""Keypoints may have been found on another side, which leaves the place right: how likely any other
+attitude is there, and how much less where the start is sure."""
 _WITHIN = 16.8
 """99 % of poses are nearer to the truth, by a right covariance (χ² of 6 unknowns)."""
 
@@ -26,14 +29,18 @@ def prior(
     """How likely a pose is among others, by that start which says most for it.
 
     It falls with the distance from the start, in standard deviations of the start's covariance, as
-    heavy tails do (docs/refining.md#how-certain-a-refined-pose-is).
+    heavy tails do; where the place is the start's, other attitudes keep some of it
+    (docs/refining.md#how-certain-a-refined-pose-is).
     """
-    shares = [
-        (start.trust + _LEAST_TRUST) ** _POWER
-        * (1 / (1 + distance(placement, start, symmetries) / _FREEDOM) + _MISTAKEN)
-        for start in starts
-    ]
-    return float(max(shares))
+    return max(_by_one(placement, start, symmetries) for start in starts)
+
+
+def _by_one(placement: Placement, start: PoseEstimate, symmetries: Sequence[FloatArray]) -> float:
+    alike = 1 / (1 + distance(placement, start, symmetries) / _FREEDOM)
+    away_m = placement.t_body_cam_m - start.t_body_cam_m
+    off = float(away_m @ np.linalg.pinv(start.covariance[3:, 3:]) @ away_m)
+    turned = _TURNED * (1 - _SURE * start.trust) / (1 + off / _FREEDOM_OF_PLACE)
+    return float((start.trust + _LEAST_TRUST) ** _POWER * alike + turned)
 
 
 def distance(placement: Placement, start: PoseEstimate, symmetries: Sequence[FloatArray]) -> float:

@@ -39,9 +39,10 @@ _SURE, _CLEAR = 0.95, 0.98
 finest, fewer rivals are followed."""
 _HOPE = 0.15
 """How far the agreement may rise at finer scales."""
-_TURNS = 6
-"""Axes across each principal axis about which a pose is turned by half a turn."""
-_UNSEEN = 4.0
+_TURNS, _TURNED, _SURPRISING = 6, 5, 0.05
+"""Axes across each principal axis about which a pose is turned by half a turn; how many of these poses
+are followed; and how much less likely they may be than other rivals, as keypoints speak against them."""
+_UNSEEN = 8.0
 """The chance of all poses that were not tried."""
 _FOLLOWED, _MOST = 5, 10
 """So many rivals are followed to the finest scale, and until one agrees clearly at most so many."""
@@ -211,8 +212,8 @@ class Search:
         turned = [best.found.placement.turned(R_about(axis, np.pi)) for axis in self._axes]
         return [
             self._lit_at(crops, placement, best.sun_direction_cam, None, best.start)
-            for likely, crops, placement in self._drawn(best, turned)
-            if likely > best.coarse_chance / RIVAL and self._has_time()
+            for likely, crops, placement in self._drawn(best, turned)[:_TURNED]
+            if likely > _SURPRISING * best.coarse_chance / RIVAL and self._has_time()
         ]
 
     def _nearby(self, best: Trail, first: Placement) -> list[Trail]:
@@ -340,7 +341,8 @@ class Search:
 
 
 def _axes(vertices_m: FloatArray) -> FloatArray:
-    """(N, 3) unit vectors across each principal axis of vertices (V, 3), evenly spread, body axes."""
+    """(N, 3) unit vectors across each principal axis of vertices (V, 3), evenly spread, and the body
+    axes."""
     principal = np.linalg.svd(vertices_m - vertices_m.mean(axis=0), full_matrices=False)[2]
     turns = np.arange(_TURNS) * np.pi / _TURNS
     circles = [
@@ -349,4 +351,4 @@ def _axes(vertices_m: FloatArray) -> FloatArray:
     ]
     # The principal axes themselves are in two circles each.
     last = np.delete(circles[2], [0, _TURNS // 2], axis=0)
-    return np.concatenate([circles[0], circles[1][1:], last])
+    return np.concatenate([np.eye(3), circles[0], circles[1][1:], last])

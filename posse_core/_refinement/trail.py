@@ -18,9 +18,9 @@ _LEAST_OFF, _COARSE_OFF = 1e-3, 0.02
 scale, where different ones may agree nearly as much."""
 RIVAL = 50.0
 """Poses whose chance is less by at most this factor may be the right one."""
-_BOX_SIGMA = 0.28
+_BOX_SIGMA = 0.2
 """Spread of the logarithm of the length of a pose's box over that of the detected one."""
-_LARGER, _SMALLER = 0.3, 0.1
+_LARGER, _SMALLER = 0.1, 0.01
 """The least that is left of a pose's chance where its box is larger than the detected one, which may be
 around what is lit alone, and where it is smaller."""
 

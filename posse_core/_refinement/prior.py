@@ -16,7 +16,7 @@ _LEAST_TRUST, _POWER = 0.01, 0.5
 _FREEDOM, _FREEDOM_OF_PLACE = 12.0, 6.0
 """Squares of distances above twice the number of unknowns are far more often than a normal distribution
 has them."""
-_TURNED, _SURE = 0.33, 0.9
+_OTHER_SIDE, _SURE = 0.33, 0.9
 """Keypoints may have been found on another side, which leaves the place right: how likely any other
 attitude is there, and how much less where the start is sure."""
 _WITHIN = 16.8
@@ -36,14 +36,16 @@ def prior(
 
 
 def _by_one(placement: Placement, start: PoseEstimate, symmetries: Sequence[FloatArray]) -> float:
-    alike = 1 / (1 + distance(placement, start, symmetries) / _FREEDOM)
+    alike = 1 / (1 + squared_distance(placement, start, symmetries) / _FREEDOM)
     away_m = placement.t_body_cam_m - start.t_body_cam_m
     off = float(away_m @ np.linalg.pinv(start.covariance[3:, 3:]) @ away_m)
-    turned = _TURNED * (1 - _SURE * start.trust) / (1 + off / _FREEDOM_OF_PLACE)
+    turned = _OTHER_SIDE * (1 - _SURE * start.trust) / (1 + off / _FREEDOM_OF_PLACE)
     return float((start.trust + _LEAST_TRUST) ** _POWER * alike + turned)
 
 
-def distance(placement: Placement, start: PoseEstimate, symmetries: Sequence[FloatArray]) -> float:
+def squared_distance(
+    placement: Placement, start: PoseEstimate, symmetries: Sequence[FloatArray]
+) -> float:
     """The square of the distance of a pose from a start, in standard deviations of the start's
     covariance (Mahalanobis)."""
     centre = start.R_cam_from_body, start.t_body_cam_m
@@ -52,4 +54,4 @@ def distance(placement: Placement, start: PoseEstimate, symmetries: Sequence[Flo
 
 def is_within(placement: Placement, start: PoseEstimate, symmetries: Sequence[FloatArray]) -> bool:
     """Whether a pose is where it is likely to be, if its start and the start's covariance are right."""
-    return distance(placement, start, symmetries) < _WITHIN
+    return squared_distance(placement, start, symmetries) < _WITHIN

@@ -15,6 +15,8 @@ from posse_core._refinement.placement import Placement
 from posse_core._refinement.studio import Drawn, Lights, Studio
 from posse_core._refinement.windows import Windows, smooth
 
+APART_PX = 2.0
+"""By how many of a crop's pixels what is drawn may be beside what is seen, before steps are made."""
 _DARK = 0.02
 _CODING = 0.6
 """The slope of sRGB's coding falls with about this power of the brightness."""

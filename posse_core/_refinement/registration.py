@@ -61,9 +61,7 @@ def registered(crop: Crop, modelled: Float32Array, near: BoolArray, placement: P
             if scores[row, column] > best:
                 best, size, turn_deg = scores[row, column], each_size, each_deg
                 shift_px = np.array([column, row], np.float64) - _SHIFT_PX
-    u, v = middle_px + crop.scale.finer * shift_px
-    camera = crop.camera
-    ray = np.array([(u - camera.cx_px) / camera.fx_px, (v - camera.cy_px) / camera.fy_px, 1.0])
+    ray = crop.camera.rays(middle_px + crop.scale.finer * shift_px)
     turn = R_about(unit(t_m), np.radians(turn_deg))
     return Registered(Placement(turn @ R, ray * t_m[2] / size), float(best - there))
 

@@ -16,7 +16,7 @@ from posse_core._interfaces.refiner import RefinerSetting
 from posse_core._refinement.compare import Comparer, LitComparer, ShapeComparer, sharpest
 from posse_core._refinement.crop import Crop, Picture, Scale, scales
 from posse_core._refinement.descent import Found, descended
-from posse_core._refinement.light import Apart, Light, drawn_apart, fitted, together
+from posse_core._refinement.light import APART_PX, Apart, Light, drawn_apart, fitted, together
 from posse_core._refinement.placement import Placement
 from posse_core._refinement.prior import prior
 from posse_core._refinement.studio import Studio
@@ -30,8 +30,8 @@ _LOOSE = 4.0
 """In the first of these rounds residuals may be so many times as large before they count no more."""
 _SHAPE_STEPS = 10
 _COARSE_PX = (48.0, 96.0)
-_APART_PX, _FOUND_PX = 2.0, 1.0
-"""By how many of a crop's pixels what is drawn may be beside what is seen, before and after steps."""
+_FOUND_PX = 1.0
+"""By how many of a crop's pixels what is drawn may be beside what is seen, after steps."""
 _BLUR_PX = 0.7
 """Blur of an image, until it is measured: that of POSSE's cameras by default."""
 _SURE, _CLEAR = 0.95, 0.98
@@ -251,7 +251,7 @@ class Search:
             crops = self._crops(placement, self._scales(placement)[0])
             if crops and self._has_time():
                 shown = drawn_apart(crops[0], self._studio, placement, sun)
-                agreement, crop, light = self._coded(crops, shown, sun, _BLUR_PX, _APART_PX)
+                agreement, crop, light = self._coded(crops, shown, sun, _BLUR_PX, APART_PX)
                 drawing = together(shown, light.lights)
                 there = LitComparer(crop, self._studio, light).registered(drawing, placement)
                 crops = self._crops(there.placement, self._scales(there.placement)[0])
@@ -286,7 +286,7 @@ class Search:
         """
         for number in range(_ROUNDS):
             shown = drawn_apart(crops[0], self._studio, here, sun)
-            apart_px = _APART_PX if number == 0 else _FOUND_PX
+            apart_px = APART_PX if number == 0 else _FOUND_PX
             _, crop, light = self._coded(
                 crops, shown, sun, _BLUR_PX if blur_px is None else blur_px, apart_px
             )

@@ -9,14 +9,12 @@ from posse_core._frames import R_with_z
 from posse_core._refinement.compare import LitComparer
 from posse_core._refinement.crop import Crop
 from posse_core._refinement.flow import normals
-from posse_core._refinement.light import Apart, fitted, together
+from posse_core._refinement.light import APART_PX, Apart, fitted, together
 from posse_core._refinement.placement import Placement
 from posse_core._refinement.studio import Drawn, Lights, Studio
 
 _DIRECTIONS, _DRAWN = 48, 3
 """Directions that are tried by Lambert's law alone, and how many of them are drawn."""
-_APART_PX = 2.0
-"""By how many of a crop's pixels what is drawn may be beside what is seen."""
 _FARTHEST_BEHIND = 0.6
 """Cosine of the smallest angle between the optical axis and the light behind the spacecraft."""
 _RING_RAD, _RING = (0.2, 0.15), 6
@@ -43,7 +41,7 @@ def brightest_direction(
 
     def agreement(direction: FloatArray, sun: Drawn) -> float:
         shown = Apart(sun, sky, facing)
-        light = fitted(crop, shown, direction, blur_px, _APART_PX)
+        light = fitted(crop, shown, direction, blur_px, APART_PX)
         return LitComparer(crop, studio, light).agreement(together(shown, light.lights))
 
     def drawn(direction: FloatArray) -> float:

@@ -20,9 +20,12 @@ _SMALLEST = 0.02
 _TRIES = 3
 _LEAST_DISTANCE = 0.3
 """Poses nearer than this share of the spacecraft's radius are not tried."""
-_LEAST_EXCESS, _EXCESS, _LARGEST_EXCESS = 7.0, 200.0, 40.0
+_LEAST_EXCESS, _EXCESS, _LARGEST_EXCESS = 6.0, 200.0, 34.0
 """By how much the covariance is larger than the residuals alone say: always, with what is left of the
 disagreement, and at most."""
+_LEAST_ERROR_PX = 0.03
+"""By how much of a crop's pixel the spacecraft's rim may be off, by each of the unknowns, whatever the
+residuals say."""
 _OPEN = 1e-6
 """A direction is open if what the image says of it is below this share of what it says of the clearest:
 pictures are of single precision."""
@@ -35,11 +38,13 @@ class Found:
     """A pose and the comparison at it.
 
     Attributes:
+        radius_px: of the spacecraft in the crop.
         is_settled: whether no step from here, or only a tiny one, makes them agree more.
     """
 
     placement: Placement
     comparison: Comparison
+    radius_px: float
     is_settled: bool = False
 
 
@@ -60,7 +65,7 @@ def descended(
         has_time: whether another step may be made.
         looseness: by how much larger residuals may be than usual before they count no more.
     """
-    here = Found(placement, comparer.compare(placement))
+    here = Found(placement, comparer.compare(placement), radius_px)
     unit = units(placement, radius_m, radius_px)
     damping = 1e-3
     for _ in range(steps):
@@ -77,7 +82,7 @@ def descended(
             moved = here.placement.moved(step * unit)
             if moved.t_body_cam_m[2] < _LEAST_DISTANCE * radius_m or not step.any():
                 break
-            tried = Found(moved, comparer.compare(moved))
+            tried = Found(moved, comparer.compare(moved), radius_px)
             if _cost(tried.comparison, spread) < cost:
                 there = tried
                 break
@@ -97,16 +102,18 @@ def units(placement: Placement, radius_m: float, radius_px: float) -> FloatArray
     return np.array([*[1 / radius_px] * 3, across_m, across_m, along_m])
 
 
-def covariance(comparison: Comparison, placement: Placement, radius_m: float) -> FloatArray | None:
+def covariance(found: Found, radius_m: float) -> FloatArray | None:
     """(6, 6) covariance of the pose, of a small rotation (rad) and of the position (m), camera axes;
     None where the image leaves a direction open, as a few pixels do.
 
     The inverse of the Hessian, with the residuals as they are: they are correlated within blocks, which
     count as independent of each other (the sandwich of Huber 1967, by clusters). Where the drawing
     itself is wrong, all blocks are pulled alike; so the covariance is several times larger, and grows
-    with what is left of the disagreement, as errors were measured to do (docs/refining.md).
+    with what is left of the disagreement, and has a part that residuals do not make smaller, as errors
+    were measured to do (docs/refining.md).
     """
-    unit = units(placement, radius_m, max(radius_m, 1e-6) / placement.t_body_cam_m[2] * 1e3)
+    comparison = found.comparison
+    unit = units(found.placement, radius_m, found.radius_px)
     spread = _spread(comparison)
     weight = _weight(comparison, spread)
     H, _ = _normal_equations(comparison, spread, unit)
@@ -124,8 +131,9 @@ def covariance(comparison: Comparison, placement: Placement, radius_m: float) ->
         return None
     inverse = np.linalg.inv(H)
     correction *= min(_LARGEST_EXCESS, _LEAST_EXCESS * (1 + _EXCESS * (1 - comparison.agreement)))
-    C = correction * (inverse @ (sums.T @ sums) @ inverse) * np.outer(unit, unit)
-    return np.asarray((C + C.T) / 2) if (np.diag(C) > 0).all() else None
+    by_residuals = correction * (inverse @ (sums.T @ sums) @ inverse)
+    C = (by_residuals + _LEAST_ERROR_PX**2 * np.eye(6)) * np.outer(unit, unit)
+    return np.asarray((C + C.T) / 2)
 
 
 def _spread(comparison: Comparison) -> float:

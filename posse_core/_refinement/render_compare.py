@@ -34,9 +34,9 @@ _LARGEST_SHARE = 0.3
 of the range."""
 _LEAST_CONFIRMED = 0.5
 """Least agreement at which a start is confirmed near which the search ends."""
-_LEAST_CERTAINTY = 0.5
-"""A pose far from its start is accepted if it is certain by at least so much of the greatest trust of a
-start."""
+_LEAST_CERTAINTY, _SHARE_OF_TRUST = 0.25, 0.5
+"""A pose far from its start is accepted if it is at least so certain, and by at least so much of the
+greatest trust of a start."""
 
 
 class RenderCompare(Refiner[RenderCompareOptions]):
@@ -89,7 +89,8 @@ class RenderCompare(Refiner[RenderCompareOptions]):
         lit = search.lit(starts, self.options.least_agreement)
         if lit is not None and lit.agreement >= self.options.least_agreement:
             most = max(start.trust for start in starts)
-            is_likely = self._is_near(lit, starts) or lit.certainty >= _LEAST_CERTAINTY * most
+            least = max(_LEAST_CERTAINTY, _SHARE_OF_TRUST * most)
+            is_likely = self._is_near(lit, starts) or lit.certainty >= least
             is_better = is_likely and _has_fallen(lit.before, lit.agreement)
             return self._made(lit, starts, is_better=is_better)
         # Where the Sun is known, a right pose agrees in brightness.
@@ -119,7 +120,7 @@ class RenderCompare(Refiner[RenderCompareOptions]):
         pose, is_near = starts[outcome.start], self._is_near(outcome, starts)
         agreements = float(outcome.agreement), float(outcome.before)
         found, radius_m = outcome.found, self._setting.spacecraft.radius_m
-        C = covariance(found.comparison, found.placement, radius_m) if is_better else None
+        C = covariance(found, radius_m) if is_better else None
         if C is None:
             is_first = pose.trust == max(start.trust for start in starts)
             is_confirmed = is_near and is_first and outcome.agreement >= _LEAST_CONFIRMED

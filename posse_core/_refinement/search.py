@@ -10,7 +10,6 @@ import numpy as np
 
 from posse_core._arrays import Float32Array, FloatArray
 from posse_core._evaluation.poses import pose_errors
-from posse_core._frames import R_about
 from posse_core._interfaces.detector import PoseEstimate
 from posse_core._interfaces.refiner import RefinerSetting
 from posse_core._refinement.compare import Comparer, LitComparer, ShapeComparer, sharpest
@@ -21,7 +20,8 @@ from posse_core._refinement.placement import Placement
 from posse_core._refinement.prior import prior
 from posse_core._refinement.studio import Studio
 from posse_core._refinement.sunlight import brightest_direction
-from posse_core._refinement.trail import RIVAL, Trail, chance, size_fit, weighed
+from posse_core._refinement.trail import RIVAL, Trail, certainty, chance, size_fit, weighed
+from posse_core._refinement.turns import CLOSE, FAR, Around, half_turn_axes, half_turned, tilted
 
 _STEPS = 4
 _ROUNDS = 10
@@ -39,11 +39,9 @@ _SURE, _CLEAR = 0.95, 0.98
 finest, fewer rivals are followed."""
 _HOPE = 0.15
 """How far the agreement may rise at finer scales."""
-_TURNS, _TURNED, _SURPRISING = 6, 5, 0.05
-"""Axes across each principal axis about which a pose is turned by half a turn; how many of these poses
-are followed; and how much less likely they may be than other rivals, as keypoints speak against them."""
-_UNSEEN = 8.0
-"""The chance of all poses that were not tried."""
+_TURNED, _SURPRISING = 5, 0.05
+"""How many poses turned by half a turn are followed, and how much less likely they may be than other
+rivals, as keypoints speak against them."""
 _FOLLOWED, _MOST = 5, 10
 """So many rivals are followed to the finest scale, and until one agrees clearly at most so many."""
 _LEAST_SUN = 2.0
@@ -51,11 +49,13 @@ _LEAST_SUN = 2.0
 the brightest part of the sky: the Earth sends back a third of the Sun's light, and clouds half of it."""
 _SAME_RAD, _SAME_SHARE = np.radians(5), 0.05
 """Poses that differ by less, in attitude and in position as a share of the range, are the same."""
-_TILTS = ((np.radians(12), 6), (np.radians(25), 8))
-"""By how much poses nearby are turned about axes across the line of sight, and about how many."""
-_NEARBY, _WALKS = 3, 4
-"""How many of the poses nearby are followed at the coarsest scale, and how often others near the best of
-them are tried."""
+_WALKS = 4
+"""How often poses around the best of those around a pose are tried."""
+_DOUBTFUL = 0.7
+"""Poses that are less certain are sought in more places."""
+_WALKED, _TURNED_LATER, _SLIGHTLY = 6, 3, 2
+"""Around so many starts, by half a turn from so many poses (and so many from each), and slightly turned
+from so many."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class Search:
         self._vertices_m = np.concatenate([part.vertices_body_m for part in setting.spacecraft.parts])
         self._radius_m = setting.spacecraft.radius_m
         self._symmetries = setting.spacecraft.symmetries
-        self._axes = _axes(self._vertices_m)
+        self._axes = half_turn_axes(self._vertices_m)
         self._starts: Sequence[PoseEstimate] = ()
         self._sizes_px = (*_COARSE_PX, size_px)
         self._by_coding = {
@@ -121,36 +121,81 @@ class Search:
         self._starts = starts
         firsts = [Placement.of(start) for start in starts]
         coarse = [self._coarse(first, number) for number, first in enumerate(firsts)]
-        trails = [trail for trail in coarse if trail is not None]
+        trails = _by_chance([trail for trail in coarse if trail is not None])
         if not trails:
             return None
-        best = max(trails, key=lambda trail: trail.chance)
         # Light that was found by a pose that is wrong says nothing of other poses.
-        if self._sun is not None or best.agreement > least_agreement - _HOPE:
-            if best.agreement < _SURE:
-                trails += self._nearby(best, firsts[best.start])
-                best = max(trails, key=lambda trail: trail.chance)
-            trails += self._half_turned(best)
+        is_lit = self._sun is not None or trails[0].agreement > least_agreement - _HOPE
+        first_looks = self._first_looks(trails[0], firsts) if is_lit else []
+        found = self._followed_to_the_finest([*trails, *first_looks], least_agreement)
+        is_there = found[0].agreement > least_agreement - _HOPE
+        if is_lit and is_there and certainty(found) < _DOUBTFUL:
+            found = self._with_slightly_turned(found)
+            if certainty(found) < _DOUBTFUL and found[0].agreement < _CLEAR:
+                elsewhere = self._elsewhere(found, trails, firsts)
+                found += self._followed_to_the_finest(elsewhere, least_agreement)
+                found = self._with_slightly_turned(self._compared(found))
+        best = found[0]
+        self._picture = self._by_coding[best.is_linear]
+        before = best.comparer.compare(firsts[best.start]).agreement
+        return Outcome(best.found, before, best.start, certainty(found))
+
+    def _first_looks(self, best: Trail, firsts: Sequence[Placement]) -> list[Trail]:
+        """Trails from poses that resemble the likeliest."""
+        nearby: list[Trail] = []
+        if best.agreement < _SURE:
+            nearby = self._nearby(best, firsts[best.start], FAR)
+        return nearby + self._half_turned(_by_chance([best, *nearby])[0], _TURNED)
+
+    def _elsewhere(
+        self, found: Sequence[Trail], trails: Sequence[Trail], firsts: Sequence[Placement]
+    ) -> list[Trail]:
+        """Trails from poses that the first looks left out: near the other starts, and turned by half a
+        turn from others than the likeliest.
+
+        Args:
+            found: those of the first looks, at the finest scale.
+            trails: from the starts, at the coarsest scale, likeliest first.
+            firsts: the starts.
+        """
+        more: list[Trail] = []
+        for trail in trails[1:_WALKED]:
+            if not any(each.agreement > _SURE for each in more):
+                more += self._nearby(trail, firsts[trail.start], FAR)
+        for trail in self._different([*found, *more])[:_TURNED_LATER]:
+            more += self._half_turned(trail, _TURNED_LATER)
+        return more
+
+    def _with_slightly_turned(self, found: Sequence[Trail]) -> list[Trail]:
+        """Trails at the finest scale and those from poses slightly turned from the likeliest, as steps
+        end at any pose from which all small ones make the agreement less."""
+        turned: list[Trail] = []
+        for trail in found[:_SLIGHTLY]:
+            turned += self._nearby(trail, trail.found.placement, CLOSE)
+        return self._compared([*found, *turned])
+
+    def _followed_to_the_finest(self, trails: Sequence[Trail], least_agreement: float) -> list[Trail]:
+        """The likeliest of trails, followed to the finest scale and compared there."""
         # What looks alike when it is coarse may not when it is fine.
-        trails = self._different(trails)
-        rivals = [trail for trail in trails if trail.chance > trails[0].coarse_chance / RIVAL]
+        different = self._different(trails)
+        rivals = [trail for trail in different if trail.chance > different[0].coarse_chance / RIVAL]
         finest: list[Trail] = []
         for trail in rivals[:_MOST]:
             is_clear = any(each.agreement > _CLEAR for each in finest)
             if is_clear and len(finest) >= _FOLLOWED:
                 break
             finest.append(self._to_the_finest(trail, least_agreement))
-        trails = sorted(weighed(self._different(finest)), key=lambda trail: -trail.chance)
-        best = trails[0]
-        self._picture = self._by_coding[best.is_linear]
-        before = best.comparer.compare(firsts[best.start]).agreement
-        certainty = best.chance / (sum(trail.chance for trail in trails) + _UNSEEN)
-        return Outcome(best.found, before, best.start, certainty)
+        return self._compared(finest)
+
+    def _compared(self, finest: Sequence[Trail]) -> list[Trail]:
+        """Trails that differ at the finest scale, weighed against each other, the likeliest first."""
+        alone = [replace(trail, share=1.0) for trail in finest]
+        return _by_chance(weighed(self._different(alone)))
 
     def _different(self, trails: Sequence[Trail]) -> list[Trail]:
         """Those that differ, most likely first; of several that are the same pose, the likeliest."""
         kept: list[Trail] = []
-        for trail in sorted(trails, key=lambda trail: -trail.chance):
+        for trail in _by_chance(trails):
             pose = trail.found.placement
             errors = [pose_errors(*each.found.placement, *pose, self._symmetries) for each in kept]
             if not any(e_t < _SAME_SHARE and e_q < _SAME_RAD for e_t, e_q in errors):
@@ -206,31 +251,25 @@ class Search:
         crops = [picture.crop(placement, self._vertices_m, scale) for picture in pictures]
         return [crop for crop in crops if crop is not None]
 
-    def _half_turned(self, best: Trail) -> list[Trail]:
-        """Trails from a pose turned by half a turn about axes across its principal ones, where they may
-        rival it."""
-        turned = [best.found.placement.turned(R_about(axis, np.pi)) for axis in self._axes]
+    def _half_turned(self, best: Trail, followed: int) -> list[Trail]:
+        """So many trails from a pose turned by half a turn about axes across its principal ones, where
+        they may rival it."""
+        turned = half_turned(best.found.placement, self._axes)
         return [
             self._lit_at(crops, placement, best.sun_direction_cam, None, best.start)
-            for likely, crops, placement in self._drawn(best, turned)[:_TURNED]
+            for likely, crops, placement in self._drawn(best, turned, FAR.scale)[:followed]
             if likely > _SURPRISING * best.coarse_chance / RIVAL and self._has_time()
         ]
 
-    def _nearby(self, best: Trail, first: Placement) -> list[Trail]:
-        """Trails from poses near a start: those that agree most, and so on from the best of these."""
-        # Turns in the image's plane and the range follow from where the drawing lies.
-        tilts = [
-            angle * np.array([np.cos(side), np.sin(side), 0])
-            for angle, count in _TILTS
-            for side in 2 * np.pi * (np.arange(count) + 0.5) / count
-        ]
+    def _nearby(self, best: Trail, first: Placement, around: Around) -> list[Trail]:
+        """Trails from poses around one: those that agree most, and so on from the best of these."""
         trails: list[Trail] = []
         here = first
         for _ in range(_WALKS):
-            near = [here, *(here.moved(np.array([*tilt, 0, 0, 0])) for tilt in tilts)]
+            near = [here, *tilted(here, around)]
             found = [
                 self._lit_at(crops, placement, best.sun_direction_cam, None, best.start)
-                for _, crops, placement in self._drawn(best, near)[:_NEARBY]
+                for _, crops, placement in self._drawn(best, near, around.scale)[: around.followed]
                 if self._has_time()
             ]
             trails += found
@@ -241,20 +280,20 @@ class Search:
         return trails
 
     def _drawn(
-        self, best: Trail, placements: Sequence[Placement]
+        self, best: Trail, placements: Sequence[Placement], scale: int
     ) -> list[tuple[float, list[Crop], Placement]]:
-        """Chance, crops and place of poses under a trail's light, moved to where their drawings lie, the
-        likeliest first."""
+        """Chance, crops and place of poses under a trail's light, moved to where their drawings lie at
+        one of the scales, the likeliest first."""
         sun = best.sun_direction_cam
         tried = []
         for placement in placements:
-            crops = self._crops(placement, self._scales(placement)[0])
+            crops = self._crops(placement, self._scales(placement)[scale])
             if crops and self._has_time():
                 shown = drawn_apart(crops[0], self._studio, placement, sun)
                 agreement, crop, light = self._coded(crops, shown, sun, _BLUR_PX, APART_PX)
                 drawing = together(shown, light.lights)
                 there = LitComparer(crop, self._studio, light).registered(drawing, placement)
-                crops = self._crops(there.placement, self._scales(there.placement)[0])
+                crops = self._crops(there.placement, self._scales(there.placement)[scale])
                 if crops:
                     likely = chance(min(1.0, agreement + there.rise), self._prior(there.placement))
                     tried.append((self._fit(there.placement) * likely, crops, there.placement))
@@ -340,15 +379,5 @@ class Search:
         return descended(comparer, here, self._radius_m, radius_px, steps, self._has_time, looseness)
 
 
-def _axes(vertices_m: FloatArray) -> FloatArray:
-    """(N, 3) unit vectors across each principal axis of vertices (V, 3), evenly spread, and the body
-    axes."""
-    principal = np.linalg.svd(vertices_m - vertices_m.mean(axis=0), full_matrices=False)[2]
-    turns = np.arange(_TURNS) * np.pi / _TURNS
-    circles = [
-        np.outer(np.cos(turns), principal[one]) + np.outer(np.sin(turns), principal[other])
-        for one, other in ((0, 1), (1, 2), (2, 0))
-    ]
-    # The principal axes themselves are in two circles each.
-    last = np.delete(circles[2], [0, _TURNS // 2], axis=0)
-    return np.concatenate([np.eye(3), circles[0], circles[1][1:], last])
+def _by_chance(trails: Sequence[Trail]) -> list[Trail]:
+    return sorted(trails, key=lambda trail: -trail.chance)

@@ -18,6 +18,8 @@ _LEAST_OFF, _COARSE_OFF = 1e-3, 0.02
 scale, where different ones may agree nearly as much."""
 RIVAL = 50.0
 """Poses whose chance is less by at most this factor may be the right one."""
+_UNSEEN = 8.0
+"""The chance of all poses that were not tried."""
 _BOX_SIGMA = 0.2
 """Spread of the logarithm of the length of a pose's box over that of the detected one."""
 _LARGER, _SMALLER = 0.1, 0.01
@@ -79,6 +81,11 @@ def weighed(trails: Sequence[Trail]) -> list[Trail]:
         replace(trail, share=min(1.0, min(rivals) / each))
         for each, trail in zip(left, trails, strict=True)
     ]
+
+
+def certainty(trails: Sequence[Trail]) -> float:
+    """Probability that the first of several trails, the likeliest, is the right one, 0 … 1."""
+    return trails[0].chance / (sum(trail.chance for trail in trails) + _UNSEEN)
 
 
 def chance(agreement: float, prior: float, least_off: float = _LEAST_OFF) -> float:

@@ -25,7 +25,7 @@ from posse_core._interfaces.refiner import RefinerSetting
 from posse_core._randomness import random_generator
 from posse_core._refinement.compare import Comparison, LitComparer
 from posse_core._refinement.crop import Picture, Scale
-from posse_core._refinement.descent import covariance
+from posse_core._refinement.descent import Found, covariance
 from posse_core._refinement.light import Light
 from posse_core._refinement.options import RenderCompareOptions
 from posse_core._refinement.placement import Placement
@@ -275,12 +275,28 @@ def test_a_pose_of_which_the_image_leaves_a_direction_open_has_no_covariance():
     random = np.random.default_rng(1)
     placement = Placement(np.eye(3), np.array([0.0, 0.0, 10.0]))
 
-    def comparison(side: int) -> Comparison:
-        residual = random.normal(size=(side, 5), scale=0.01).astype(np.float32)
+    def found(side: int, noise: float = 0.01) -> Found:
+        residual = random.normal(size=(side, 5), scale=noise).astype(np.float32)
         by_pose = random.normal(size=(side, 5, 6)).astype(np.float32)
-        return Comparison(residual, by_pose, np.ones((side, 5), bool), 0.99)
+        agree = Comparison(residual, by_pose, np.ones((side, 5), bool), 0.99)
+        return Found(placement, agree, radius_px=100.0)
 
-    assert covariance(comparison(1), placement, 1.0) is None
-    C = covariance(comparison(200), placement, 1.0)
+    assert covariance(found(1), 1.0) is None
+    C = covariance(found(200), 1.0)
     assert C is not None
     assert np.linalg.eigvalsh(C).min() > 0
+
+
+def test_no_pose_is_exact_however_little_is_left_of_the_disagreement():
+    """Without any residual, the rim (100 px from the middle, 1 m) is known to some hundredths of a pixel
+    and no better: turns to so much of a hundredth of a radian, shifts to so much of a centimetre, and
+    the range, ten times the radius, ten times worse."""
+    random = np.random.default_rng(2)
+    by_pose = random.normal(size=(40, 40, 6)).astype(np.float32)
+    agree = Comparison(np.zeros((40, 40), np.float32), by_pose, np.ones((40, 40), bool), 1.0)
+    found = Found(Placement(np.eye(3), np.array([0.0, 0.0, 10.0])), agree, radius_px=100.0)
+    C = covariance(found, radius_m=1.0)
+    assert C is not None
+    sigma_px = np.sqrt(np.diag(C)) / np.array([0.01, 0.01, 0.01, 0.01, 0.01, 0.1])
+    assert sigma_px == pytest.approx(np.full(6, sigma_px[0]))
+    assert 0.01 < sigma_px[0] < 0.1

@@ -1,0 +1,83 @@
+"""Where no pose is certain, more of them are sought, and one that stays doubtful is not accepted."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from posse_core import PoseEstimate
+from posse_core._evaluation.poses import pose_errors
+from posse_core._plugins.loading import load_plugins
+from posse_core._randomness import random_generator
+from posse_core._refinement.opening import open_refiner
+from posse_core._refinement.turns import CLOSE, FAR, Around, half_turn_axes, half_turned, tilted
+from posse_core._scenario.component import ComponentChoice
+from tests.support.raycast_images import CAMERA, HERE, SUN, light_of, with_booms
+
+needs_raster = pytest.mark.skipif(
+    find_spec("posse_render_raster") is None and "POSSE_REQUIRE_RASTER" not in os.environ,
+    reason="posse-render-raster, which draws what is compared, is not installed",
+)
+
+
+@needs_raster
+@pytest.mark.slow
+def test_a_trusted_start_that_leads_nowhere_does_not_hide_another() -> None:
+    """It is 100° off, and the other start 35° and 7 % of the range. The spacecraft looks alike from a
+    pose turned by half a turn about its short boom."""
+    craft = with_booms(0.012, (0.25, 0.2, 0.2))
+    image = np.rint(255 * np.clip(0.8 * light_of(craft)[0], 0, 1)).astype(np.uint8)
+    draw = random_generator(3, 0, "start")
+    starts = []
+    for off_deg, share, certainty in ((100, 1.05, 0.3), (35, 1.07, 0.05)):
+        axis = draw.standard_normal(3)
+        turn = Rotation.from_rotvec(np.radians(off_deg) * axis / np.linalg.norm(axis)).as_matrix()
+        place_m = share * HERE.t_body_cam_m
+        covariance, inliers = np.eye(6) * 1e-3, np.ones(8, bool)
+        starts.append(
+            PoseEstimate(
+                turn @ HERE.R_cam_from_body, place_m, covariance, inliers, 1.0, certainty=certainty
+            )
+        )
+    choice = ComponentChoice(name="render-compare")
+    with contextlib.closing(open_refiner(load_plugins().registry, choice, craft, CAMERA)) as refiner:
+        made = refiner.refine(image, starts, SUN)
+    half = Rotation.from_rotvec([np.pi, 0, 0]).as_matrix()
+    e_t, e_q = pose_errors(*HERE, made.pose.R_cam_from_body, made.pose.t_body_cam_m, (half,))
+    assert made.is_better
+    assert e_t < 0.002
+    assert np.degrees(e_q) < 0.5
+
+
+@pytest.mark.parametrize(("around", "angles_deg"), [(FAR, [12] * 6 + [25] * 8), (CLOSE, [5] * 6)])
+def test_poses_nearby_are_tilted_about_axes_across_the_line_of_sight(
+    around: Around, angles_deg: list[float]
+) -> None:
+    turns = [
+        Rotation.from_matrix(each.R_cam_from_body @ HERE.R_cam_from_body.T).as_rotvec(degrees=True)
+        for each in tilted(HERE, around)
+    ]
+    np.testing.assert_allclose(np.linalg.norm(turns, axis=1), angles_deg, atol=1e-9)
+    np.testing.assert_allclose(np.array(turns)[:, 2], 0, atol=1e-9)
+    np.testing.assert_allclose(np.sum(turns, axis=0), 0, atol=1e-9)
+
+
+def test_half_turns_are_about_axes_that_stand_apart_and_end_at_the_start_if_made_twice() -> None:
+    """The body axes, and fifteen across the principal axes, of which no two are nearer than 30°."""
+    vertices_m = np.random.default_rng(0).normal(size=(200, 3)) * [3, 2, 1]
+    axes = half_turn_axes(vertices_m)
+    np.testing.assert_allclose(np.linalg.norm(axes, axis=1), 1)
+    across = np.abs(axes[3:] @ axes[3:].T) - np.eye(15)
+    assert np.degrees(np.arccos(across.max())) == pytest.approx(30)
+    for axis, turned in zip(axes, half_turned(HERE, axes), strict=True):
+        np.testing.assert_allclose(
+            turned.R_cam_from_body @ axis, HERE.R_cam_from_body @ axis, atol=1e-12
+        )
+        twice = half_turned(turned, axis[None])[0]
+        np.testing.assert_allclose(twice.R_cam_from_body, HERE.R_cam_from_body, atol=1e-12)
+        np.testing.assert_allclose(twice.t_body_cam_m, HERE.t_body_cam_m)

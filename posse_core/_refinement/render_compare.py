@@ -36,7 +36,7 @@ _LEAST_CONFIRMED = 0.5
 """Least agreement at which a start is confirmed near which the search ends."""
 _LEAST_CERTAINTY, _SHARE_OF_TRUST = 0.25, 0.5
 """A pose far from its start is accepted if it is at least so certain, and by at least so much of the
-greatest trust of a start."""
+greatest trust of a start; and a start is confirmed if what is found near it is at least so certain."""
 
 
 class RenderCompare(Refiner[RenderCompareOptions]):
@@ -123,7 +123,8 @@ class RenderCompare(Refiner[RenderCompareOptions]):
         C = covariance(found, radius_m) if is_better else None
         if C is None:
             is_first = pose.trust == max(start.trust for start in starts)
-            is_confirmed = is_near and is_first and outcome.agreement >= _LEAST_CONFIRMED
+            is_sure = outcome.agreement >= _LEAST_CONFIRMED and outcome.certainty >= _LEAST_CERTAINTY
+            is_confirmed = is_near and is_first and is_sure
             return Refinement(pose, False, *agreements, is_confirmed)
         R, t = found.placement
         certainty = max(outcome.certainty, pose.trust) if is_near else outcome.certainty

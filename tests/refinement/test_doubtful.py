@@ -1,4 +1,4 @@
-"""Where no pose is certain, more of them are sought, and one that stays doubtful is not accepted."""
+"""Where no pose is certain, more of them are sought."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ from posse_core._refinement.turns import CLOSE, FAR, Around, half_turn_axes, hal
 from posse_core._scenario.component import ComponentChoice
 from tests.support.raycast_images import CAMERA, HERE, SUN, light_of, with_booms
 
+# The ray caster, by which the refiners of other tests here draw, takes minutes for so many drawings.
+# Where raster is required, its absence is to fail the test and not to skip it: so no importorskip.
 needs_raster = pytest.mark.skipif(
     find_spec("posse_render_raster") is None and "POSSE_REQUIRE_RASTER" not in os.environ,
     reason="posse-render-raster, which draws what is compared, is not installed",

@@ -275,8 +275,8 @@ def test_a_pose_of_which_the_image_leaves_a_direction_open_has_no_covariance():
     random = np.random.default_rng(1)
     placement = Placement(np.eye(3), np.array([0.0, 0.0, 10.0]))
 
-    def found(side: int, noise: float = 0.01) -> Found:
-        residual = random.normal(size=(side, 5), scale=noise).astype(np.float32)
+    def found(side: int) -> Found:
+        residual = random.normal(size=(side, 5), scale=0.01).astype(np.float32)
         by_pose = random.normal(size=(side, 5, 6)).astype(np.float32)
         agree = Comparison(residual, by_pose, np.ones((side, 5), bool), 0.99)
         return Found(placement, agree, radius_px=100.0)

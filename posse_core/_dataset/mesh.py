@@ -8,13 +8,13 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial import ConvexHull
 from scipy.spatial.distance import pdist
 
 from posse_core._arrays import FloatArray, IntArray
 from posse_core._errors import InputError
 from posse_core._files.atomic import write_bytes
 from posse_core._files.reading import read_bytes
+from posse_core._geometry.hull import hull_points
 
 _VERTEX = np.dtype([("x", "<f8"), ("y", "<f8"), ("z", "<f8")])
 _FACE = np.dtype([("count", "u1"), ("vertices", "<i4", (3,)), ("part_id", "<i2")])
@@ -50,9 +50,8 @@ class Mesh:
 
     @cached_property
     def diameter_m(self) -> float:
-        """Largest distance between two vertices. ("QJ" makes the hull of a flat mesh possible.)"""
-        hull = ConvexHull(self.vertices_body_m, qhull_options="QJ")
-        return float(pdist(self.vertices_body_m[hull.vertices]).max())
+        """Largest distance between two vertices."""
+        return float(pdist(hull_points(self.vertices_body_m)).max())
 
 
 def write_mesh(mesh: Mesh, path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from posse_core._dataset.images import LabelledImages
 from posse_core._dataset.mesh import Mesh
 from posse_core._dataset.spacecraft import SpacecraftInfo
 from posse_core._detection.looking import sightings_of
+from posse_core._detection.parts import found_in_parts
 from posse_core._detection.pnp import MIN_POINTS
 from posse_core._detection.pose_detector import LEAST_SCORE
 from posse_core._detection.shapes import Shapes, Sighting
@@ -148,6 +150,9 @@ def evaluate(
                 f" knows {', '.join(model.classes)}"
             )
     judged = []
+    posed_classes = {
+        name for name in dataset.classes if finder is not None and _gives_poses(finder, name)
+    }
     for i in positions:
         labels, image = dataset[i], dataset.image(i)
         seen = {
@@ -159,10 +164,11 @@ def evaluate(
         sightings: list[Sighting] = []
         others = found
         if finder is not None:
-            posed = [d for d in found if _gives_poses(finder, d.label)]
-            given = finder, image, dataset.camera, shapes, LEAST_SCORE
-            sightings, dropped = sightings_of(posed, *given, sun_direction_cam(labels))
-            others = dropped + [d for d in found if not _gives_poses(finder, d.label)]
+            posed = [d for d in found if d.label in posed_classes]
+            given = finder, image, dataset.camera, shapes, LEAST_SCORE, sun_direction_cam(labels)
+            closer = partial(found_in_parts, detector, image, posed_classes)
+            sightings, dropped = sightings_of(posed, *given, closer)
+            others = dropped + [d for d in found if d.label not in posed_classes]
         sightings += [Sighting(detection, None) for detection in others]
         bodies = _judged(dataset, seen, sightings, finder)
         false = [

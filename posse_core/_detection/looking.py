@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from posse_core._arrays import AnyArray, FloatArray
 from posse_core._detection.hypotheses import is_known, poses_of, weighed
+from posse_core._detection.parts import is_one
 from posse_core._detection.shapes import Shapes, Sighting
 from posse_core._evaluation.metrics import box_iou, box_share
 from posse_core._interfaces.detector import Detection, KeypointFinder, PoseEstimate
@@ -41,10 +42,12 @@ def sightings_of(
     shapes: Shapes | None,
     least_score: float,
     sun_direction_cam: FloatArray | None,
+    closer: Callable[[], Sequence[Detection]],
 ) -> tuple[list[Sighting], list[Detection]]:
     """Find the poses of what was detected in an image, and drop detections that are none.
 
     A detection below the least score counts if its pose is trusted, and one spacecraft counts once.
+    Where no pose is trusted, a closer search is made, and what it finds counts if its pose is trusted.
 
     Args:
         detections: best first, without keypoints.
@@ -52,6 +55,7 @@ def sightings_of(
         least_score: of a detection.
         sun_direction_cam: (3,) unit vector from the spacecraft to the Sun, by which poses are refined;
             None where it is not known.
+        closer: makes the closer search; its detections are as those.
 
     Returns:
         The spacecraft, those with a trusted pose first, most trusted first, and then by their scores;
@@ -59,11 +63,18 @@ def sightings_of(
     """
     enough = _ENOUGH_OF_SCORE * least_score
     dropped = [detection for detection in detections if detection.score < enough]
-    looks = [
-        (detection, *look(finder, image, detection, camera, shapes))
-        for detection in detections
-        if detection.score >= enough
-    ]
+
+    def looked(found: Sequence[Detection]) -> list[tuple[Detection, Detection, list[PoseEstimate]]]:
+        return [
+            (detection, *look(finder, image, detection, camera, shapes))
+            for detection in found
+            if detection.score >= enough
+        ]
+
+    looks = looked(detections)
+    if not any(_is_trusted(poses) for *_, poses in looks):
+        more = [each for each in closer() if not any(is_one(each, known) for known, *_ in looks)]
+        looks += [each for each in looked(more) if _is_trusted(each[2])]
     looks.sort(key=lambda each: not _is_trusted(each[2]))  # stable
     seen: list[Sighting] = []
     for detection, found, poses in looks:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 from posse_core._arrays import AnyArray, FloatArray
 from posse_core._detection.looking import sightings_of
+from posse_core._detection.parts import found_in_parts
 from posse_core._detection.shapes import Shapes, Sighting
 from posse_core._errors import InputError
 from posse_core._interfaces.detector import Detection, Detector, KeypointFinder, PoseEstimate
@@ -37,7 +39,7 @@ class PoseDetector:
         self._keypoints = keypoints
         self._least_score = least_score
         self._shapes = shapes
-        self._target = target
+        self._wanted = set(boxes.classes if target is None else [target])
 
     def detect(self, image: AnyArray) -> Sequence[Detection]:
         """Return the spacecraft in an image, best first, with keypoints if there is a model for them.
@@ -54,7 +56,8 @@ class PoseDetector:
         """Return the spacecraft in an image with their poses: those with a trusted pose first, most
         trusted first, then by their scores.
 
-        A third of the least score is enough for a detection whose pose is trusted. Where the mesh of a
+        A third of the least score is enough for a detection whose pose is trusted. Where no pose is
+        trusted, the image is searched in parts of half its size too. Where the mesh of a
         spacecraft is known, its pose is refined, if that was asked for, and the box is that of the mesh
         at the pose.
 
@@ -69,8 +72,9 @@ class PoseDetector:
         """
         if self._keypoints is None:
             raise InputError("a pose needs keypoints; give a model that finds them")
-        given = self._keypoints, image, camera, self._shapes, self._least_score
-        return sightings_of(self._found(image), *given, sun_direction_cam)[0]
+        given = self._keypoints, image, camera, self._shapes, self._least_score, sun_direction_cam
+        closer = partial(found_in_parts, self._boxes, image, self._wanted)
+        return sightings_of(self._found(image), *given, closer)[0]
 
     def pose(
         self, image: AnyArray, camera: Camera, sun_direction_cam: FloatArray | None = None
@@ -91,10 +95,9 @@ class PoseDetector:
         seen = self.sightings(image, camera, sun_direction_cam)
         return next((each.pose for each in seen if each.pose is not None), None)
 
-    def _found(self, image: AnyArray) -> Sequence[Detection]:
+    def _found(self, image: AnyArray) -> list[Detection]:
         """The boxes in an image; of the target alone, where one was named."""
-        found = self._boxes.predict([image])[0]
-        return found if self._target is None else [d for d in found if d.label == self._target]
+        return [each for each in self._boxes.predict([image])[0] if each.label in self._wanted]
 
     def close(self) -> None:
         """Close what refines poses; it is opened again when it is needed."""

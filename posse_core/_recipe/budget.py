@@ -24,19 +24,40 @@ Count = Annotated[int, Field(ge=1)]
 
 
 @dataclass(frozen=True)
+class Learning:
+    """How fast a net learns.
+
+    Attributes:
+        prepared_s: time to prepare a picture, once for all epochs.
+        picture_s: time to learn from a picture once, above 0.
+    """
+
+    prepared_s: float
+    picture_s: float
+
+    def training_s(self, pictures: float, epochs: int) -> float:
+        """How long a training takes."""
+        return pictures * (self.prepared_s + self.picture_s * epochs)
+
+    def epochs_in(self, pictures: float, seconds: float) -> int:
+        """The most epochs of a training that takes no longer, or less than 1 if there are none."""
+        return math.floor((seconds / max(pictures, 1.0) - self.prepared_s) / self.picture_s)
+
+
+@dataclass(frozen=True)
 class Speeds:
     """What a probe measured.
 
     Attributes:
         frame_s: source → time from one frame to the next, of all workers together.
         opening_s: source → time until the first frame.
-        picture_s: task → time to learn from one picture once.
+        learning: task → how fast its net learns.
         spent_s: that the probe itself took.
     """
 
     frame_s: Mapping[str, float]
     opening_s: Mapping[str, float]
-    picture_s: Mapping[str, float]
+    learning: Mapping[str, Learning]
     spent_s: float
 
 
@@ -55,6 +76,13 @@ class Decision(FileRecord):
     epochs: dict[str, Count]
     expected_s: dict[str, Seconds]
     measured_s: dict[str, Seconds]
+
+    def learning(self, task: str) -> Learning | None:
+        """How fast a net learns, by the probe; None if that was not measured."""
+        if _a_picture_for(task) not in self.measured_s:
+            return None
+        prepared_s = self.measured_s.get(_preparing_for(task), 0.0)
+        return Learning(prepared_s, max(self.measured_s[_a_picture_for(task)], 1e-6))
 
 
 def decide(recipe: Recipe, speeds: Speeds | None) -> Decision:
@@ -78,21 +106,24 @@ def decide(recipe: Recipe, speeds: Speeds | None) -> Decision:
     shown = sum(share for name, share in shares.items() if recipe.data.sources[name].craft)
     # Pictures per frame and epoch: boxes are learned from all frames, keypoints where there are some.
     pictures = {"boxes": training, "keypoints": training * shown}
-    epoch_s = {task: pictures[task] * speeds.picture_s[task] for task in recipe.nets}  # of one frame
     count = recipe.data.frames
     if count is None:
         by_making = (time.frames * total_s - opening_s) / frame_s
-        by_learning = (time.boxes + time.keypoints) * total_s / (LEAST_EPOCHS * sum(epoch_s.values()))
+        least_s = sum(
+            speeds.learning[task].training_s(pictures[task], LEAST_EPOCHS) for task in recipe.nets
+        )
+        by_learning = (time.boxes + time.keypoints) * total_s / least_s
         count = max(LEAST_FRAMES, int(min(by_making, by_learning)))
     data_s = opening_s + count * frame_s
     left_s = (time.frames + time.boxes + time.keypoints) * total_s - data_s
     epochs, expected_s = {}, {"frames": data_s}
     for task, share in (("boxes", time.boxes), ("keypoints", time.keypoints)):
-        once_s = count * epoch_s[task]
+        learning, shown_to = speeds.learning[task], count * pictures[task]
         mine_s = left_s * share / (time.boxes + time.keypoints)
         given_epochs = recipe.nets[task].options.get("epochs")
-        epochs[task] = max(1, math.floor(mine_s / once_s)) if given_epochs is None else int(given_epochs)
-        expected_s[task] = epochs[task] * once_s
+        fitting = max(1, learning.epochs_in(shown_to, mine_s))
+        epochs[task] = fitting if given_epochs is None else int(given_epochs)
+        expected_s[task] = learning.training_s(shown_to, epochs[task])
     expected_s["evaluation"] = total_s * (1 - time.frames - time.boxes - time.keypoints)
     return Decision(
         frames=divided(recipe, count),
@@ -101,13 +132,16 @@ def decide(recipe: Recipe, speeds: Speeds | None) -> Decision:
         measured_s={
             **{f"a frame of {name}": round(x, 4) for name, x in speeds.frame_s.items()},
             **{f"before the first frame of {name}": round(x, 2) for name, x in speeds.opening_s.items()},
-            **{f"a picture for {task}": round(x, 6) for task, x in speeds.picture_s.items()},
+            **{_preparing_for(task): round(x.prepared_s, 6) for task, x in speeds.learning.items()},
+            **{_a_picture_for(task): round(x.picture_s, 6) for task, x in speeds.learning.items()},
             "this probe": round(speeds.spent_s, 1),
         },
     )
 
 
-def epochs_in_time(recipe: Recipe, decision: Decision, task: str, epoch_s: float, spent_s: float) -> int:
+def epochs_in_time(
+    recipe: Recipe, decision: Decision, task: str, learning: Learning, pictures: int, spent_s: float
+) -> int:
     """Return how many epochs of a training fit into what is left of the time, and at least a dozen, or
     those that were decided if they are fewer: a model that has hardly learned is of no use in time.
 
@@ -115,7 +149,8 @@ def epochs_in_time(recipe: Recipe, decision: Decision, task: str, epoch_s: float
         recipe: with hours.
         decision: that was made for it.
         task: of the training.
-        epoch_s: time that an epoch takes on the machine as it is now.
+        learning: how fast the net learns on the machine as it is now.
+        pictures: that are learned from or measured by.
         spent_s: time that all steps before the training took.
     """
     assert recipe.hours is not None
@@ -124,7 +159,15 @@ def epochs_in_time(recipe: Recipe, decision: Decision, task: str, epoch_s: float
     shares = {"boxes": time.boxes, "keypoints": time.keypoints}
     later = 1 - time.frames - (time.boxes if task == "keypoints" else 0.0)
     least = min(LEAST_EPOCHS, decision.epochs[task])
-    return max(least, math.floor(left_s * shares[task] / later / max(epoch_s, 1e-6)))
+    return max(least, learning.epochs_in(pictures, left_s * shares[task] / later))
+
+
+def _preparing_for(task: str) -> str:
+    return f"preparing a picture for {task}"
+
+
+def _a_picture_for(task: str) -> str:
+    return f"a picture for {task}"
 
 
 def divided(recipe: Recipe, count: int) -> dict[str, int]:

@@ -23,7 +23,7 @@ from posse_core._recipe.card import write_card
 from posse_core._recipe.data import DATA, Kitchen, make_data
 from posse_core._recipe.judging import EVALUATION, Evaluation, judge
 from posse_core._recipe.model import Recipe
-from posse_core._recipe.probe import learning_s, measure
+from posse_core._recipe.probe import learning_of, measure, steady
 from posse_core._recipe.scenarios import CRAFT, Scenarios
 from posse_core._recipe.steps import Show, Steps
 from posse_core._recipe.training import (
@@ -171,23 +171,25 @@ def _epochs(
     if note is not None and isinstance(options := note.of["options"], dict):
         return int(str(options["epochs"]))
     began = time.monotonic()
-    picture_s = learning_s(recipe, task, dataset.folder, steps.folder, registry)
+    trial = partial(learning_of, recipe, task, dataset.folder, steps.folder, registry)
+    learning = steady(trial, decision.learning(task))
     trial_s = time.monotonic() - began
     # A training that was removed to be made again has a note, whose time is no longer spent.
     tasks = list(recipe.nets)
     later = tasks[tasks.index(task) :]
     spent_s = sum(note.seconds for name, note in steps.notes().items() if name not in later)
     # To be measured by takes a picture about as long as to be learned from.
-    epoch_s = picture_s * sum(len(pictures_for(task, dataset, part)) for part in ("train", "valid"))
-    fitting = epochs_in_time(recipe, decision, task, epoch_s, spent_s + trial_s)
+    pictures = sum(len(pictures_for(task, dataset, part)) for part in ("train", "valid"))
+    fitting = epochs_in_time(recipe, decision, task, learning, pictures, spent_s + trial_s)
+    training_s = learning.training_s(pictures, fitting)
     assert recipe.hours is not None  # as no epochs are given
-    end_h = (spent_s + trial_s + fitting * epoch_s) / 3600
+    end_h = (spent_s + trial_s + training_s) / 3600
     if end_h > recipe.hours:
         steps.show.say(
             f"{task}: this machine has become slower, so {fitting} epochs, with fewer of which it would"
             f" hardly learn, end after about {end_h:.2g} h, later than {recipe.hours:g} h"
         )
-    steps.show.expect({**decision.expected_s, task: fitting * epoch_s})
+    steps.show.expect({**decision.expected_s, task: training_s})
     return fitting
 
 

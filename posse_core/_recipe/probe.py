@@ -7,14 +7,14 @@ import io
 import shutil
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final
 
 from posse_core._arrays import evenly_spread
 from posse_core._dataset.dataset import Dataset
 from posse_core._plugins.registry import Registry
-from posse_core._recipe.budget import Speeds
+from posse_core._recipe.budget import Learning, Speeds
 from posse_core._recipe.data import DATA, Kitchen, make_frames
 from posse_core._recipe.model import Recipe
 from posse_core._recipe.training import options_for, pictures_for, train
@@ -26,13 +26,14 @@ _TRIAL: Final = ".trial"
 _ROUNDS: Final = 12
 """Frames of a source for each worker; the first of each does not count."""
 _TAKEN: Final = (16, 144)
-"""The most frames to train on in two trainings: their difference leaves out what happens once, or once
-an epoch. Both are whole batches, and the longer is many, since a training prepares a batch while it
-learns from the one before."""
-_EPOCHS: Final = 5
+_EPOCHS: Final = (1, 6)
+"""The most frames to train on, and the epochs, of four trainings. Their differences tell what happens
+once, once an epoch, once for each picture, and whenever one is learned from. Frames are whole batches,
+and the more are many, since a training prepares a batch while it learns from the one before."""
+_MUCH_LONGER: Final = 1.25
 _LEAST_OF_MEAN: Final = 0.3
-"""A picture takes at least this share of the mean over the longer training, however the shorter was
-slowed down by other programs."""
+"""To learn from a picture takes at least this share of the mean over the longest training, however the
+shorter ones were slowed down by other programs."""
 
 
 def measure(kitchen: Kitchen, folder: Path) -> Speeds:
@@ -59,16 +60,16 @@ def measure(kitchen: Kitchen, folder: Path) -> Speeds:
     collect(runs, [], None, probe / DATA, lambda lines, total: lines)
     write_partition(Dataset(probe / DATA), kitchen.recipe.data.split, kitchen.recipe.seed, "frame")
     registry = kitchen.plugins.registry
-    picture_s = {
-        task: learning_s(kitchen.recipe, task, probe / DATA, folder, registry)
+    learning = {
+        task: learning_of(kitchen.recipe, task, probe / DATA, folder, registry)
         for task in kitchen.recipe.nets
     }
     shutil.rmtree(probe)
-    return Speeds(frame_s, opening_s, picture_s, time.monotonic() - started)
+    return Speeds(frame_s, opening_s, learning, time.monotonic() - started)
 
 
-def learning_s(recipe: Recipe, task: str, data: Path, folder: Path, registry: Registry) -> float:
-    """Return the time to learn from one picture once, s, by trials with a few frames of a dataset.
+def learning_of(recipe: Recipe, task: str, data: Path, folder: Path, registry: Registry) -> Learning:
+    """Return how fast a net learns, by trials with a few frames of a dataset.
 
     Args:
         recipe: with the net of the task.
@@ -83,19 +84,39 @@ def learning_s(recipe: Recipe, task: str, data: Path, folder: Path, registry: Re
     trial = folder / _TRIAL
     shutil.rmtree(trial, ignore_errors=True)
     registry.load("detector", recipe.nets[task].name)  # imports what would slow down the first training
-    options = {**options_for(recipe, task, _EPOCHS, registry), "epochs": _EPOCHS}
-    taken, pictures = [], []
-    for number, most in enumerate((_TAKEN[0], *_TAKEN)):  # the first prepares the libraries
-        dataset = _Excerpt(data, most)
+
+    def training_s(frames: int, epochs: int) -> float:
+        options = {**options_for(recipe, task, epochs, registry), "epochs": epochs}
         began = time.monotonic()
         with _unseen():
-            train(recipe, task, options, dataset, trial / str(number), registry)
-        taken.append(time.monotonic() - began)
-        pictures.append(_EPOCHS * max(len(pictures_for(task, dataset)), 1))
+            train(recipe, task, options, _Excerpt(data, frames), trial / f"{frames}-{epochs}", registry)
+        return time.monotonic() - began
+
+    (few, many), (once, often) = _TAKEN, _EPOCHS
+    training_s(few, once)  # prepares the libraries
     shutil.rmtree(trial)
-    more_s, more = taken[2] - taken[1], pictures[2] - pictures[1]
-    least_s = _LEAST_OF_MEAN * taken[2] / pictures[2]
-    return max(more_s / more if more > 0 else 0.0, least_s)
+    taken_s = {(n, e): training_s(n, e) for e in _EPOCHS for n in _TAKEN}
+    shutil.rmtree(trial)
+    all_pictures = len(pictures_for(task, _Excerpt(data, many)))
+    more = max(all_pictures - len(pictures_for(task, _Excerpt(data, few))), 1)
+    by_once_s, by_often_s = (taken_s[many, e] - taken_s[few, e] for e in _EPOCHS)
+    least_s = _LEAST_OF_MEAN * taken_s[many, often] / (often * max(all_pictures, 1))
+    picture_s = max((by_often_s - by_once_s) / (more * (often - once)), least_s)
+    return Learning(max(by_once_s / more - once * picture_s, 0.0), picture_s)
+
+
+def steady(trial: Callable[[], Learning], before: Learning | None) -> Learning:
+    """Return what a trial tells; where a net learns much slower than before, the faster of two. Whatever
+    interrupts a short trial makes it longer, and a machine that has become slower is so twice.
+
+    Args:
+        trial: measures how fast a net learns.
+        before: what was measured before; None if nothing was.
+    """
+    now = trial()
+    if before is None or now.picture_s <= _MUCH_LONGER * before.picture_s:
+        return now
+    return min(now, trial(), key=lambda learning: learning.picture_s)
 
 
 @contextlib.contextmanager

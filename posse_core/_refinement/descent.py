@@ -50,9 +50,8 @@ class Found:
 
 def descended(
     comparer: Comparer,
-    placement: Placement,
+    begun: Found,
     radius_m: float,
-    radius_px: float,
     steps: int,
     has_time: Callable[[], bool],
     looseness: float = 1.0,
@@ -60,13 +59,14 @@ def descended(
     """Descend from a pose.
 
     Args:
-        radius_m, radius_px: of the spacecraft, in space and in the crop.
+        begun: the pose and the comparison at it.
+        radius_m: of the spacecraft.
         steps: the most steps.
         has_time: whether another step may be made.
         looseness: by how much larger residuals may be than usual before they count no more.
     """
-    here = Found(placement, comparer.compare(placement), radius_px)
-    unit = units(placement, radius_m, radius_px)
+    here, radius_px = begun, begun.radius_px
+    unit = units(begun.placement, radius_m, radius_px)
     damping = 1e-3
     for _ in range(steps):
         spread = looseness * _spread(here.comparison)

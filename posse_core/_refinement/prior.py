@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from posse_core._arrays import FloatArray
-from posse_core._evaluation.poses import nees
+from posse_core._evaluation.poses import nees, pose_errors
 from posse_core._interfaces.detector import PoseEstimate
+from posse_core._interfaces.trust import ANGLE_RAD, RANGE_SHARE
 from posse_core._refinement.placement import Placement
 
 _LEAST_TRUST, _POWER = 0.01, 0.5
@@ -52,6 +53,9 @@ def squared_distance(
     return nees(*placement, *centre, start.covariance, symmetries)
 
 
-def is_within(placement: Placement, start: PoseEstimate, symmetries: Sequence[FloatArray]) -> bool:
-    """Whether a pose is where it is likely to be, if its start and the start's covariance are right."""
-    return squared_distance(placement, start, symmetries) < _WITHIN
+def is_near(placement: Placement, start: PoseEstimate, symmetries: Sequence[FloatArray]) -> bool:
+    """Whether a pose is where it would be if its start were right: as near to it as a right pose is to
+    the truth, or where it is likely to be by the start's covariance."""
+    e_t, e_q_rad = pose_errors(*Placement.of(start), *placement, symmetries)
+    is_alike = e_t < RANGE_SHARE and e_q_rad < ANGLE_RAD
+    return is_alike or squared_distance(placement, start, symmetries) < _WITHIN

@@ -4,7 +4,7 @@ them."""
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,16 +12,16 @@ from posse_core._arrays import Float32Array, FloatArray
 from posse_core._evaluation.poses import pose_errors
 from posse_core._interfaces.detector import PoseEstimate
 from posse_core._interfaces.refiner import RefinerSetting
-from posse_core._refinement.compare import Comparer, LitComparer, ShapeComparer, sharpest
+from posse_core._refinement.compare import Comparer, Comparison, LitComparer, ShapeComparer, sharpest
 from posse_core._refinement.crop import Crop, Picture, Scale, scales
 from posse_core._refinement.descent import Found, descended
 from posse_core._refinement.light import APART_PX, Apart, Light, drawn_apart, fitted, together
 from posse_core._refinement.placement import Placement
-from posse_core._refinement.prior import prior
-from posse_core._refinement.studio import Studio
+from posse_core._refinement.prior import is_near, prior
+from posse_core._refinement.studio import EVEN, Studio
 from posse_core._refinement.sunlight import brightest_direction
-from posse_core._refinement.trail import RIVAL, Trail, certainty, chance, size_fit, weighed
-from posse_core._refinement.turns import CLOSE, FAR, Around, half_turn_axes, half_turned, tilted
+from posse_core._refinement.trail import RIVAL, Outcome, Trail, certainty, chance, size_fit, weighed
+from posse_core._refinement.turns import CLOSE, FAR, Around, Tried, half_turn_axes, half_turned, tilted
 
 _STEPS = 4
 _ROUNDS = 10
@@ -52,31 +52,12 @@ _SAME_RAD, _SAME_SHARE = np.radians(5), 0.05
 _WALKS = 4
 """How often poses around the best of those around a pose are tried."""
 _DOUBTFUL = 0.7
-"""Poses that are less certain are sought in more places."""
+"""Poses that are less certain are sought in more places,"""
+_SURE_START, _LEAST_START = 0.9, 0.01
+"""but for those near a start that is trusted more, and where no start is trusted by so much."""
 _WALKED, _TURNED_LATER, _SLIGHTLY = 6, 3, 2
 """Around so many starts, by half a turn from so many poses (and so many from each), and slightly turned
 from so many."""
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What came of a search.
-
-    Attributes:
-        found: the pose and the comparison at it.
-        before: agreement at the start, compared alike.
-        start: index of the start.
-        certainty: probability that no other pose is the right one, 0 … 1.
-    """
-
-    found: Found
-    before: float
-    start: int
-    certainty: float
-
-    @property
-    def agreement(self) -> float:
-        return self.found.comparison.agreement
 
 
 class Search:
@@ -85,6 +66,7 @@ class Search:
     Args:
         sun_direction_cam, box_px: as of :meth:`posse_core.Refiner.refine`.
         size_px: extent of the spacecraft in the finest crops.
+        least_agreement: what is far below it at the coarsest scale is not followed.
         has_time: whether anything new may be begun.
     """
 
@@ -95,15 +77,18 @@ class Search:
         grey: Float32Array,
         sun_direction_cam: FloatArray | None,
         size_px: float,
+        least_agreement: float,
         has_time: Callable[[], bool],
         box_px: FloatArray | None = None,
     ) -> None:
         self._studio, self._sun, self._has_time = studio, sun_direction_cam, has_time
         self._box_px = box_px
-        self._vertices_m = np.concatenate([part.vertices_body_m for part in setting.spacecraft.parts])
+        self._followable = least_agreement - _HOPE
+        vertices_m = np.concatenate([part.vertices_body_m for part in setting.spacecraft.parts])
+        self._hull_m = studio.hull_m
         self._radius_m = setting.spacecraft.radius_m
         self._symmetries = setting.spacecraft.symmetries
-        self._axes = half_turn_axes(self._vertices_m)
+        self._axes = half_turn_axes(vertices_m)
         self._starts: Sequence[PoseEstimate] = ()
         self._sizes_px = (*_COARSE_PX, size_px)
         self._by_coding = {
@@ -111,12 +96,11 @@ class Search:
         }
         self._picture = self._by_coding[False]
 
-    def lit(self, starts: Sequence[PoseEstimate], least_agreement: float) -> Outcome | None:
+    def lit(self, starts: Sequence[PoseEstimate]) -> Outcome | None:
         """The pose by brightness; None where no start shows the spacecraft in the image.
 
         Args:
             starts: where to begin, and how likely each is.
-            least_agreement: what is far below it at the coarsest scale is not followed.
         """
         self._starts = starts
         firsts = [Placement.of(start) for start in starts]
@@ -124,17 +108,13 @@ class Search:
         trails = _by_chance([trail for trail in coarse if trail is not None])
         if not trails:
             return None
-        # Light that was found by a pose that is wrong says nothing of other poses.
-        is_lit = self._sun is not None or trails[0].agreement > least_agreement - _HOPE
-        first_looks = self._first_looks(trails[0], firsts) if is_lit else []
-        found = self._followed_to_the_finest([*trails, *first_looks], least_agreement)
-        is_there = found[0].agreement > least_agreement - _HOPE
-        if is_lit and is_there and certainty(found) < _DOUBTFUL:
-            found = self._with_slightly_turned(found)
-            if certainty(found) < _DOUBTFUL and found[0].agreement < _CLEAR:
-                elsewhere = self._elsewhere(found, trails, firsts)
-                found += self._followed_to_the_finest(elsewhere, least_agreement)
-                found = self._with_slightly_turned(self._compared(found))
+        found = self._followed_to_the_finest([*trails, *self._first_looks(trails[0], firsts)])
+        if found[0].agreement > self._followable and self._is_doubtful(found):
+            found = self._compared([*found, *self._slightly_turned(found)])
+            if self._is_doubtful(found) and found[0].agreement < _CLEAR:
+                found += self._followed_to_the_finest(self._elsewhere(found, trails, firsts))
+                found = self._compared(found)
+                found = self._compared([*found, *self._slightly_turned(found)])
         best = found[0]
         self._picture = self._by_coding[best.is_linear]
         before = best.comparer.compare(firsts[best.start]).agreement
@@ -166,15 +146,23 @@ class Search:
             more += self._half_turned(trail, _TURNED_LATER)
         return more
 
-    def _with_slightly_turned(self, found: Sequence[Trail]) -> list[Trail]:
-        """Trails at the finest scale and those from poses slightly turned from the likeliest, as steps
-        end at any pose from which all small ones make the agreement less."""
+    def _is_doubtful(self, found: Sequence[Trail]) -> bool:
+        """Whether the likeliest pose is little certain, and neither near a start that is sure nor from
+        starts of which none may be right."""
+        start, pose = self._starts[found[0].start], found[0].found.placement
+        is_sure = start.trust > _SURE_START and is_near(pose, start, self._symmetries)
+        is_possible = any(each.trust > _LEAST_START for each in self._starts)
+        return certainty(found) < _DOUBTFUL and is_possible and not is_sure
+
+    def _slightly_turned(self, found: Sequence[Trail]) -> list[Trail]:
+        """Trails from poses slightly turned from the likeliest at the finest scale, as steps end at any
+        pose from which all small ones make the agreement less."""
         turned: list[Trail] = []
         for trail in found[:_SLIGHTLY]:
             turned += self._nearby(trail, trail.found.placement, CLOSE)
-        return self._compared([*found, *turned])
+        return turned
 
-    def _followed_to_the_finest(self, trails: Sequence[Trail], least_agreement: float) -> list[Trail]:
+    def _followed_to_the_finest(self, trails: Sequence[Trail]) -> list[Trail]:
         """The likeliest of trails, followed to the finest scale and compared there."""
         # What looks alike when it is coarse may not when it is fine.
         different = self._different(trails)
@@ -184,7 +172,7 @@ class Search:
             is_clear = any(each.agreement > _CLEAR for each in finest)
             if is_clear and len(finest) >= _FOLLOWED:
                 break
-            finest.append(self._to_the_finest(trail, least_agreement))
+            finest.append(self._to_the_finest(trail))
         return self._compared(finest)
 
     def _compared(self, finest: Sequence[Trail]) -> list[Trail]:
@@ -202,10 +190,10 @@ class Search:
                 kept.append(trail)
         return kept
 
-    def _to_the_finest(self, trail: Trail, least_agreement: float) -> Trail:
+    def _to_the_finest(self, trail: Trail) -> Trail:
         """A trail through the scales, while its agreement may still become enough."""
         for scale in self._scales(trail.found.placement)[1:]:
-            if not self._has_time() or trail.agreement < least_agreement - _HOPE:
+            if not self._has_time() or trail.agreement < self._followable:
                 break
             finer = self._followed(trail, scale)
             if finer is None:
@@ -222,7 +210,7 @@ class Search:
         found, comparer = None, None
         here = first = Placement.of(start)
         for scale in self._scales(first):
-            crop = self._picture.crop(here, self._vertices_m, scale)
+            crop = self._picture.crop(here, self._hull_m, scale)
             if crop is None or not self._has_time():
                 break
             comparer = ShapeComparer(crop, self._studio, _BLUR_PX)
@@ -233,7 +221,7 @@ class Search:
         return Outcome(found, comparer.compare(first).agreement, 0, start.trust)
 
     def _scales(self, placement: Placement) -> list[Scale]:
-        return scales(self._picture.extent_px(placement, self._vertices_m), self._sizes_px)
+        return scales(self._picture.extent_px(placement, self._hull_m), self._sizes_px)
 
     def _coarse(self, first: Placement, number: int) -> Trail | None:
         """A start followed at the coarsest scale."""
@@ -248,7 +236,7 @@ class Search:
     def _crops(self, placement: Placement, scale: Scale) -> list[Crop]:
         """The part around the spacecraft, coded and linear; none if too little of it is in the image."""
         pictures = self._by_coding.values()
-        crops = [picture.crop(placement, self._vertices_m, scale) for picture in pictures]
+        crops = [picture.crop(placement, self._hull_m, scale) for picture in pictures]
         return [crop for crop in crops if crop is not None]
 
     def _half_turned(self, best: Trail, followed: int) -> list[Trail]:
@@ -256,9 +244,9 @@ class Search:
         they may rival it."""
         turned = half_turned(best.found.placement, self._axes)
         return [
-            self._lit_at(crops, placement, best.sun_direction_cam, None, best.start)
-            for likely, crops, placement in self._drawn(best, turned, FAR.scale)[:followed]
-            if likely > _SURPRISING * best.coarse_chance / RIVAL and self._has_time()
+            self._from(tried, best.start)
+            for tried in self._drawn(best, turned, FAR.scale)[:followed]
+            if tried.chance > _SURPRISING * best.coarse_chance / RIVAL and self._has_time()
         ]
 
     def _nearby(self, best: Trail, first: Placement, around: Around) -> list[Trail]:
@@ -268,8 +256,8 @@ class Search:
         for _ in range(_WALKS):
             near = [here, *tilted(here, around)]
             found = [
-                self._lit_at(crops, placement, best.sun_direction_cam, None, best.start)
-                for _, crops, placement in self._drawn(best, near, around.scale)[: around.followed]
+                self._from(tried, best.start)
+                for tried in self._drawn(best, near, around.scale)[: around.followed]
                 if self._has_time()
             ]
             trails += found
@@ -279,16 +267,19 @@ class Search:
             best, here = better, better.found.placement
         return trails
 
-    def _drawn(
-        self, best: Trail, placements: Sequence[Placement], scale: int
-    ) -> list[tuple[float, list[Crop], Placement]]:
-        """Chance, crops and place of poses under a trail's light, moved to where their drawings lie at
-        one of the scales, the likeliest first."""
-        sun = best.sun_direction_cam
+    def _drawn(self, best: Trail, placements: Sequence[Placement], scale: int) -> list[Tried]:
+        """Poses under a trail's light, moved to where their drawings lie at one of the scales, the
+        likeliest first."""
+        # Light that was found by a pose that is wrong says nothing of other poses.
+        is_lit = self._sun is not None or best.agreement > self._followable
+        known = best.sun_direction_cam if is_lit else None
         tried = []
         for placement in placements:
             crops = self._crops(placement, self._scales(placement)[scale])
             if crops and self._has_time():
+                sun = known
+                if sun is None:
+                    sun = brightest_direction(crops[0], self._studio, placement, _BLUR_PX)
                 shown = drawn_apart(crops[0], self._studio, placement, sun)
                 agreement, crop, light = self._coded(crops, shown, sun, _BLUR_PX, APART_PX)
                 drawing = together(shown, light.lights)
@@ -296,8 +287,13 @@ class Search:
                 crops = self._crops(there.placement, self._scales(there.placement)[scale])
                 if crops:
                     likely = chance(min(1.0, agreement + there.rise), self._prior(there.placement))
-                    tried.append((self._fit(there.placement) * likely, crops, there.placement))
-        return sorted(tried, key=lambda each: -each[0])
+                    likely *= self._fit(there.placement)
+                    tried.append(Tried(likely, crops, there.placement, sun))
+        return sorted(tried, key=lambda each: -each.chance)
+
+    def _from(self, tried: Tried, start: int) -> Trail:
+        """A pose that was drawn, followed at its scale."""
+        return self._lit_at(tried.crops, tried.placement, tried.sun_direction_cam, None, start)
 
     def _followed(self, trail: Trail, scale: Scale) -> Trail | None:
         """A trail at the next scale."""
@@ -335,7 +331,10 @@ class Search:
             comparer = LitComparer(crop, self._studio, light)
             # A thin boom that is off by more than its width is far off in each of its pixels.
             looseness = _LOOSE if number == 0 else 1.0
-            found = self._descended(comparer, crop, here, _STEPS, looseness)
+            # An even sky is drawn together with the Sun as both are drawn apart.
+            is_drawn = light.lights.sky_slope == EVEN
+            first = comparer.compared(together(shown, light.lights), here) if is_drawn else None
+            found = self._descended(comparer, crop, here, _STEPS, looseness, first)
             here = found.placement
             if (number > 0 and found.is_settled) or not self._has_time():
                 break
@@ -350,7 +349,7 @@ class Search:
         """What is left of a pose's chance, 0 … 1, by the detected box."""
         if self._box_px is None:
             return 1.0
-        return size_fit(self._picture.share_of(placement, self._vertices_m, self._box_px))
+        return size_fit(self._picture.share_of(placement, self._hull_m, self._box_px))
 
     def _coded(
         self,
@@ -372,11 +371,18 @@ class Search:
         return agreements[best], crops[best], lights[best]
 
     def _descended(
-        self, comparer: Comparer, crop: Crop, here: Placement, steps: int, looseness: float = 1.0
+        self,
+        comparer: Comparer,
+        crop: Crop,
+        here: Placement,
+        steps: int,
+        looseness: float = 1.0,
+        first: Comparison | None = None,
     ) -> Found:
         fx_px = crop.camera.fx_px / crop.scale.finer
         radius_px = fx_px * self._radius_m / max(float(here.t_body_cam_m[2]), 1e-3)
-        return descended(comparer, here, self._radius_m, radius_px, steps, self._has_time, looseness)
+        begun = Found(here, comparer.compare(here) if first is None else first, radius_px)
+        return descended(comparer, begun, self._radius_m, steps, self._has_time, looseness)
 
 
 def _by_chance(trails: Sequence[Trail]) -> list[Trail]:

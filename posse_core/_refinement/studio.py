@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from posse_core._arrays import Float32Array, FloatArray
+from posse_core._geometry.hull import hull_points
 from posse_core._interfaces.refiner import RefinerSetting
 from posse_core._interfaces.renderer import Renderer
 from posse_core._model.camera import Camera, PixelBox
@@ -23,7 +24,8 @@ _FORWARD = np.array([0.0, 0.0, -1.0])
 _SKY_HEIGHT = 16
 _STEP = 0.05
 """Slopes of the sky are rounded to this, so that drawings of one light share a map."""
-_EVEN = (0.0, 0.0, 0.0)
+EVEN = (0.0, 0.0, 0.0)
+"""The slope of an even sky."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,7 @@ class Lights:
     sun: float
     sky: float
     sun_direction_cam: FloatArray
-    sky_slope: tuple[float, float, float] = _EVEN
+    sky_slope: tuple[float, float, float] = EVEN
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,7 @@ class Studio:
 
     Attributes:
         images: number of images drawn so far.
+        hull_m: (H, 3) those of the spacecraft's vertices that are on its convex hull.
         knows_materials: whether the spacecraft's materials are those of its mesh, and not grey for want
             of any.
     """
@@ -87,6 +90,8 @@ class Studio:
         self._setting, self._choice = setting, renderer
         self._open: dict[float, Renderer] = {}
         self._craft = _merged(setting.spacecraft)
+        parts = setting.spacecraft.parts
+        self.hull_m = hull_points(np.concatenate([part.vertices_body_m for part in parts]))
         self.images = 0
         self.knows_materials = not any(map(is_plain, setting.spacecraft.materials.values()))
 

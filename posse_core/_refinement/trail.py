@@ -40,6 +40,7 @@ class Trail:
         start: index of the start.
         prior: how likely the pose is before the image is compared.
         fit: what is left of its chance by the detected box.
+        detail: how much of the image's detail it explains, 0 … 1; None until it was weighed.
         share: of its chance that is left since others explain detail better.
     """
 
@@ -51,6 +52,7 @@ class Trail:
     start: int
     prior: float
     fit: float
+    detail: float | None = None
     share: float = 1.0
 
     @property
@@ -68,19 +70,48 @@ class Trail:
         return self.fit * chance(self.agreement, self.prior, _COARSE_OFF)
 
 
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a search.
+
+    Attributes:
+        found: the pose and the comparison at it.
+        before: agreement at the start, compared alike.
+        start: index of the start.
+        certainty: probability that no other pose is the right one, 0 … 1.
+    """
+
+    found: Found
+    before: float
+    start: int
+    certainty: float
+
+    @property
+    def agreement(self) -> float:
+        return self.found.comparison.agreement
+
+
 def weighed(trails: Sequence[Trail]) -> list[Trail]:
     """Trails whose chance falls as others explain the image's detail better: brightness as a whole
     hardly tells poses that look alike, while edges and marks do."""
     if len(trails) < 2:
         return list(trails)
-    left = [1 - trail.comparer.detail(trail.found.placement) + _LEFT_OVER for trail in trails]
+    details = [_detail(trail) for trail in trails]
+    left = [1 - detail + _LEFT_OVER for detail in details]
     rivals = [
         each for each, trail in zip(left, trails, strict=True) if trail.chance > trails[0].chance / RIVAL
     ]
     return [
-        replace(trail, share=min(1.0, min(rivals) / each))
-        for each, trail in zip(left, trails, strict=True)
+        replace(trail, detail=detail, share=min(1.0, min(rivals) / each))
+        for trail, detail, each in zip(trails, details, left, strict=True)
     ]
+
+
+def _detail(trail: Trail) -> float:
+    """How much of the image's detail a trail explains; its drawing is spared if that is known."""
+    if trail.detail is not None:
+        return trail.detail
+    return trail.comparer.detail(trail.found.placement)
 
 
 def certainty(trails: Sequence[Trail]) -> float:

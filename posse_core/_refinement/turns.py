@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from posse_core._arrays import FloatArray
 from posse_core._frames import R_about
+from posse_core._refinement.crop import Crop
 from posse_core._refinement.placement import Placement
 
 _AXES = 6
@@ -26,6 +28,22 @@ class Around(NamedTuple):
     tilts: tuple[tuple[float, int], ...]
     scale: int
     followed: int
+
+
+class Tried(NamedTuple):
+    """A pose that was drawn.
+
+    Attributes:
+        chance: how likely it is, as that of a trail.
+        crops: around it, differently coded.
+        placement: the pose.
+        sun_direction_cam: (3,) where the light comes from.
+    """
+
+    chance: float
+    crops: Sequence[Crop]
+    placement: Placement
+    sun_direction_cam: FloatArray
 
 
 FAR = Around(((np.radians(12), 6), (np.radians(25), 8)), scale=0, followed=3)

@@ -46,6 +46,10 @@ class Sees(posse.KeypointFinder):
         return [replace(detection, keypoints_px=true + off_px, keypoints_sigma_px=np.full(8, 4.0))]
 
 
+def nothing():
+    return []
+
+
 def poor():
     return posse.Detection("brick", 0.9, TRUE_PX + np.array([-20.0, -12.0, 34.0, 30.0]))
 
@@ -133,11 +137,34 @@ def test_a_trusted_pose_comes_first_and_makes_up_for_a_low_score():
         posse.Detection("brick", 0.12, ELSEWHERE_PX + 40),
         posse.Detection("brick", 0.05, ELSEWHERE_PX + 80),
     ]
-    given = Confused(), IMAGE, cuboid.CAMERA, None, 0.3, None
+    given = Confused(), IMAGE, cuboid.CAMERA, None, 0.3, None, nothing
     found, dropped = sightings_of(boxes, *given)
     assert [each.detection.score for each in found] == [0.15, 0.8]
     assert found[0].pose.trust > 0.99
     assert sorted(each.score for each in dropped) == [0.05, 0.12]
+
+
+@pytest.mark.parametrize(("good_sigma_px", "score"), [(0.3, 0.15), (40.0, 0.9)])
+def test_a_closer_search_counts_where_its_pose_is_trusted(good_sigma_px, score):
+    boxes = [posse.Detection("brick", 0.8, ELSEWHERE_PX)]
+    closer = [
+        posse.Detection("brick", score, TRUE_PX + 1.0),
+        posse.Detection("brick", 0.7, ELSEWHERE_PX + 1),
+    ]
+    given = Confused(good_sigma_px), IMAGE, cuboid.CAMERA, None, 0.3, None, lambda: closer
+    found, dropped = sightings_of(boxes, *given)
+    expected = [0.15, 0.8] if good_sigma_px < 1 else [0.8]
+    assert [each.detection.score for each in found] == expected
+    assert dropped == []
+
+
+def test_where_a_pose_is_trusted_no_closer_search_is_made():
+    def closer():
+        raise AssertionError
+
+    boxes = [posse.Detection("brick", 0.8, TRUE_PX + 1.0)]
+    given = Confused(), IMAGE, cuboid.CAMERA, None, 0.3, None, closer
+    assert len(sightings_of(boxes, *given)[0]) == 1
 
 
 class Halved(Sees):
@@ -158,7 +185,9 @@ def test_a_part_of_a_spacecraft_that_is_seen_whole_is_dropped():
         look(Halved(), IMAGE, each, cuboid.CAMERA, SHAPES) for each in boxes
     )
     assert 0.5 < far.trust < near.trust
-    (found,), (dropped,) = sightings_of(boxes, Halved(), IMAGE, cuboid.CAMERA, SHAPES, 0.3, None)
+    (found,), (dropped,) = sightings_of(
+        boxes, Halved(), IMAGE, cuboid.CAMERA, SHAPES, 0.3, None, nothing
+    )
     assert (found.detection.score, dropped.score) == (0.5, 0.9)
 
 
@@ -184,7 +213,7 @@ def test_two_detections_of_one_spacecraft_count_once_and_are_refined_once():
     """Both boxes become that of the mesh at the pose."""
     boxes = [posse.Detection("brick", 0.9, poor().box_px), posse.Detection("brick", 0.6, TRUE_PX + 1.0)]
     shapes = Shapes({"brick": cuboid.cuboid()}, lambda craft, camera: Content(posse.NoOptions()))
-    found, dropped = sightings_of(boxes, Sees(), IMAGE, cuboid.CAMERA, shapes, 0.3, None)
+    found, dropped = sightings_of(boxes, Sees(), IMAGE, cuboid.CAMERA, shapes, 0.3, None, nothing)
     assert [each.detection.score for each in found] == [0.9]
     assert [each.score for each in dropped] == [0.6]
     assert Content.refined == 1
@@ -194,7 +223,7 @@ def test_a_refiner_is_told_the_box_that_the_detector_saw():
     """And not that of the mesh at a first pose, around which keypoints were found again."""
     Content.boxes_px.clear()
     shapes = Shapes({"brick": cuboid.cuboid()}, lambda craft, camera: Content(posse.NoOptions()))
-    (found,), _ = sightings_of([poor()], Sees(), IMAGE, cuboid.CAMERA, shapes, 0.3, None)
+    (found,), _ = sightings_of([poor()], Sees(), IMAGE, cuboid.CAMERA, shapes, 0.3, None, nothing)
     np.testing.assert_array_equal(Content.boxes_px, [poor().box_px])
     assert found.start is not None
     assert found.start.detection is not None

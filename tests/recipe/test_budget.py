@@ -12,6 +12,7 @@ from small_recipe import KEYS
 from posse_core._recipe.budget import (
     LEAST_EPOCHS,
     LEAST_FRAMES,
+    Learning,
     Speeds,
     decide,
     divided,
@@ -30,11 +31,11 @@ def recipe(hours: float | None, frames: int | None = None, epochs: Any = None, *
     return recipe_of(keys, "recipe")
 
 
-def speeds(frame_s: float, opening_s: float, picture_s: float) -> Speeds:
+def speeds(frame_s: float, opening_s: float, picture_s: float, prepared_s: float = 0.0) -> Speeds:
     return Speeds(
         dict.fromkeys(SOURCES, frame_s),
         dict.fromkeys(SOURCES, opening_s),
-        dict.fromkeys(("boxes", "keypoints"), picture_s),
+        dict.fromkeys(("boxes", "keypoints"), Learning(prepared_s, picture_s)),
         10.0,
     )
 
@@ -44,15 +45,17 @@ def speeds(frame_s: float, opening_s: float, picture_s: float) -> Speeds:
     frame_s=st.floats(1e-3, 1.0),
     opening_s=st.floats(0.0, 20.0),
     picture_s=st.floats(1e-3, 0.1),
+    prepared_s=st.floats(0.0, 0.1),
 )
 def test_what_is_decided_fits_into_the_hours(
-    hours: float, frame_s: float, opening_s: float, picture_s: float
+    hours: float, frame_s: float, opening_s: float, picture_s: float, prepared_s: float
 ) -> None:
-    made = decide(recipe(hours), speeds(frame_s, opening_s, picture_s))
+    made = decide(recipe(hours), speeds(frame_s, opening_s, picture_s, prepared_s))
     frames = sum(made.frames.values())
     if frames > LEAST_FRAMES and min(made.epochs.values()) > 1:
         pictures = frames * 0.8 * (made.epochs["boxes"] + 0.75 * made.epochs["keypoints"])
-        assert 10 + 3 * opening_s + frames * frame_s + pictures * picture_s <= 3600 * hours
+        learning_s = pictures * picture_s + frames * 0.8 * 1.75 * prepared_s
+        assert 10 + 3 * opening_s + frames * frame_s + learning_s <= 3600 * hours
         assert sum(made.expected_s.values()) <= 3600 * hours
         # Neither part of the training gets much more than its share, and none is left unused.
         assert made.epochs["boxes"] + 1 >= LEAST_EPOCHS / 2
@@ -62,31 +65,33 @@ def test_what_is_decided_fits_into_the_hours(
     hours=st.floats(0.3, 50),
     slower=st.floats(0.3, 3.5),
     picture_s=st.floats(1e-3, 0.1),
+    prepared_s=st.floats(0.0, 0.1),
 )
 def test_a_machine_that_has_become_slower_trains_less(
-    hours: float, slower: float, picture_s: float
+    hours: float, slower: float, picture_s: float, prepared_s: float
 ) -> None:
     """Frames took so many times as long as expected, and so do pictures, as a trial before each training
     tells: all ends within the hours, unless a dozen epochs take longer."""
     asked = recipe(hours)
-    made = decide(asked, speeds(0.1, 1.0, picture_s))
+    made = decide(asked, speeds(0.1, 1.0, picture_s, prepared_s))
     pictures = round(0.8 * sum(made.frames.values()))
     spent_s = 10.0 + slower * made.expected_s["frames"]
     for task in ("boxes", "keypoints"):
-        epoch_s = pictures * picture_s * slower
-        epochs = epochs_in_time(asked, made, task, epoch_s, spent_s)
-        spent_s += epochs * epoch_s
+        learning = Learning(slower * prepared_s, slower * picture_s)
+        epochs = epochs_in_time(asked, made, task, learning, pictures, spent_s)
+        spent_s += learning.training_s(pictures, epochs)
         assert epochs >= min(12, made.epochs[task])
         assert epochs == min(12, made.epochs[task]) or spent_s <= 3600 * hours
 
 
 def test_as_expected_the_epochs_are_those_of_the_decision() -> None:
     asked = recipe(2.0)
-    made = decide(asked, speeds(0.1, 1.0, 0.01))
+    made = decide(asked, speeds(0.1, 1.0, 0.01, 0.03))
     spent_s = 10.0 + made.expected_s["frames"]
     pictures = 0.8 * sum(made.frames.values())  # of the parts train and valid
     for task, share in (("boxes", 1.0), ("keypoints", 0.75)):
-        epochs = epochs_in_time(asked, made, task, share * pictures * 0.01, spent_s)
+        learning = Learning(0.03, 0.01)
+        epochs = epochs_in_time(asked, made, task, learning, round(share * pictures), spent_s)
         assert abs(epochs - made.epochs[task]) <= 1 + 0.02 * made.epochs[task]
         spent_s += made.expected_s[task]
 

@@ -160,23 +160,18 @@ class RasterRenderer(Renderer[RasterOptions]):
         return [("opengl", True, detail)]
 
     def _set_frame(self, stage: _Stage, request: RenderRequest) -> _Drawing:
-        """Draw the shadow maps, and set the uniforms and textures that all tiles of a frame share."""
+        """Draw the shadow maps, if the Sun shines, and set the uniforms and textures that all tiles of a
+        frame share."""
         craft, radiance = request.craft, stage.craft.radiance
         poses = craft.link_poses()
         links = stage.craft.links
         drawing = _Drawing(
             poses, shades(links, craft, poses), layers(links, poses), stage.scene.materials(craft)
         )
-        stage.context.enable_only(moderngl.DEPTH_TEST)
-        stage.context.enable_direct(GL_DEPTH_CLAMP)
-        for shade, shadow in zip(drawing.shades, stage.shadows, strict=True):
-            texels = self._texels(stage, shadow, shade)
-            shadow.target.viewport = (0, 0, texels, texels)
-            shadow.target.use()
-            shadow.target.clear(depth=1.0, viewport=shadow.target.viewport)
-            for link, shadow_from_link in shade.casters:
-                stage.craft.draw_shadow(link, shadow_from_link)
-        stage.context.disable_direct(GL_DEPTH_CLAMP)
+        has_sun = bool(np.any(craft.sun_irradiance_rgb_w_m2))
+        if has_sun:
+            self._draw_shadows(stage, drawing.shades)
+        radiance["has_sun"] = has_sun
         radiance["sun_direction"] = tuple(craft.sun_direction_cam)
         radiance["sun_irradiance_rgb_w_m2"] = tuple(craft.sun_irradiance_rgb_w_m2)
         radiance["sun_angular_radius_rad"] = craft.sun_angular_radius_rad
@@ -189,6 +184,19 @@ class RasterRenderer(Renderer[RasterOptions]):
             for unit, texture in enumerate(self._maps(stage, request.environment), FREE_UNIT + 2):
                 texture.use(unit)
         return drawing
+
+    def _draw_shadows(self, stage: _Stage, shades: Sequence[Shade]) -> None:
+        """Draw the shadow maps."""
+        stage.context.enable_only(moderngl.DEPTH_TEST)
+        stage.context.enable_direct(GL_DEPTH_CLAMP)
+        for shade, shadow in zip(shades, stage.shadows, strict=True):
+            texels = self._texels(stage, shadow, shade)
+            shadow.target.viewport = (0, 0, texels, texels)
+            shadow.target.use()
+            shadow.target.clear(depth=1.0, viewport=shadow.target.viewport)
+            for link, shadow_from_link in shade.casters:
+                stage.craft.draw_shadow(link, shadow_from_link)
+        stage.context.disable_direct(GL_DEPTH_CLAMP)
 
     def _texels(self, stage: _Stage, shadow: _ShadowMap, shade: Shade) -> int:
         """Width of the part of a shadow map that is used: its texels need not be finer than samples."""

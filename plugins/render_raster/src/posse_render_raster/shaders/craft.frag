@@ -8,6 +8,7 @@ const float FINER = -2.0;
 const float DIFFUSE_LAYER = 4.0;
 const float STEEPEST = 20.0;  // largest slope of a face, seen from the Sun, for the shadow map's offset
 
+uniform bool has_sun;
 uniform vec3 sun_direction;
 uniform vec3 sun_irradiance_rgb_w_m2;
 uniform float sun_angular_radius_rad;
@@ -91,7 +92,7 @@ void main() {
 
     vec3 radiance = vec3(0.0);
     float n_l = dot(n, sun_direction);
-    if (n_l > 0.0) {
+    if (has_sun && n_l > 0.0) {
         vec3 h = normalize(v + sun_direction);
         float n_h = max(dot(n, h), 0.0), v_h = clamp(dot(v, h), 0.0, 1.0);
         // The Sun's disc widens the lobe, so that a mirror shows the right E/(π σ²) at its centre.

@@ -18,7 +18,7 @@ _LARGEST_SHARE = 0.3
 of the range."""
 _LEAST_CONFIRMED = 0.5
 """Least agreement at which a start is confirmed near which the search ends."""
-_LEAST_CERTAINTY, _SHARE_OF_TRUST = 0.25, 0.5
+_LEAST_CERTAINTY, _SHARE_OF_TRUST = 0.2, 0.5
 """A pose far from its start is accepted if it is at least so certain, and by at least so much of the
 greatest trust of a start; and a start is confirmed if what is found near it is at least so certain."""
 

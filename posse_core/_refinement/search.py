@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 
 from posse_core._arrays import Float32Array, FloatArray
-from posse_core._evaluation.poses import pose_errors
 from posse_core._interfaces.detector import PoseEstimate
 from posse_core._interfaces.refiner import RefinerSetting
 from posse_core._refinement.compare import Comparer, Comparison, LitComparer, ShapeComparer, sharpest
@@ -20,7 +19,18 @@ from posse_core._refinement.placement import Placement
 from posse_core._refinement.prior import is_near, prior
 from posse_core._refinement.studio import EVEN, Studio
 from posse_core._refinement.sunlight import brightest_direction
-from posse_core._refinement.trail import RIVAL, Outcome, Trail, certainty, chance, size_fit, weighed
+from posse_core._refinement.trail import (
+    RIVAL,
+    SAME,
+    Outcome,
+    Trail,
+    by_chance,
+    certainty,
+    chance,
+    different,
+    size_fit,
+    weighed,
+)
 from posse_core._refinement.turns import CLOSE, FAR, Around, Tried, half_turn_axes, half_turned, tilted
 
 _STEPS = 4
@@ -47,8 +57,6 @@ _FOLLOWED, _MOST = 5, 10
 _LEAST_SUN = 2.0
 """Where the Sun is known, a plate that faces it is at least so many times as bright as one that faces
 the brightest part of the sky: the Earth sends back a third of the Sun's light, and clouds half of it."""
-_SAME_RAD, _SAME_SHARE = np.radians(5), 0.05
-"""Poses that differ by less, in attitude and in position as a share of the range, are the same."""
 _WALKS = 4
 """How often poses around the best of those around a pose are tried."""
 _DOUBTFUL = 0.7
@@ -105,7 +113,7 @@ class Search:
         self._starts = starts
         firsts = [Placement.of(start) for start in starts]
         coarse = [self._coarse(first, number) for number, first in enumerate(firsts)]
-        trails = _by_chance([trail for trail in coarse if trail is not None])
+        trails = by_chance([trail for trail in coarse if trail is not None])
         if not trails:
             return None
         found = self._followed_to_the_finest([*trails, *self._first_looks(trails[0], firsts)])
@@ -118,14 +126,14 @@ class Search:
         best = found[0]
         self._picture = self._by_coding[best.is_linear]
         before = best.comparer.compare(firsts[best.start]).agreement
-        return Outcome(best.found, before, best.start, certainty(found))
+        return Outcome(best.found, before, best.start, certainty(found, self._symmetries))
 
     def _first_looks(self, best: Trail, firsts: Sequence[Placement]) -> list[Trail]:
         """Trails from poses that resemble the likeliest."""
         nearby: list[Trail] = []
         if best.agreement < _SURE:
             nearby = self._nearby(best, firsts[best.start], FAR)
-        return nearby + self._half_turned(_by_chance([best, *nearby])[0], _TURNED)
+        return nearby + self._half_turned(by_chance([best, *nearby])[0], _TURNED)
 
     def _elsewhere(
         self, found: Sequence[Trail], trails: Sequence[Trail], firsts: Sequence[Placement]
@@ -152,7 +160,7 @@ class Search:
         start, pose = self._starts[found[0].start], found[0].found.placement
         is_sure = start.trust > _SURE_START and is_near(pose, start, self._symmetries)
         is_possible = any(each.trust > _LEAST_START for each in self._starts)
-        return certainty(found) < _DOUBTFUL and is_possible and not is_sure
+        return certainty(found, self._symmetries) < _DOUBTFUL and is_possible and not is_sure
 
     def _slightly_turned(self, found: Sequence[Trail]) -> list[Trail]:
         """Trails from poses slightly turned from the likeliest at the finest scale, as steps end at any
@@ -178,17 +186,11 @@ class Search:
     def _compared(self, finest: Sequence[Trail]) -> list[Trail]:
         """Trails that differ at the finest scale, weighed against each other, the likeliest first."""
         alone = [replace(trail, share=1.0) for trail in finest]
-        return _by_chance(weighed(self._different(alone)))
+        return by_chance(weighed(self._different(alone)))
 
     def _different(self, trails: Sequence[Trail]) -> list[Trail]:
         """Those that differ, most likely first; of several that are the same pose, the likeliest."""
-        kept: list[Trail] = []
-        for trail in _by_chance(trails):
-            pose = trail.found.placement
-            errors = [pose_errors(*each.found.placement, *pose, self._symmetries) for each in kept]
-            if not any(e_t < _SAME_SHARE and e_q < _SAME_RAD for e_t, e_q in errors):
-                kept.append(trail)
-        return kept
+        return different(trails, self._symmetries, SAME)
 
     def _to_the_finest(self, trail: Trail) -> Trail:
         """A trail through the scales, while its agreement may still become enough."""
@@ -383,7 +385,3 @@ class Search:
         radius_px = fx_px * self._radius_m / max(float(here.t_body_cam_m[2]), 1e-3)
         begun = Found(here, comparer.compare(here) if first is None else first, radius_px)
         return descended(comparer, begun, self._radius_m, steps, self._has_time, looseness)
-
-
-def _by_chance(trails: Sequence[Trail]) -> list[Trail]:
-    return sorted(trails, key=lambda trail: -trail.chance)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from posse_core._arrays import FloatArray
+from posse_core._evaluation.poses import pose_errors
 from posse_core._refinement.compare import LitComparer
 from posse_core._refinement.descent import Found
 
@@ -25,6 +27,24 @@ _BOX_SIGMA = 0.2
 _LARGER, _SMALLER = 0.1, 0.01
 """The least that is left of a pose's chance where its box is larger than the detected one, which may be
 around what is lit alone, and where it is smaller."""
+
+
+class Alike(NamedTuple):
+    """Poses are alike that differ by less.
+
+    Attributes:
+        share: of the range, in position.
+        angle_rad: in attitude.
+    """
+
+    share: float
+    angle_rad: float
+
+
+SAME = Alike(0.05, np.radians(5))
+"""Such poses are the same."""
+_OF_ONE_SIDE = Alike(0.15, np.radians(15))
+"""Such rivals of a pose count once."""
 
 
 @dataclass(frozen=True)
@@ -114,9 +134,30 @@ def _detail(trail: Trail) -> float:
     return trail.comparer.detail(trail.found.placement)
 
 
-def certainty(trails: Sequence[Trail]) -> float:
-    """Probability that the first of several trails, the likeliest, is the right one, 0 … 1."""
-    return trails[0].chance / (sum(trail.chance for trail in trails) + _UNSEEN)
+def by_chance(trails: Sequence[Trail]) -> list[Trail]:
+    """Trails, the likeliest first."""
+    return sorted(trails, key=lambda trail: -trail.chance)
+
+
+def different(trails: Sequence[Trail], symmetries: Sequence[FloatArray], alike: Alike) -> list[Trail]:
+    """Those that differ, the likeliest first; of several that are alike, the likeliest."""
+    kept: list[Trail] = []
+    for trail in by_chance(trails):
+        pose = trail.found.placement
+        errors = [pose_errors(*each.found.placement, *pose, symmetries) for each in kept]
+        if not any(e_t < alike.share and e_q_rad < alike.angle_rad for e_t, e_q_rad in errors):
+            kept.append(trail)
+    return kept
+
+
+def certainty(trails: Sequence[Trail], symmetries: Sequence[FloatArray]) -> float:
+    """Probability that the first of several trails, the likeliest, is the right one, 0 … 1.
+
+    Where the image leaves a pose open, steps from several places end at as many poses, which are of one
+    side of the spacecraft: only the likeliest of them rivals the first.
+    """
+    rivals = different(trails[1:], symmetries, _OF_ONE_SIDE)
+    return trails[0].chance / (trails[0].chance + sum(trail.chance for trail in rivals) + _UNSEEN)
 
 
 def chance(agreement: float, prior: float, least_off: float = _LEAST_OFF) -> float:

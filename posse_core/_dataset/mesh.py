@@ -14,7 +14,7 @@ from posse_core._arrays import FloatArray, IntArray
 from posse_core._errors import InputError
 from posse_core._files.atomic import write_bytes
 from posse_core._files.reading import read_bytes
-from posse_core._geometry.hull import hull_points
+from posse_core._model.hull import hull_points
 
 _VERTEX = np.dtype([("x", "<f8"), ("y", "<f8"), ("z", "<f8")])
 _FACE = np.dtype([("count", "u1"), ("vertices", "<i4", (3,)), ("part_id", "<i2")])

@@ -8,11 +8,11 @@ from functools import lru_cache
 import numpy as np
 
 from posse_core._arrays import Float32Array, FloatArray
-from posse_core._geometry.hull import hull_points
 from posse_core._interfaces.refiner import RefinerSetting
 from posse_core._interfaces.renderer import Renderer
 from posse_core._model.camera import Camera, PixelBox
 from posse_core._model.craft_state import CraftState
+from posse_core._model.hull import hull_points
 from posse_core._model.scene import EnvironmentMap, RenderRequest, Scene
 from posse_core._model.spacecraft import Part, Spacecraft, is_plain
 from posse_core._refinement.placement import Placement

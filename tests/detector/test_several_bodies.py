@@ -37,7 +37,10 @@ class Labels(Detector):
     def predict(self, images):
         found = []
         for image in images:
-            line = self.lines[image.tobytes()]
+            line = self.lines.get(image.tobytes())
+            if line is None:  # a part of an image, of which nothing is told
+                found.append([])
+                continue
             seen = [t for t in true_boxes(line) if t.label in self.classes]
             turned = seen[line.index % 3 :] + seen[: line.index % 3]
             found.append([Detection(t.label, 0.9 - 0.1 * i, t.box_px) for i, t in enumerate(turned)])

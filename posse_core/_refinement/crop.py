@@ -18,7 +18,7 @@ _MARGIN_PX = 8
 """Pixels of the crop about the spacecraft, and at least this share of its extent."""
 _LEAST_PX = 8
 _FINEST = 4
-_LEAST_DRAWN_PX = 90
+_LEAST_DRAWN_PX = 150
 """Extent of the spacecraft from which on a drawing of fewer pixels than the image is fine enough."""
 _SATURATED = 0.97
 

@@ -116,7 +116,10 @@ class Search:
         trails = by_chance([trail for trail in coarse if trail is not None])
         if not trails:
             return None
-        found = self._followed_to_the_finest([*trails, *self._first_looks(trails[0], firsts)])
+        # Light that was found by a pose that is wrong says nothing of other poses.
+        is_lit = self._sun is not None or trails[0].agreement > self._followable
+        first_looks = self._first_looks(trails[0], firsts) if is_lit else []
+        found = self._followed_to_the_finest([*trails, *first_looks])
         if found[0].agreement > self._followable and self._is_doubtful(found):
             found = self._compared([*found, *self._slightly_turned(found)])
             if self._is_doubtful(found) and found[0].agreement < _CLEAR:
@@ -246,7 +249,7 @@ class Search:
         they may rival it."""
         turned = half_turned(best.found.placement, self._axes)
         return [
-            self._from(tried, best.start)
+            self._from(tried, best)
             for tried in self._drawn(best, turned, FAR.scale)[:followed]
             if tried.chance > _SURPRISING * best.coarse_chance / RIVAL and self._has_time()
         ]
@@ -258,7 +261,7 @@ class Search:
         for _ in range(_WALKS):
             near = [here, *tilted(here, around)]
             found = [
-                self._from(tried, best.start)
+                self._from(tried, best)
                 for tried in self._drawn(best, near, around.scale)[: around.followed]
                 if self._has_time()
             ]
@@ -272,16 +275,11 @@ class Search:
     def _drawn(self, best: Trail, placements: Sequence[Placement], scale: int) -> list[Tried]:
         """Poses under a trail's light, moved to where their drawings lie at one of the scales, the
         likeliest first."""
-        # Light that was found by a pose that is wrong says nothing of other poses.
-        is_lit = self._sun is not None or best.agreement > self._followable
-        known = best.sun_direction_cam if is_lit else None
+        sun = best.sun_direction_cam
         tried = []
         for placement in placements:
             crops = self._crops(placement, self._scales(placement)[scale])
             if crops and self._has_time():
-                sun = known
-                if sun is None:
-                    sun = brightest_direction(crops[0], self._studio, placement, _BLUR_PX)
                 shown = drawn_apart(crops[0], self._studio, placement, sun)
                 agreement, crop, light = self._coded(crops, shown, sun, _BLUR_PX, APART_PX)
                 drawing = together(shown, light.lights)
@@ -290,12 +288,12 @@ class Search:
                 if crops:
                     likely = chance(min(1.0, agreement + there.rise), self._prior(there.placement))
                     likely *= self._fit(there.placement)
-                    tried.append(Tried(likely, crops, there.placement, sun))
+                    tried.append(Tried(likely, crops, there.placement))
         return sorted(tried, key=lambda each: -each.chance)
 
-    def _from(self, tried: Tried, start: int) -> Trail:
-        """A pose that was drawn, followed at its scale."""
-        return self._lit_at(tried.crops, tried.placement, tried.sun_direction_cam, None, start)
+    def _from(self, tried: Tried, best: Trail) -> Trail:
+        """A pose that was drawn under a trail's light, followed at its scale."""
+        return self._lit_at(tried.crops, tried.placement, best.sun_direction_cam, None, best.start)
 
     def _followed(self, trail: Trail, scale: Scale) -> Trail | None:
         """A trail at the next scale."""

@@ -37,13 +37,11 @@ class Tried(NamedTuple):
         chance: how likely it is, as that of a trail.
         crops: around it, differently coded.
         placement: the pose.
-        sun_direction_cam: (3,) where the light comes from.
     """
 
     chance: float
     crops: Sequence[Crop]
     placement: Placement
-    sun_direction_cam: FloatArray
 
 
 FAR = Around(((np.radians(12), 6), (np.radians(25), 8)), scale=0, followed=3)

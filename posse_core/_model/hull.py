@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from scipy.spatial import ConvexHull
 
 from posse_core._arrays import FloatArray
@@ -13,4 +14,5 @@ def hull_points(points_m: FloatArray) -> FloatArray:
 
     ("QJ" makes the hull of flat sets possible.)
     """
-    return points_m[ConvexHull(points_m, qhull_options="QJ").vertices]
+    on_hull = ConvexHull(points_m, qhull_options="QJ").vertices
+    return np.asarray(points_m[on_hull])

@@ -81,6 +81,7 @@ class Decision(FileRecord):
         """How fast a net learns, by the probe; None if that was not measured."""
         if _a_picture_for(task) not in self.measured_s:
             return None
+        # A decision of an earlier version does not tell this.
         prepared_s = self.measured_s.get(_preparing_for(task), 0.0)
         return Learning(prepared_s, max(self.measured_s[_a_picture_for(task)], 1e-6))
 

@@ -28,8 +28,9 @@ _MOST = 16
 """So many poses are told at most: each is one from which refinement starts."""
 _ENOUGH_OF_SCORE = 1 / 3
 """Share of the least score that is enough where the pose is trusted."""
-_ONE = 0.7
-"""Detections of a class whose boxes overlap by more are of one spacecraft."""
+_CLOSEST = 4
+"""So many detections of a closer search are looked at, the best. Where there is no spacecraft, there are
+many with low scores, and each look takes a tenth of a second."""
 _PART = 0.8
 """A box of which more lies in that of a spacecraft with a trusted pose is around a part of it."""
 
@@ -55,7 +56,7 @@ def sightings_of(
         least_score: of a detection.
         sun_direction_cam: (3,) unit vector from the spacecraft to the Sun, by which poses are refined;
             None where it is not known.
-        closer: makes the closer search; its detections are as those.
+        closer: makes the closer search; its detections are as those, and the first four are looked at.
 
     Returns:
         The spacecraft, those with a trusted pose first, most trusted first, and then by their scores;
@@ -74,7 +75,7 @@ def sightings_of(
     looks = looked(detections)
     if not any(_is_trusted(poses) for *_, poses in looks):
         more = [each for each in closer() if not any(is_one(each, known) for known, *_ in looks)]
-        looks += [each for each in looked(more) if _is_trusted(each[2])]
+        looks += [each for each in looked(more[:_CLOSEST]) if _is_trusted(each[2])]
     looks.sort(key=lambda each: not _is_trusted(each[2]))  # stable
     seen: list[Sighting] = []
     for detection, found, poses in looks:
@@ -85,13 +86,12 @@ def sightings_of(
         sighting = Sighting(found, pose, start=pose)
         if shapes is not None:
             # Refinement takes long: what is one of those that were seen already is not refined.
-            if pose is not None and _is_there(
-                found.label, shapes.box_px(found.label, pose, camera), seen
-            ):
+            mesh_px = None if pose is None else shapes.box_px(found.label, pose, camera)
+            if mesh_px is not None and _is_there(replace(found, box_px=mesh_px), seen):
                 dropped.append(detection)
                 continue
             sighting = shapes.seen(image, found, poses, camera, sun_direction_cam, detection.box_px)
-        if _is_there(found.label, sighting.detection.box_px, seen):
+        if _is_there(sighting.detection, seen):
             dropped.append(detection)
         else:
             seen.append(sighting)
@@ -125,12 +125,9 @@ def _is_trusted(poses: Sequence[PoseEstimate]) -> bool:
     return _trust(next(iter(poses), None)) > 0
 
 
-def _is_there(label: str, box_px: FloatArray | None, seen: Sequence[Sighting]) -> bool:
-    """Whether a spacecraft with a box (4,) is one of those that were seen."""
-    if box_px is None:
-        return False
-    there = [sighting.detection for sighting in seen if sighting.detection.label == label]
-    return any(float(box_iou(box_px, other.box_px)) > _ONE for other in there)
+def _is_there(detection: Detection, seen: Sequence[Sighting]) -> bool:
+    """Whether a detection is of one of the spacecraft that were seen."""
+    return any(is_one(detection, sighting.detection) for sighting in seen)
 
 
 def look(

@@ -158,6 +158,14 @@ def test_a_closer_search_counts_where_its_pose_is_trusted(good_sigma_px, score):
     assert dropped == []
 
 
+@pytest.mark.parametrize(("before", "is_found"), [(3, True), (4, False)])
+def test_the_four_best_of_a_closer_search_are_looked_at(before, is_found):
+    others = [posse.Detection("brick", 0.7, ELSEWHERE_PX + 30 * i) for i in range(before)]
+    closer = [*others, posse.Detection("brick", 0.5, TRUE_PX + 1.0)]
+    given = Confused(), IMAGE, cuboid.CAMERA, None, 0.3, None, lambda: closer
+    assert bool(sightings_of([], *given)[0]) == is_found
+
+
 def test_where_a_pose_is_trusted_no_closer_search_is_made():
     def closer():
         raise AssertionError

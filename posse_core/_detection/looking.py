@@ -28,7 +28,7 @@ _MOST = 16
 """So many poses are told at most: each is one from which refinement starts."""
 _ENOUGH_OF_SCORE = 1 / 3
 """Share of the least score that is enough where the pose is trusted."""
-_CLOSEST = 4
+_CLOSEST = 6
 """So many detections of a closer search are looked at, the best. Where there is no spacecraft, there are
 many with low scores, and each look takes a tenth of a second."""
 _PART = 0.8
@@ -56,7 +56,7 @@ def sightings_of(
         least_score: of a detection.
         sun_direction_cam: (3,) unit vector from the spacecraft to the Sun, by which poses are refined;
             None where it is not known.
-        closer: makes the closer search; its detections are as those, and the first four are looked at.
+        closer: makes the closer search; its detections are as those, and the first six are looked at.
 
     Returns:
         The spacecraft, those with a trusted pose first, most trusted first, and then by their scores;

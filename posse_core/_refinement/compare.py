@@ -91,7 +91,11 @@ class LitComparer(Comparer):
         """0 … 1, how much is explained of what varies within windows."""
         windows = Windows(near.astype(np.float32), window_px)
         left = windows.explained(self._crop.seen, modelled[..., None], _NOISE, _GAINS).residual
-        return _share(left, windows.variance(self._crop.seen), near)
+        return _share(left, windows.variance(self._crop.seen), near, self._beside(near))
+
+    def _beside(self, near: BoolArray) -> float:
+        """The sum of squares of what stands out in the detected box where nothing is drawn."""
+        return self._crop.standing_out_beyond + float(self._crop.standing_out[~near].sum())
 
     def _scene(self, drawn: Drawn) -> Float32Array:
         """What is drawn before its background, as sharp and as coded as the crop."""
@@ -121,7 +125,7 @@ class LitComparer(Comparer):
         agreement = (
             _correlation(seen, modelled, near)
             if self._studio.knows_materials
-            else _share(explained.residual, windows.variance(seen), near)
+            else _share(explained.residual, windows.variance(seen), near, self._beside(near))
         )
         return Comparison(explained.residual, jacobian, near, agreement)
 
@@ -180,10 +184,12 @@ def sharpest(drawn: Drawn, crop: Crop) -> float:
     return _BLURS_PX[int(np.argmax(agreements))]
 
 
-def _share(left: Float32Array, variance: Float32Array, near: BoolArray) -> float:
-    """How much is explained, 0 … 1, where this is left of what varies in windows."""
-    whole = float(np.sum(variance[near]))
-    return float(np.sqrt(max(0.0, 1 - float(np.sum(left[near] ** 2)) / max(whole, 1e-9))))
+def _share(left: Float32Array, variance: Float32Array, near: BoolArray, beside: float = 0.0) -> float:
+    """How much is explained, 0 … 1, where this is left of what varies in windows, and of what stands out
+    beside them everything."""
+    whole = float(np.sum(variance[near])) + beside
+    unexplained = float(np.sum(left[near] ** 2)) + beside
+    return float(np.sqrt(max(0.0, 1 - unexplained / max(whole, 1e-9))))
 
 
 def _correlation(seen: Float32Array, modelled: Float32Array, near: BoolArray) -> float:

@@ -21,6 +21,11 @@ _FINEST = 4
 _LEAST_DRAWN_PX = 150
 """Extent of the spacecraft from which on a drawing of fewer pixels than the image is fine enough."""
 _SATURATED = 0.97
+_AROUND, _BEYOND = 0.1, 0.4
+"""What surrounds a detected box begins so far beyond it and ends so far, as shares of its sides."""
+_SPREADS, _LEAST_SPREAD = 3.0, 4 / 255
+"""A pixel stands out if it differs from the mean of what surrounds the box by more than so many of its
+standard deviations, each at least so large."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +57,9 @@ class Crop:
         is_saturated: (h, w) whether a pixel of the image is white there, or nearly: it may be of any
             brightness.
         is_linear: whether both are the same; otherwise sRGB codes the brightness.
+        standing_out: (h, w) square of the difference between what is seen and what surrounds the
+            detected box, where it is in the box and stands out; else 0.
+        standing_out_beyond: the sum of the same over what of the box is not in the crop.
         drawn_box: the box to draw, in pixels of ``camera``.
         camera: the pinhole that draws it.
     """
@@ -61,6 +69,8 @@ class Crop:
     linear: Float32Array
     is_saturated: BoolArray
     is_linear: bool
+    standing_out: Float32Array
+    standing_out_beyond: float
     drawn_box: PixelBox
     camera: Camera
 
@@ -71,11 +81,22 @@ class Crop:
 
 
 class Picture:
-    """An image and its camera, out of which crops are cut."""
+    """An image and its camera, out of which crops are cut.
 
-    def __init__(self, grey: Float32Array, camera: Camera, *, is_linear: bool) -> None:
+    Args:
+        grey: (H, W) the image's values, 0 … 1.
+        camera: that took it.
+        is_linear: whether its values are linear in brightness, or else coded by sRGB.
+        box_px: (4,) in which the spacecraft was detected; None where that is not known.
+    """
+
+    def __init__(
+        self, grey: Float32Array, camera: Camera, box_px: FloatArray | None, *, is_linear: bool
+    ) -> None:
         self._grey, self._camera, self._is_linear = grey, camera, is_linear
         self._pinhole = scaled(camera, 1)
+        self._standing_out = np.zeros_like(grey) if box_px is None else _standing_out(grey, box_px)
+        self._all_standing_out = float(self._standing_out.sum())
 
     def extent_px(self, placement: Placement, vertices_body_m: FloatArray) -> float:
         """The longer side of the box around the spacecraft, px; 0 if it cannot be projected."""
@@ -102,13 +123,26 @@ class Picture:
         if min(width, height) < _LEAST_PX:
             return None
         x0, y0 = first.tolist()
-        pixels = self._straight(PixelBox(x0 * bins, y0 * bins, width * bins, height * bins))
+        pixels_box = PixelBox(x0 * bins, y0 * bins, width * bins, height * bins)
+        pixels = self._straight(pixels_box)
         linear = binned(pixels, bins)
         is_saturated = binned(pixels > _SATURATED, bins) > 0
+        standing_out = binned(self._standing_out[pixels_box.slices], bins)
+        beyond = self._all_standing_out / bins**2 - float(standing_out.sum())
         drawn = PixelBox(*(scale.finer * v for v in (x0, y0, width, height)))
         seen = linear if self._is_linear else srgb_from_linear(linear)
         camera = scaled(camera, scale.drawn)
-        return Crop(scale, seen, linear, is_saturated, self._is_linear, drawn, camera)
+        return Crop(
+            scale=scale,
+            seen=seen,
+            linear=linear,
+            is_saturated=is_saturated,
+            is_linear=self._is_linear,
+            standing_out=standing_out,
+            standing_out_beyond=max(0.0, beyond),
+            drawn_box=drawn,
+            camera=camera,
+        )
 
     def _bounds(
         self, placement: Placement, vertices_body_m: FloatArray
@@ -130,6 +164,34 @@ class Picture:
             grey = cv2.remap(self._grey, u, v, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
         share = np.clip(grey, 0, 1, dtype=np.float64)
         return np.asarray(share if self._is_linear else linear_from_srgb(share), np.float32)
+
+
+def _standing_out(grey: Float32Array, box_px: FloatArray) -> Float32Array:
+    """(H, W) square of the difference between an image (H, W) and the mean of what surrounds a box (4,),
+    where it is in the box and stands out; else 0."""
+    box, around, beyond = (
+        _slices(box_px, share, grey.shape) for share in (0.0, _AROUND, _AROUND + _BEYOND)
+    )
+    is_around = np.zeros(grey.shape, np.bool_)
+    is_around[beyond] = True
+    is_around[around] = False
+    squares = np.zeros_like(grey)
+    if is_around.any():
+        spread = max(_LEAST_SPREAD, float(grey[is_around].std()))
+        off = grey[box] - grey[is_around].mean()
+        squares[box] = np.where(np.abs(off) > _SPREADS * spread, off * off, 0)
+    return squares
+
+
+def _slices(box_px: FloatArray, beyond: float, shape: tuple[int, ...]) -> tuple[slice, slice]:
+    """Rows and columns of an image in a box (4,), extended on each side by a share of its size."""
+    x, y, width, height = box_px
+
+    def along(first: float, size: float, last: int) -> slice:
+        ends = np.rint([first - beyond * size, first + (1 + beyond) * size])
+        return slice(*np.clip(ends, 0, last).astype(int).tolist())
+
+    return along(y, height, shape[0]), along(x, width, shape[1])
 
 
 def scales(extent_px: float, sizes_px: tuple[float, ...]) -> list[Scale]:

@@ -100,7 +100,7 @@ class Search:
         self._starts: Sequence[PoseEstimate] = ()
         self._sizes_px = (*_COARSE_PX, size_px)
         self._by_coding = {
-            linear: Picture(grey, setting.camera, is_linear=linear) for linear in (False, True)
+            linear: Picture(grey, setting.camera, box_px, is_linear=linear) for linear in (False, True)
         }
         self._picture = self._by_coding[False]
 

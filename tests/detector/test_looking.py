@@ -158,8 +158,8 @@ def test_a_closer_search_counts_where_its_pose_is_trusted(good_sigma_px, score):
     assert dropped == []
 
 
-@pytest.mark.parametrize(("before", "is_found"), [(3, True), (4, False)])
-def test_the_four_best_of_a_closer_search_are_looked_at(before, is_found):
+@pytest.mark.parametrize(("before", "is_found"), [(5, True), (6, False)])
+def test_the_six_best_of_a_closer_search_are_looked_at(before, is_found):
     others = [posse.Detection("brick", 0.7, ELSEWHERE_PX + 30 * i) for i in range(before)]
     closer = [*others, posse.Detection("brick", 0.5, TRUE_PX + 1.0)]
     given = Confused(), IMAGE, cuboid.CAMERA, None, 0.3, None, lambda: closer

@@ -33,7 +33,7 @@ def placed(off: Placement) -> Registered:
     """Where a drawing at a pose lies in an image of the truth, at the coarsest scale."""
     craft = refiners._craft()
     vertices_m = np.concatenate([part.vertices_body_m for part in craft.parts])
-    picture = Picture(np.float32(0.8 * light_of(craft)[0]), CAMERA, is_linear=True)
+    picture = Picture(np.float32(0.8 * light_of(craft)[0]), CAMERA, None, is_linear=True)
     scale = scales(picture.extent_px(off, vertices_m), (48.0,))[0]
     crop = picture.crop(off, vertices_m, scale)
     assert crop is not None

@@ -259,7 +259,9 @@ def test_detail_tells_poses_that_look_alike_in_uneven_light() -> None:
         details = []
         for least in (1.0, 0.4):
             seen = image(R, t, 0, marked) * np.linspace(1.0, least, CAMERA.width_px) / 255
-            crop = Picture(np.float32(seen), CAMERA, is_linear=True).crop(here, vertices_m, Scale(1, 1))
+            crop = Picture(np.float32(seen), CAMERA, None, is_linear=True).crop(
+                here, vertices_m, Scale(1, 1)
+            )
             assert crop is not None
             comparer = LitComparer(crop, studio, Light(Lights(0.9, 0.0, SUN), 0.4))
             details.append([comparer.detail(each) for each in (here, there)])

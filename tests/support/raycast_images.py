@@ -58,7 +58,7 @@ def fits(
     """Crop, light and agreement at a pose, by default the true one, from the coarsest scale to the
     finest."""
     vertices_m = np.concatenate([part.vertices_body_m for part in craft.parts])
-    picture = Picture(np.float32(seen), CAMERA, is_linear=True)
+    picture = Picture(np.float32(seen), CAMERA, None, is_linear=True)
     made = []
     with contextlib.closing(
         Studio(RefinerSetting(craft, CAMERA, refiners._renderer), RenderCompareOptions().renderer)

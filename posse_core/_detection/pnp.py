@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from posse_core._arrays import BoolArray, FloatArray
-from posse_core._frames import cross_matrix, matrix_from_rotation_vector
+from posse_core._frames import cross_matrix
 from posse_core._interfaces.detector import PoseEstimate
 from posse_core._model.camera import Camera
 
@@ -16,6 +16,8 @@ MIN_POINTS = 4
 """Smallest number of points; three allow several poses."""
 _HUBER = 2.0  # standard deviations beyond which a point's influence no longer grows
 _STEPS = 30
+_SETTLED = 1e-6
+"""Steps end where the cost falls by less than this share: by far less than a pose is uncertain."""
 
 
 def solve_pose(
@@ -71,10 +73,10 @@ def fitted_pose(
         H = (J * weights[:, None]).T @ J
         slope = -J.T @ (weights * r)
         step = np.asarray(np.linalg.solve(H + damping * np.diag(np.diag(H)), slope), np.float64)
-        R_new, t_new = matrix_from_rotation_vector(step[:3]) @ R, t + step[3:]
+        R_new, t_new = np.asarray(cv2.Rodrigues(step[:3])[0]) @ R, t + step[3:]
         new = _linearised(R_new, t_new, points_body_m, points_px, sigma_px, camera)
         if new[0] < cost:
-            done = cost - new[0] < 1e-10 * cost
+            done = cost - new[0] < _SETTLED * cost
             R, t, (cost, J, r, weights) = R_new, t_new, new
             damping = max(damping / 10, 1e-12)
             if done:

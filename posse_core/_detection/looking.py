@@ -30,7 +30,7 @@ _ENOUGH_OF_SCORE = 1 / 3
 """Share of the least score that is enough where the pose is trusted."""
 _CLOSEST = 6
 """So many detections of a closer search are looked at, the best. Where there is no spacecraft, there are
-many with low scores, and each look takes a tenth of a second."""
+many with low scores, and the looks at one may take a second."""
 _PART = 0.8
 """A box of which more lies in that of a spacecraft with a trusted pose is around a part of it."""
 

@@ -20,7 +20,12 @@ _KERNEL = np.ones((3, 3), np.uint8)
 
 def near_pixels(drawn: Drawn, finer: int) -> BoolArray:
     """(h, w) pixels of the crop that are on the spacecraft or a little beside it."""
-    on = (binned(drawn.coverage, finer) > 0).astype(np.uint8)
+    return near_covered(binned(drawn.coverage, finer))
+
+
+def near_covered(coverage: Float32Array) -> BoolArray:
+    """The same where the spacecraft covers so much (h, w) of the crop's pixels."""
+    on = (coverage > 0).astype(np.uint8)
     return np.asarray(cv2.dilate(on, _KERNEL, iterations=_BESIDE_PX) > 0)
 
 
@@ -30,7 +35,7 @@ def behind(drawn: Drawn, crop: Crop) -> Float32Array:
     free = (covered < 1e-3).astype(np.float32)
     if not free.any():
         return np.zeros_like(crop.linear)
-    return _filled(crop.linear * free, free)
+    return continued(crop.linear * free, free)
 
 
 def with_background(drawn: Drawn, crop: Crop) -> Float32Array:
@@ -39,7 +44,7 @@ def with_background(drawn: Drawn, crop: Crop) -> Float32Array:
     return np.asarray(drawn.bright + (1 - drawn.coverage) * far, np.float32)
 
 
-def _filled(sums: Float32Array, weights: Float32Array) -> Float32Array:
+def continued(sums: Float32Array, weights: Float32Array) -> Float32Array:
     """An image (h, w) continued where its weights are 0, from what is nearest (push-pull: Gortler et al.
     1996, The Lumigraph).
 

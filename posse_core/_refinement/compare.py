@@ -17,7 +17,7 @@ from posse_core._refinement.registration import Registered, registered
 from posse_core._refinement.studio import Drawn, Studio
 from posse_core._refinement.windows import Windows, smooth
 
-_WINDOW_PX = 6.0
+WINDOW_PX = 6.0
 """Standard deviation of the windows in which gains are fitted."""
 _DETAIL_PX = 3.0
 """The same for windows of which the detail is judged."""
@@ -25,7 +25,7 @@ _GAINS = (0.0, 3.0)
 """Least and greatest gain."""
 _NOISE = 4 / 255
 """Variations of what is drawn below this share of white say nothing."""
-_SHAPE_NOISE = 0.03
+SHAPE_NOISE = 0.03
 """The same for coverage and normals."""
 _BLURS_PX = (0.0, 0.35, 0.5, 0.7, 0.9, 1.2, 1.6)
 
@@ -70,10 +70,14 @@ class LitComparer(Comparer):
     def agreement(self, drawn: Drawn) -> float:
         """How well the crop agrees with what is drawn already."""
         finer = self._crop.scale.finer
-        modelled, near = binned(self._scene(drawn), finer), near_pixels(drawn, finer)
+        return self.agreement_of(binned(self._scene(drawn), finer), near_pixels(drawn, finer))
+
+    def agreement_of(self, modelled: Float32Array, near: BoolArray) -> float:
+        """How well the crop agrees with what would be seen (h, w), on the spacecraft or a little beside
+        it (h, w)."""
         if self._studio.knows_materials:
             return _correlation(self._crop.seen, modelled, near)
-        return self._explained(modelled, near, _WINDOW_PX)
+        return self._explained(modelled, near, WINDOW_PX)
 
     def registered(self, drawn: Drawn, placement: Placement) -> Registered:
         """Where what is drawn at a pose lies in the crop."""
@@ -91,11 +95,7 @@ class LitComparer(Comparer):
         """0 … 1, how much is explained of what varies within windows."""
         windows = Windows(near.astype(np.float32), window_px)
         left = windows.explained(self._crop.seen, modelled[..., None], _NOISE, _GAINS).residual
-        return _share(left, windows.variance(self._crop.seen), near, self._beside(near))
-
-    def _beside(self, near: BoolArray) -> float:
-        """The sum of squares of what stands out in the detected box where nothing is drawn."""
-        return self._crop.standing_out_beyond + float(self._crop.standing_out[~near].sum())
+        return share_explained(left, windows.variance(self._crop.seen), near, self._crop.beside(near))
 
     def _scene(self, drawn: Drawn) -> Float32Array:
         """What is drawn before its background, as sharp and as coded as the crop."""
@@ -108,7 +108,7 @@ class LitComparer(Comparer):
         blur_px, scene = self._light.blur_px * crop.scale.drawn, self._scene(drawn)
         seen, modelled = crop.seen, binned(scene, finer)
         near = near_pixels(drawn, finer)
-        windows = Windows(near.astype(np.float32), _WINDOW_PX)
+        windows = Windows(near.astype(np.float32), WINDOW_PX)
         explained = windows.explained(seen, modelled[..., None], _NOISE, _GAINS)
         jacobian = by_pose(
             gradient(scene),
@@ -125,7 +125,9 @@ class LitComparer(Comparer):
         agreement = (
             _correlation(seen, modelled, near)
             if self._studio.knows_materials
-            else _share(explained.residual, windows.variance(seen), near, self._beside(near))
+            else share_explained(
+                explained.residual, windows.variance(seen), near, self._crop.beside(near)
+            )
         )
         return Comparison(explained.residual, jacobian, near, agreement)
 
@@ -149,9 +151,9 @@ class ShapeComparer(Comparer):
         channels = [drawn.coverage, *(facing[..., k] * drawn.coverage for k in (0, 1))]
         channels = [smooth(np.ascontiguousarray(channel), blur_px) for channel in channels]
         near = near_pixels(drawn, finer)
-        windows = Windows(near.astype(np.float32), _WINDOW_PX)
+        windows = Windows(near.astype(np.float32), WINDOW_PX)
         coarse = np.stack([binned(channel, finer) for channel in channels], axis=-1)
-        explained = windows.explained(crop.seen, coarse, _SHAPE_NOISE)
+        explained = windows.explained(crop.seen, coarse, SHAPE_NOISE)
         gains = explained.gains.repeat(finer, axis=0).repeat(finer, axis=1)
         sides = [gradient(channel) for channel in channels]
         slopes = tuple(
@@ -170,7 +172,7 @@ class ShapeComparer(Comparer):
         variance = windows.variance(crop.seen)
         share = 1 / np.sqrt(variance + np.float32(_NOISE**2))
         residual = explained.residual * share
-        agreement = _share(residual, variance * share**2, near)
+        agreement = share_explained(residual, variance * share**2, near)
         return Comparison(residual, binned(jacobian, finer) * share[..., None], near, agreement)
 
 
@@ -184,7 +186,9 @@ def sharpest(drawn: Drawn, crop: Crop) -> float:
     return _BLURS_PX[int(np.argmax(agreements))]
 
 
-def _share(left: Float32Array, variance: Float32Array, near: BoolArray, beside: float = 0.0) -> float:
+def share_explained(
+    left: Float32Array, variance: Float32Array, near: BoolArray, beside: float = 0.0
+) -> float:
     """How much is explained, 0 … 1, where this is left of what varies in windows, and of what stands out
     beside them everything."""
     whole = float(np.sum(variance[near])) + beside

@@ -74,6 +74,11 @@ class Crop:
     drawn_box: PixelBox
     camera: Camera
 
+    def beside(self, near: BoolArray) -> float:
+        """The sum of squares of what stands out in the detected box off pixels (h, w) on the spacecraft
+        or a little beside it."""
+        return self.standing_out_beyond + float(self.standing_out[~near].sum())
+
     def coded(self, linear: Float32Array) -> Float32Array:
         """Values of an image of this brightness; what is brighter than white is white."""
         shares = np.clip(linear, 0, 1)
@@ -103,6 +108,11 @@ class Picture:
         low, high = self._bounds(placement, vertices_body_m)
         return float((high - low).max())
 
+    def box_px(self, placement: Placement, vertices_body_m: FloatArray) -> FloatArray:
+        """The box (4,) around the spacecraft."""
+        low, high = self._bounds(placement, vertices_body_m)
+        return np.concatenate([low, high - low])
+
     def share_of(self, placement: Placement, vertices_body_m: FloatArray, box_px: FloatArray) -> float:
         """The length of the box around the spacecraft, as far as it is in the image, over that of a box
         (4,): the square root of the ratio of their areas; 0 if it is not in the image."""
@@ -113,8 +123,12 @@ class Picture:
 
     def crop(self, placement: Placement, vertices_body_m: FloatArray, scale: Scale) -> Crop | None:
         """The part around the spacecraft at a pose; None if too little of it is in the image."""
+        return self.around(*self._bounds(placement, vertices_body_m), scale)
+
+    def around(self, low: FloatArray, high: FloatArray, scale: Scale) -> Crop | None:
+        """The part around a box from one corner (2,) to the other, px; None if too little of it is in
+        the image."""
         bins, camera = scale.binned, self._camera
-        low, high = self._bounds(placement, vertices_body_m)
         margin_px = max(_MARGIN_PX * bins, _MARGIN_SHARE * float((high - low).max()))
         size = np.array([camera.width_px, camera.height_px]) // bins
         first = np.clip(np.floor((low - margin_px) / bins), 0, size).astype(int)

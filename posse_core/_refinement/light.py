@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import nnls
@@ -53,6 +55,20 @@ class Apart:
     facing: Float32Array
 
 
+class Averages(NamedTuple):
+    """What is seen and drawn of the spacecraft, averaged over windows about N pixels.
+
+    Attributes:
+        seen: (N,) brightness of the image without the background.
+        parts: (N, K) brightness under each light.
+        slope: (N,) weights of differences, as far as they show in the coded image.
+    """
+
+    seen: FloatArray
+    parts: FloatArray
+    slope: FloatArray
+
+
 def drawn_apart(
     crop: Crop, studio: Studio, placement: Placement, sun_direction_cam: FloatArray
 ) -> Apart:
@@ -84,20 +100,15 @@ def fitted(
         least_sun: how much brighter a plate that faces the Sun is, at least, than one that faces the
             brightest part of the sky.
     """
-    scale, blur = crop.scale, blur_px * crop.scale.drawn
-    inside = near_pixels(shown.sun, scale.finer) & ~crop.is_saturated
-    if not inside.any():
-        return Light(Lights(1.0, 0.0, sun_direction_cam), blur_px)
-    windows = Windows(inside.astype(np.float32), apart_px)
-    uncovered = 1 - binned(smooth(shown.sun.coverage, blur), scale.finer)
-    own = np.asarray(crop.linear - uncovered * behind(shown.sun, crop), np.float32)
-    seen = windows.mean(own)[inside].astype(np.float64)
     has_slope = sun_direction_cam[2] > 0
     brights = [shown.sun.bright, *(_halves(shown) if has_slope else [shown.sky.bright])]
-    columns = [windows.mean(binned(smooth(bright, blur), scale.finer))[inside] for bright in brights]
-    parts = np.stack(columns, axis=1).astype(np.float64)
+    blur, finer = blur_px * crop.scale.drawn, crop.scale.finer
+    sharp = [binned(smooth(bright, blur), finer) for bright in brights]
+    averaged = averages(crop, shown.sun, sharp, blur_px, apart_px)
+    if averaged is None:
+        return Light(Lights(1.0, 0.0, sun_direction_cam), blur_px)
+    seen, parts, slope = averaged
     parts[:, 1:] += least_sun * parts[:, :1]
-    slope = 1 / np.maximum(seen, _DARK) ** _CODING
     weight, strength = slope, np.zeros(len(brights))
     for _ in range(_ROUNDS):
         strength = nnls(parts * weight[:, None], seen * weight)[0]
@@ -111,6 +122,33 @@ def fitted(
     sky = float(halves.sum() / 2)
     x, y, z = ((halves[:, 0] - halves[:, 1]) / 2 / max(sky, 1e-9) / _LAMBERT).tolist()
     return Light(Lights(sun, sky, sun_direction_cam, (x, y, z)), blur_px)
+
+
+def averages(
+    crop: Crop, drawn: Drawn, brights: Sequence[Float32Array], blur_px: float, apart_px: float
+) -> Averages | None:
+    """What is seen of the spacecraft and what several lights give, averaged over windows of a size in
+    the crop's pixels, where the spacecraft is drawn and nothing is white; None if that is nowhere.
+
+    Args:
+        drawn: gives the coverage.
+        brights: (h, w) brightness under each light, at full strength, as sharp as the crop and in its
+            pixels.
+    """
+    inside = near_pixels(drawn, crop.scale.finer) & ~crop.is_saturated
+    if not inside.any():
+        return None
+    windows = Windows(inside.astype(np.float32), apart_px)
+    own = crop.linear - beside(crop, drawn, blur_px)
+    seen = windows.mean(own)[inside].astype(np.float64)
+    parts = np.stack([windows.mean(bright)[inside] for bright in brights], axis=1).astype(np.float64)
+    return Averages(seen, parts, 1 / np.maximum(seen, _DARK) ** _CODING)
+
+
+def beside(crop: Crop, drawn: Drawn, blur_px: float) -> Float32Array:
+    """(h, w) linear brightness of the crop beside the spacecraft, as far as it is not covered."""
+    covered = binned(smooth(drawn.coverage, blur_px * crop.scale.drawn), crop.scale.finer)
+    return np.asarray((1 - covered) * behind(drawn, crop), np.float32)
 
 
 def _halves(shown: Apart) -> list[Float32Array]:

@@ -19,6 +19,7 @@ from posse_core._refinement.options import RenderCompareOptions
 from posse_core._refinement.placement import Placement
 from posse_core._refinement.prior import is_near
 from posse_core._refinement.search import Search
+from posse_core._refinement.sides import Sides
 from posse_core._refinement.studio import Studio
 from posse_core._refinement.trail import Outcome
 
@@ -35,6 +36,7 @@ class RenderCompare(Refiner[RenderCompareOptions]):
         """Prepare; renderers are opened when they are first needed."""
         self.close()
         self._setting, self._studio = setting, Studio(setting, self.options.renderer)
+        self._sides = Sides(self._studio, setting.spacecraft.radius_m)
 
     def close(self) -> None:
         """Close the renderers."""
@@ -64,6 +66,7 @@ class RenderCompare(Refiner[RenderCompareOptions]):
         search = Search(
             self._setting,
             self._studio,
+            self._sides,
             to_grey(image),
             sun_direction_cam,
             float(self.options.size_px),

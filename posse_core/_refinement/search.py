@@ -11,52 +11,35 @@ import numpy as np
 from posse_core._arrays import Float32Array, FloatArray
 from posse_core._interfaces.detector import PoseEstimate
 from posse_core._interfaces.refiner import RefinerSetting
-from posse_core._refinement.compare import Comparer, Comparison, LitComparer, ShapeComparer, sharpest
-from posse_core._refinement.crop import Crop, Picture, Scale, scales
-from posse_core._refinement.descent import Found, descended
-from posse_core._refinement.light import APART_PX, Apart, Light, drawn_apart, fitted, together
+from posse_core._refinement.crop import scales
+from posse_core._refinement.follower import Follower
 from posse_core._refinement.placement import Placement
-from posse_core._refinement.prior import is_near, prior
-from posse_core._refinement.studio import EVEN, Studio
-from posse_core._refinement.sunlight import brightest_direction
+from posse_core._refinement.prior import is_near
+from posse_core._refinement.sides import Sides
+from posse_core._refinement.studio import Studio
 from posse_core._refinement.trail import (
     RIVAL,
     SAME,
+    UNSEEN,
+    UNSEEN_FROM_ALL_SIDES,
     Outcome,
     Trail,
     by_chance,
     certainty,
-    chance,
     different,
-    size_fit,
     weighed,
 )
-from posse_core._refinement.turns import CLOSE, FAR, Around, Tried, half_turn_axes, half_turned, tilted
+from posse_core._refinement.turns import CLOSE, FAR, Around, half_turn_axes, half_turned, tilted
 
-_STEPS = 4
-_ROUNDS = 10
-"""At each scale the light is fitted and so many steps are made, at most so many times."""
-_LOOSE = 4.0
-"""In the first of these rounds residuals may be so many times as large before they count no more."""
-_SHAPE_STEPS = 10
-_COARSE_PX = (48.0, 96.0)
-_FOUND_PX = 1.0
-"""By how many of a crop's pixels what is drawn may be beside what is seen, after steps."""
-_BLUR_PX = 0.7
-"""Blur of an image, until it is measured: that of POSSE's cameras by default."""
 _SURE, _CLEAR = 0.95, 0.98
 """With the first agreement at the coarsest scale, poses nearby are not tried; with the second at the
 finest, fewer rivals are followed."""
-_HOPE = 0.15
-"""How far the agreement may rise at finer scales."""
 _TURNED, _SURPRISING = 5, 0.05
 """How many poses turned by half a turn are followed, and how much less likely they may be than other
 rivals, as keypoints speak against them."""
 _FOLLOWED, _MOST = 5, 10
-"""So many rivals are followed to the finest scale, and until one agrees clearly at most so many."""
-_LEAST_SUN = 2.0
-"""Where the Sun is known, a plate that faces it is at least so many times as bright as one that faces
-the brightest part of the sky: the Earth sends back a third of the Sun's light, and clouds half of it."""
+"""So many rivals are followed to the finest scale, and until one agrees clearly at most so many, where
+the Sun's direction is known."""
 _WALKS = 4
 """How often poses around the best of those around a pose are tried."""
 _DOUBTFUL = 0.7
@@ -66,6 +49,10 @@ _SURE_START, _LEAST_START = 0.9, 0.01
 _WALKED, _TURNED_LATER, _SLIGHTLY = 6, 3, 2
 """Around so many starts, by half a turn from so many poses (and so many from each), and slightly turned
 from so many."""
+_RESEMBLING, _ALIKE_FOLLOWED = 30, 10
+"""How many poses are drawn that look as the image does, and how many of them are followed."""
+_AROUND = 0.25
+"""They are sought in the detected box and so much beside it, as a share of its sides."""
 
 
 class Search:
@@ -82,6 +69,7 @@ class Search:
         self,
         setting: RefinerSetting,
         studio: Studio,
+        sides: Sides,
         grey: Float32Array,
         sun_direction_cam: FloatArray | None,
         size_px: float,
@@ -89,20 +77,21 @@ class Search:
         has_time: Callable[[], bool],
         box_px: FloatArray | None = None,
     ) -> None:
-        self._studio, self._sun, self._has_time = studio, sun_direction_cam, has_time
-        self._box_px = box_px
-        self._followable = least_agreement - _HOPE
+        self._follower = Follower(
+            setting,
+            studio,
+            grey,
+            sun_direction_cam,
+            size_px,
+            least_agreement,
+            has_time,
+            box_px,
+        )
+        self._sides, self._hull_m, self._box_px = sides, studio.hull_m, box_px
         vertices_m = np.concatenate([part.vertices_body_m for part in setting.spacecraft.parts])
-        self._hull_m = studio.hull_m
-        self._radius_m = setting.spacecraft.radius_m
         self._symmetries = setting.spacecraft.symmetries
         self._axes = half_turn_axes(vertices_m)
-        self._starts: Sequence[PoseEstimate] = ()
-        self._sizes_px = (*_COARSE_PX, size_px)
-        self._by_coding = {
-            linear: Picture(grey, setting.camera, box_px, is_linear=linear) for linear in (False, True)
-        }
-        self._picture = self._by_coding[False]
+        self._is_sun_known = sun_direction_cam is not None
 
     def lit(self, starts: Sequence[PoseEstimate]) -> Outcome | None:
         """The pose by brightness; None where no start shows the spacecraft in the image.
@@ -110,31 +99,37 @@ class Search:
         Args:
             starts: where to begin, and how likely each is.
         """
-        self._starts = starts
+        self._follower.starts = starts
         firsts = [Placement.of(start) for start in starts]
-        coarse = [self._coarse(first, number) for number, first in enumerate(firsts)]
+        coarse = [self._follower.coarse(first, number) for number, first in enumerate(firsts)]
         trails = by_chance([trail for trail in coarse if trail is not None])
         if not trails:
             return None
         # Light that was found by a pose that is wrong says nothing of other poses.
-        is_lit = self._sun is not None or trails[0].agreement > self._followable
+        is_lit = self._is_sun_known or trails[0].agreement > self._follower.followable
         first_looks = self._first_looks(trails[0], firsts) if is_lit else []
-        found = self._followed_to_the_finest([*trails, *first_looks])
-        if found[0].agreement > self._followable and self._is_doubtful(found):
+        looks: list[Trail] = []
+        if not self._is_sun_known and self._is_doubtful(self._different([*trails, *first_looks])):
+            looks = self._from_all_sides(by_chance([*trails, *first_looks])[0])
+        unseen = UNSEEN_FROM_ALL_SIDES if looks else UNSEEN
+        found = self._followed_to_the_finest([*trails, *first_looks, *looks])
+        is_hopeful = self._is_sun_known and found[0].agreement > self._follower.followable
+        if is_hopeful and self._is_doubtful(found):
             found = self._compared([*found, *self._slightly_turned(found)])
             if self._is_doubtful(found) and found[0].agreement < _CLEAR:
                 found += self._followed_to_the_finest(self._elsewhere(found, trails, firsts))
                 found = self._compared(found)
                 found = self._compared([*found, *self._slightly_turned(found)])
         best = found[0]
-        self._picture = self._by_coding[best.is_linear]
+        self._follower.take_as(is_linear=best.is_linear)
         before = best.comparer.compare(firsts[best.start]).agreement
-        return Outcome(best.found, before, best.start, certainty(found, self._symmetries))
+        return Outcome(best.found, before, best.start, certainty(found, self._symmetries, unseen))
 
     def _first_looks(self, best: Trail, firsts: Sequence[Placement]) -> list[Trail]:
         """Trails from poses that resemble the likeliest."""
         nearby: list[Trail] = []
-        if best.agreement < _SURE:
+        # Where the Sun is not known, looks from all sides find more than poses nearby.
+        if best.agreement < _SURE and self._is_sun_known:
             nearby = self._nearby(best, firsts[best.start], FAR)
         return nearby + self._half_turned(by_chance([best, *nearby])[0], _TURNED)
 
@@ -157,13 +152,36 @@ class Search:
             more += self._half_turned(trail, _TURNED_LATER)
         return more
 
+    def _from_all_sides(self, best: Trail) -> list[Trail]:
+        """Trails from poses that look as the image does in the detected box, however far from the
+        starts.
+
+        Args:
+            best: the likeliest so far, from whose start they are said to come.
+        """
+        start = Placement.of(self._follower.starts[best.start])
+        picture = self._follower.picture
+        box_px = self._box_px
+        if box_px is None:
+            box_px = picture.box_px(start, self._hull_m)
+        first, size = box_px[:2], box_px[2:]
+        scale = scales(float(size.max()), self._follower.sizes_px)[0]
+        crop = picture.around(first - _AROUND * size, first + (1 + _AROUND) * size, scale)
+        if crop is None:
+            return []
+        alike = self._sides.resembling(crop, box_px, start.t_body_cam_m, _RESEMBLING)
+        drawn = self._follower.drawn(alike, FAR.scale, best.sun_direction_cam)[:_ALIKE_FOLLOWED]
+        return [
+            self._follower.trail_from(tried, best.start) for tried in drawn if self._follower.has_time()
+        ]
+
     def _is_doubtful(self, found: Sequence[Trail]) -> bool:
         """Whether the likeliest pose is little certain, and neither near a start that is sure nor from
         starts of which none may be right."""
-        start, pose = self._starts[found[0].start], found[0].found.placement
+        start, pose = self._follower.starts[found[0].start], found[0].found.placement
         is_sure = start.trust > _SURE_START and is_near(pose, start, self._symmetries)
-        is_possible = any(each.trust > _LEAST_START for each in self._starts)
-        return certainty(found, self._symmetries) < _DOUBTFUL and is_possible and not is_sure
+        is_possible = any(each.trust > _LEAST_START for each in self._follower.starts)
+        return certainty(found, self._symmetries, UNSEEN) < _DOUBTFUL and is_possible and not is_sure
 
     def _slightly_turned(self, found: Sequence[Trail]) -> list[Trail]:
         """Trails from poses slightly turned from the likeliest at the finest scale, as steps end at any
@@ -181,9 +199,9 @@ class Search:
         finest: list[Trail] = []
         for trail in rivals[:_MOST]:
             is_clear = any(each.agreement > _CLEAR for each in finest)
-            if is_clear and len(finest) >= _FOLLOWED:
+            if len(finest) >= _FOLLOWED and (is_clear or not self._is_sun_known):
                 break
-            finest.append(self._to_the_finest(trail))
+            finest.append(self._follower.to_the_finest(trail))
         return self._compared(finest)
 
     def _compared(self, finest: Sequence[Trail]) -> list[Trail]:
@@ -195,75 +213,31 @@ class Search:
         """Those that differ, most likely first; of several that are the same pose, the likeliest."""
         return different(trails, self._symmetries, SAME)
 
-    def _to_the_finest(self, trail: Trail) -> Trail:
-        """A trail through the scales, while its agreement may still become enough."""
-        for scale in self._scales(trail.found.placement)[1:]:
-            if not self._has_time() or trail.agreement < self._followable:
-                break
-            finer = self._followed(trail, scale)
-            if finer is None:
-                break
-            trail = finer
-        return trail
-
     def shape(self, start: PoseEstimate) -> Outcome | None:
-        """The pose by outlines and creases, whatever the light; None where the start does not show the
-        spacecraft in the image.
-
-        Outlines are much the same from several sides: the pose is as certain as the start is trusted.
-        """
-        found, comparer = None, None
-        here = first = Placement.of(start)
-        for scale in self._scales(first):
-            crop = self._picture.crop(here, self._hull_m, scale)
-            if crop is None or not self._has_time():
-                break
-            comparer = ShapeComparer(crop, self._studio, _BLUR_PX)
-            found = self._descended(comparer, crop, here, _SHAPE_STEPS)
-            here = found.placement
-        if found is None or comparer is None:
-            return None
-        return Outcome(found, comparer.compare(first).agreement, 0, start.trust)
-
-    def _scales(self, placement: Placement) -> list[Scale]:
-        return scales(self._picture.extent_px(placement, self._hull_m), self._sizes_px)
-
-    def _coarse(self, first: Placement, number: int) -> Trail | None:
-        """A start followed at the coarsest scale."""
-        crops = self._crops(first, self._scales(first)[0])
-        if not crops:
-            return None
-        sun = self._sun
-        if sun is None:
-            sun = brightest_direction(crops[0], self._studio, first, _BLUR_PX)
-        return self._lit_at(crops, first, sun, None, number)
-
-    def _crops(self, placement: Placement, scale: Scale) -> list[Crop]:
-        """The part around the spacecraft, coded and linear; none if too little of it is in the image."""
-        pictures = self._by_coding.values()
-        crops = [picture.crop(placement, self._hull_m, scale) for picture in pictures]
-        return [crop for crop in crops if crop is not None]
+        """The pose by outlines and creases; see :meth:`Follower.shape`."""
+        return self._follower.shape(start)
 
     def _half_turned(self, best: Trail, followed: int) -> list[Trail]:
         """So many trails from a pose turned by half a turn about axes across its principal ones, where
         they may rival it."""
         turned = half_turned(best.found.placement, self._axes)
         return [
-            self._from(tried, best)
-            for tried in self._drawn(best, turned, FAR.scale)[:followed]
-            if tried.chance > _SURPRISING * best.coarse_chance / RIVAL and self._has_time()
+            self._follower.trail_from(tried, best.start)
+            for tried in self._follower.drawn(turned, FAR.scale, best.sun_direction_cam)[:followed]
+            if tried.chance > _SURPRISING * best.coarse_chance / RIVAL and self._follower.has_time()
         ]
 
     def _nearby(self, best: Trail, first: Placement, around: Around) -> list[Trail]:
         """Trails from poses around one: those that agree most, and so on from the best of these."""
         trails: list[Trail] = []
         here = first
+        sun = best.sun_direction_cam
         for _ in range(_WALKS):
             near = [here, *tilted(here, around)]
             found = [
-                self._from(tried, best)
-                for tried in self._drawn(best, near, around.scale)[: around.followed]
-                if self._has_time()
+                self._follower.trail_from(tried, best.start)
+                for tried in self._follower.drawn(near, around.scale, sun)[: around.followed]
+                if self._follower.has_time()
             ]
             trails += found
             better = max(found, key=lambda trail: trail.chance, default=best)
@@ -271,115 +245,3 @@ class Search:
                 break
             best, here = better, better.found.placement
         return trails
-
-    def _drawn(self, best: Trail, placements: Sequence[Placement], scale: int) -> list[Tried]:
-        """Poses under a trail's light, moved to where their drawings lie at one of the scales, the
-        likeliest first."""
-        sun = best.sun_direction_cam
-        tried = []
-        for placement in placements:
-            crops = self._crops(placement, self._scales(placement)[scale])
-            if crops and self._has_time():
-                shown = drawn_apart(crops[0], self._studio, placement, sun)
-                agreement, crop, light = self._coded(crops, shown, sun, _BLUR_PX, APART_PX)
-                drawing = together(shown, light.lights)
-                there = LitComparer(crop, self._studio, light).registered(drawing, placement)
-                crops = self._crops(there.placement, self._scales(there.placement)[scale])
-                if crops:
-                    likely = chance(min(1.0, agreement + there.rise), self._prior(there.placement))
-                    likely *= self._fit(there.placement)
-                    tried.append(Tried(likely, crops, there.placement))
-        return sorted(tried, key=lambda each: -each.chance)
-
-    def _from(self, tried: Tried, best: Trail) -> Trail:
-        """A pose that was drawn under a trail's light, followed at its scale."""
-        return self._lit_at(tried.crops, tried.placement, best.sun_direction_cam, None, best.start)
-
-    def _followed(self, trail: Trail, scale: Scale) -> Trail | None:
-        """A trail at the next scale."""
-        here = trail.found.placement
-        crops = self._crops(here, scale)
-        if not crops:
-            return None
-        sun = trail.sun_direction_cam
-        if self._sun is None:
-            crop = next(crop for crop in crops if crop.is_linear == trail.is_linear)
-            sun = brightest_direction(crop, self._studio, here, trail.blur_px, sun)
-        return self._lit_at(crops, here, sun, trail.blur_px, trail.start)
-
-    def _lit_at(
-        self,
-        crops: Sequence[Crop],
-        here: Placement,
-        sun: FloatArray,
-        blur_px: float | None,
-        start: int,
-    ) -> Trail:
-        """Descend in a crop, fitting the light and the blur, and finding how the image is coded.
-
-        A blur of None is not known yet, and is fitted after the first steps.
-        """
-        for number in range(_ROUNDS):
-            shown = drawn_apart(crops[0], self._studio, here, sun)
-            apart_px = APART_PX if number == 0 else _FOUND_PX
-            _, crop, light = self._coded(
-                crops, shown, sun, _BLUR_PX if blur_px is None else blur_px, apart_px
-            )
-            if blur_px is not None or number > 0:
-                blur_px = sharpest(together(shown, light.lights), crop)
-                light = replace(light, blur_px=blur_px)
-            comparer = LitComparer(crop, self._studio, light)
-            # A thin boom that is off by more than its width is far off in each of its pixels.
-            looseness = _LOOSE if number == 0 else 1.0
-            # An even sky is drawn together with the Sun as both are drawn apart.
-            is_drawn = light.lights.sky_slope == EVEN
-            first = comparer.compared(together(shown, light.lights), here) if is_drawn else None
-            found = self._descended(comparer, crop, here, _STEPS, looseness, first)
-            here = found.placement
-            if (number > 0 and found.is_settled) or not self._has_time():
-                break
-        prior, fit = self._prior(here), self._fit(here)
-        return Trail(found, comparer, sun, light.blur_px, crop.is_linear, start, prior, fit)
-
-    def _prior(self, placement: Placement) -> float:
-        """How likely a pose is by the starts."""
-        return prior(placement, self._starts, self._symmetries)
-
-    def _fit(self, placement: Placement) -> float:
-        """What is left of a pose's chance, 0 … 1, by the detected box."""
-        if self._box_px is None:
-            return 1.0
-        return size_fit(self._picture.share_of(placement, self._hull_m, self._box_px))
-
-    def _coded(
-        self,
-        crops: Sequence[Crop],
-        shown: Apart,
-        sun: FloatArray,
-        blur_px: float,
-        apart_px: float,
-    ) -> tuple[float, Crop, Light]:
-        """Of crops of differently coded images, that which agrees most with what is drawn, how much, and
-        the light in it."""
-        least = 0.0 if self._sun is None else _LEAST_SUN
-        lights = [fitted(crop, shown, sun, blur_px, apart_px, least) for crop in crops]
-        agreements = [
-            LitComparer(crop, self._studio, light).agreement(together(shown, light.lights))
-            for crop, light in zip(crops, lights, strict=True)
-        ]
-        best = int(np.argmax(agreements))
-        return agreements[best], crops[best], lights[best]
-
-    def _descended(
-        self,
-        comparer: Comparer,
-        crop: Crop,
-        here: Placement,
-        steps: int,
-        looseness: float = 1.0,
-        first: Comparison | None = None,
-    ) -> Found:
-        fx_px = crop.camera.fx_px / crop.scale.finer
-        radius_px = fx_px * self._radius_m / max(float(here.t_body_cam_m[2]), 1e-3)
-        begun = Found(here, comparer.compare(here) if first is None else first, radius_px)
-        return descended(comparer, begun, self._radius_m, steps, self._has_time, looseness)

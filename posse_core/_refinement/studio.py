@@ -80,6 +80,7 @@ class Studio:
     """Draws the spacecraft of a setting.
 
     Attributes:
+        camera: that takes the images.
         images: number of images drawn so far.
         hull_m: (H, 3) those of the spacecraft's vertices that are on its convex hull.
         knows_materials: whether the spacecraft's materials are those of its mesh, and not grey for want
@@ -88,6 +89,7 @@ class Studio:
 
     def __init__(self, setting: RefinerSetting, renderer: ComponentChoice) -> None:
         self._setting, self._choice = setting, renderer
+        self.camera = setting.camera
         self._open: dict[float, Renderer] = {}
         self._craft = _merged(setting.spacecraft)
         parts = setting.spacecraft.parts

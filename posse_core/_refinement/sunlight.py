@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.optimize import nnls
 
 from posse_core._arrays import Float32Array, FloatArray
 from posse_core._frames import R_with_z
+from posse_core._refinement.background import near_pixels
 from posse_core._refinement.compare import LitComparer
-from posse_core._refinement.crop import Crop
+from posse_core._refinement.crop import Crop, binned
 from posse_core._refinement.flow import normals
-from posse_core._refinement.light import APART_PX, Apart, fitted, together
+from posse_core._refinement.light import APART_PX, Apart, Light, averages, beside, fitted, together
 from posse_core._refinement.placement import Placement
 from posse_core._refinement.studio import Drawn, Lights, Studio
+from posse_core._refinement.windows import smooth
 
 _DIRECTIONS, _DRAWN = 48, 3
 """Directions that are tried by Lambert's law alone, and how many of them are drawn."""
@@ -36,8 +39,7 @@ def brightest_direction(
         near: a direction near which it is; None to look everywhere.
     """
     scale, box = crop.scale.drawn, crop.drawn_box
-    sky = studio.draw(scale, box, placement, Lights(0.0, 1.0, np.array([0.0, 0.0, -1.0])))
-    facing = -normals(sky.depth_m, crop.camera, box)
+    sky, facing = _evenly_lit(crop, studio, placement)
 
     def agreement(direction: FloatArray, sun: Drawn) -> float:
         shown = Apart(sun, sky, facing)
@@ -49,7 +51,7 @@ def brightest_direction(
 
     if near is None:
         everywhere = _everywhere()
-        shaded = [agreement(each, _shaded(sky, facing, each)) for each in everywhere]
+        shaded = _shaded(crop, studio, sky, facing, everywhere, blur_px)
         tried = everywhere[np.argsort(shaded)[-_DRAWN:]]
     else:
         tried = near[None]
@@ -60,11 +62,51 @@ def brightest_direction(
     return np.asarray(ring[int(np.argmax(around))] if max(around) > max(found) else best)
 
 
-def _shaded(sky: Drawn, facing: Float32Array, direction: FloatArray) -> Drawn:
-    """What is drawn under an even sky, as light from a direction (3,) would shade it that casts no
-    shadows, by normals (h, w, 3) towards the camera."""
-    lit = np.maximum(0, facing @ direction.astype(np.float32))
-    return Drawn(np.asarray(sky.bright * lit, np.float32), sky.coverage, sky.depth_m)
+def likely_direction(crop: Crop, studio: Studio, placement: Placement, blur_px: float) -> FloatArray:
+    """The direction (3,) that :func:`brightest_direction` would try first: without shadows."""
+    sky, facing = _evenly_lit(crop, studio, placement)
+    everywhere = _everywhere()
+    shaded = _shaded(crop, studio, sky, facing, everywhere, blur_px)
+    return np.asarray(everywhere[int(np.argmax(shaded))])
+
+
+def _evenly_lit(crop: Crop, studio: Studio, placement: Placement) -> tuple[Drawn, Float32Array]:
+    """What is drawn under an even sky, and its normals (h, w, 3) towards the camera."""
+    drawn = studio.shape(crop.scale.drawn, crop.drawn_box, placement)
+    return drawn, -normals(drawn.depth_m, crop.camera, crop.drawn_box)
+
+
+def _shaded(
+    crop: Crop,
+    studio: Studio,
+    sky: Drawn,
+    facing: Float32Array,
+    directions: FloatArray,
+    blur_px: float,
+) -> FloatArray:
+    """(N,) how much an image agrees with what is drawn under light from each direction (N, 3), as if it
+    cast no shadows, and an even sky, of the strengths that leave least.
+
+    Args:
+        sky: what is drawn under an even sky.
+        facing: (h, w, 3) its normals, towards the camera.
+    """
+    lit = np.maximum(0, facing @ directions.T.astype(np.float32)) * sky.bright[..., None]
+    blur, finer = blur_px * crop.scale.drawn, crop.scale.finer
+    brights = [sky.bright, *np.ascontiguousarray(np.moveaxis(lit, -1, 0))]
+    sharp = [binned(smooth(bright, blur), finer) for bright in brights]
+    averaged = averages(crop, sky, sharp, blur_px, APART_PX)
+    if averaged is None:
+        return np.zeros(len(directions))
+    seen, parts = averaged.seen * averaged.slope, averaged.parts * averaged.slope[:, None]
+    background, near = beside(crop, sky, blur_px), near_pixels(sky, finer)
+    comparer = LitComparer(crop, studio, Light(Lights(1.0, 1.0, directions[0]), blur_px))
+    agreements = []
+    for k in range(1, len(brights)):
+        of_sky, of_sun = nnls(parts[:, [0, k]], seen)[0].astype(np.float32)
+        modelled = crop.coded(background + of_sky * sharp[0] + of_sun * sharp[k])
+        agreements.append(comparer.agreement_of(modelled, near))
+    return np.array(agreements)
 
 
 def _everywhere() -> FloatArray:

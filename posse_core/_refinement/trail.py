@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -20,8 +20,13 @@ _LEAST_OFF, _COARSE_OFF = 1e-3, 0.02
 scale, where different ones may agree nearly as much."""
 RIVAL = 50.0
 """Poses whose chance is less by at most this factor may be the right one."""
-_UNSEEN = 8.0
-"""The chance of all poses that were not tried."""
+UNSEEN, UNSEEN_FROM_ALL_SIDES = 8.0, 2.0
+"""The chance of all poses that were not tried, and of those that are left once looks from all sides were
+compared."""
+_POWER, _POWER_OF_SHAPE = 2, 4
+"""The chance falls with this power of the disagreement, and with the second where materials are not
+known. There the true pose explains 0.7 to 0.9 and wrong ones 0.4 to 0.65, as patterns that the mesh does
+not have are left at all poses alike."""
 _BOX_SIGMA = 0.2
 """Spread of the logarithm of the length of a pose's box over that of the detected one."""
 _LARGER, _SMALLER = 0.1, 0.01
@@ -60,6 +65,7 @@ class Trail:
         start: index of the start.
         prior: how likely the pose is before the image is compared.
         fit: what is left of its chance by the detected box.
+        power: of the disagreement; see :func:`chance`.
         detail: how much of the image's detail it explains, 0 … 1; None until it was weighed.
         share: of its chance that is left since others explain detail better.
     """
@@ -72,6 +78,7 @@ class Trail:
     start: int
     prior: float
     fit: float
+    power: int
     detail: float | None = None
     share: float = 1.0
 
@@ -82,12 +89,12 @@ class Trail:
     @property
     def chance(self) -> float:
         """How likely the pose is among others; see :func:`chance`."""
-        return self.share * self.fit * chance(self.agreement, self.prior)
+        return self.share * self.fit * chance(self.agreement, self.prior, self.power)
 
     @property
     def coarse_chance(self) -> float:
         """The same, as far as the coarsest scale can tell."""
-        return self.fit * chance(self.agreement, self.prior, _COARSE_OFF)
+        return self.fit * chance(self.agreement, self.prior, self.power, _COARSE_OFF)
 
 
 @dataclass(frozen=True)
@@ -134,8 +141,18 @@ def _detail(trail: Trail) -> float:
     return trail.comparer.detail(trail.found.placement)
 
 
-def by_chance(trails: Sequence[Trail]) -> list[Trail]:
-    """Trails, the likeliest first."""
+class Likely(Protocol):
+    """What has a chance."""
+
+    @property
+    def chance(self) -> float: ...
+
+
+LikelyT = TypeVar("LikelyT", bound=Likely)
+
+
+def by_chance(trails: Iterable[LikelyT]) -> list[LikelyT]:
+    """Trails, or poses that were tried, the likeliest first."""
     return sorted(trails, key=lambda trail: -trail.chance)
 
 
@@ -150,22 +167,30 @@ def different(trails: Sequence[Trail], symmetries: Sequence[FloatArray], alike: 
     return kept
 
 
-def certainty(trails: Sequence[Trail], symmetries: Sequence[FloatArray]) -> float:
-    """Probability that the first of several trails, the likeliest, is the right one, 0 … 1.
+def certainty(trails: Sequence[Trail], symmetries: Sequence[FloatArray], unseen: float) -> float:
+    """Probability that the first of several trails, the likeliest, is the right one, 0 … 1, if all that
+    were not tried have this chance.
 
     Where the image leaves a pose open, steps from several places end at as many poses, which are of one
     side of the spacecraft: only the likeliest of them rivals the first.
     """
     rivals = different(trails[1:], symmetries, _OF_ONE_SIDE)
-    return trails[0].chance / (trails[0].chance + sum(trail.chance for trail in rivals) + _UNSEEN)
+    return trails[0].chance / (trails[0].chance + sum(trail.chance for trail in rivals) + unseen)
 
 
-def chance(agreement: float, prior: float, least_off: float = _LEAST_OFF) -> float:
+def power_of(*, knows_materials: bool) -> int:
+    """With which power of the disagreement the chance falls."""
+    return _POWER if knows_materials else _POWER_OF_SHAPE
+
+
+def chance(agreement: float, prior: float, power: int, least_off: float = _LEAST_OFF) -> float:
     """How likely a pose is, among others, by how an image agrees with it and its prior.
 
-    What is left of the disagreement counts as variance would.
+    With the power 2, what is left of the disagreement counts as variance would. A pose of prior 1 that
+    agrees by 0.65 has the chance :data:`UNSEEN` with any.
     """
-    return float(prior / max(1 - agreement, least_off) ** 2)
+    off = max(1 - agreement, least_off)
+    return float(prior * UNSEEN ** (1 - power / 2) / off**power)
 
 
 def size_fit(share: float) -> float:

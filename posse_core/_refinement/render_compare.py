@@ -74,7 +74,7 @@ class RenderCompare(Refiner[RenderCompareOptions]):
             lambda: time.perf_counter() < end_s,
             box_px,
         )
-        lit = search.lit(starts)
+        lit = search.lit(starts, from_all_sides=True)
         if lit is not None and lit.agreement >= self.options.least_agreement:
             most = max(start.trust for start in starts)
             is_possible = self._is_near(lit, starts) or is_likely(lit.certainty, most)
@@ -88,7 +88,9 @@ class RenderCompare(Refiner[RenderCompareOptions]):
             if is_better or lit is None:
                 R, t_m = there
                 start = replace(starts[0], R_cam_from_body=R, t_body_cam_m=t_m)
-                again = search.lit([start])
+                # Of known materials all that agrees in brightness was seen from all sides before.
+                has_seen_all = self._studio.knows_materials
+                again = search.lit([start], from_all_sides=not has_seen_all)
                 if again is not None and again.agreement >= self.options.least_agreement:
                     before = lit.before if lit is not None else 0.0
                     shape = replace(again, start=0, before=before)

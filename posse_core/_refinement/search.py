@@ -93,11 +93,12 @@ class Search:
         self._axes = half_turn_axes(vertices_m)
         self._is_sun_known = sun_direction_cam is not None
 
-    def lit(self, starts: Sequence[PoseEstimate]) -> Outcome | None:
+    def lit(self, starts: Sequence[PoseEstimate], *, from_all_sides: bool) -> Outcome | None:
         """The pose by brightness; None where no start shows the spacecraft in the image.
 
         Args:
             starts: where to begin, and how likely each is.
+            from_all_sides: whether a doubtful pose is sought from all sides, if the light is not known.
         """
         self._follower.starts = starts
         firsts = [Placement.of(start) for start in starts]
@@ -109,7 +110,8 @@ class Search:
         is_lit = self._is_sun_known or trails[0].agreement > self._follower.followable
         first_looks = self._first_looks(trails[0], firsts) if is_lit else []
         looks: list[Trail] = []
-        if not self._is_sun_known and self._is_doubtful(self._different([*trails, *first_looks])):
+        may_look = from_all_sides and not self._is_sun_known
+        if may_look and self._is_doubtful(self._different([*trails, *first_looks])):
             looks = self._from_all_sides(by_chance([*trails, *first_looks])[0])
         unseen = UNSEEN_FROM_ALL_SIDES if looks else UNSEEN
         found = self._followed_to_the_finest([*trails, *first_looks, *looks])

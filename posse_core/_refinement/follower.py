@@ -52,6 +52,7 @@ class Follower:
     Attributes:
         starts: by which poses are more and less likely.
         sun_direction_cam: as given.
+        box_px: as given.
         followable: least agreement of what is followed to the next scale.
         has_time: as given.
         picture: the image, coded as was found last, and by sRGB until then.
@@ -73,7 +74,7 @@ class Follower:
         self.sun_direction_cam, self.has_time = sun_direction_cam, has_time
         self.followable = least_agreement - _HOPE
         self.sizes_px = (*_COARSE_PX, size_px)
-        self._studio, self._box_px = studio, box_px
+        self._studio, self.box_px = studio, box_px
         self._radius_m = setting.spacecraft.radius_m
         self._symmetries = setting.spacecraft.symmetries
         self._power = power_of(knows_materials=studio.knows_materials)
@@ -223,9 +224,9 @@ class Follower:
 
     def _fit(self, placement: Placement) -> float:
         """What is left of a pose's chance, 0 … 1, by the detected box."""
-        if self._box_px is None:
+        if self.box_px is None:
             return 1.0
-        return size_fit(self.picture.share_of(placement, self._studio.hull_m, self._box_px))
+        return size_fit(self.picture.share_of(placement, self._studio.hull_m, self.box_px))
 
     def _coded(
         self,

@@ -15,6 +15,7 @@ from posse_core._interfaces.detector import PoseEstimate
 from posse_core._interfaces.refiner import Refinement, Refiner, RefinerSetting
 from posse_core._refinement.acceptance import has_fallen, is_confirming, is_likely, is_plausible
 from posse_core._refinement.descent import covariance
+from posse_core._refinement.follower import Follower
 from posse_core._refinement.options import RenderCompareOptions
 from posse_core._refinement.placement import Placement
 from posse_core._refinement.prior import is_near
@@ -63,10 +64,9 @@ class RenderCompare(Refiner[RenderCompareOptions]):
         if not starts:
             raise InputError("refiner: there is no start pose")
         end_s = np.inf if self.options.ms is None else time.perf_counter() + self.options.ms / 1000
-        search = Search(
+        follower = Follower(
             self._setting,
             self._studio,
-            self._sides,
             to_grey(image),
             sun_direction_cam,
             float(self.options.size_px),
@@ -74,6 +74,7 @@ class RenderCompare(Refiner[RenderCompareOptions]):
             lambda: time.perf_counter() < end_s,
             box_px,
         )
+        search = Search(self._setting, follower, self._sides)
         lit = search.lit(starts, from_all_sides=True)
         if lit is not None and lit.agreement >= self.options.least_agreement:
             most = max(start.trust for start in starts)
@@ -81,7 +82,7 @@ class RenderCompare(Refiner[RenderCompareOptions]):
             is_better = is_possible and has_fallen(lit.before, lit.agreement)
             return self._made(lit, starts, is_better=is_better)
         # Where the Sun is known, a right pose agrees in brightness.
-        shape = search.shape(starts[0]) if sun_direction_cam is None else None
+        shape = follower.shape(starts[0]) if sun_direction_cam is None else None
         if shape is not None:
             first, there = Placement.of(starts[0]), shape.found.placement
             is_better = is_plausible(there, shape.agreement, first, shape.before)

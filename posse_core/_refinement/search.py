@@ -3,12 +3,11 @@ them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from posse_core._arrays import Float32Array, FloatArray
 from posse_core._interfaces.detector import PoseEstimate
 from posse_core._interfaces.refiner import RefinerSetting
 from posse_core._refinement.crop import scales
@@ -16,7 +15,6 @@ from posse_core._refinement.follower import Follower
 from posse_core._refinement.placement import Placement
 from posse_core._refinement.prior import is_near
 from posse_core._refinement.sides import Sides
-from posse_core._refinement.studio import Studio
 from posse_core._refinement.trail import (
     RIVAL,
     SAME,
@@ -59,39 +57,17 @@ class Search:
     """The search in one image.
 
     Args:
-        sun_direction_cam, box_px: as of :meth:`posse_core.Refiner.refine`.
-        size_px: extent of the spacecraft in the finest crops.
-        least_agreement: what is far below it at the coarsest scale is not followed.
-        has_time: whether anything new may be begun.
+        setting: of the refiner.
+        follower: follows poses in the image.
+        sides: looks of the spacecraft.
     """
 
-    def __init__(
-        self,
-        setting: RefinerSetting,
-        studio: Studio,
-        sides: Sides,
-        grey: Float32Array,
-        sun_direction_cam: FloatArray | None,
-        size_px: float,
-        least_agreement: float,
-        has_time: Callable[[], bool],
-        box_px: FloatArray | None = None,
-    ) -> None:
-        self._follower = Follower(
-            setting,
-            studio,
-            grey,
-            sun_direction_cam,
-            size_px,
-            least_agreement,
-            has_time,
-            box_px,
-        )
-        self._sides, self._hull_m, self._box_px = sides, studio.hull_m, box_px
+    def __init__(self, setting: RefinerSetting, follower: Follower, sides: Sides) -> None:
+        self._follower, self._sides = follower, sides
         vertices_m = np.concatenate([part.vertices_body_m for part in setting.spacecraft.parts])
         self._symmetries = setting.spacecraft.symmetries
         self._axes = half_turn_axes(vertices_m)
-        self._is_sun_known = sun_direction_cam is not None
+        self._is_sun_known = follower.sun_direction_cam is not None
 
     def lit(self, starts: Sequence[PoseEstimate], *, from_all_sides: bool) -> Outcome | None:
         """The pose by brightness; None where no start shows the spacecraft in the image.
@@ -163,9 +139,9 @@ class Search:
         """
         start = Placement.of(self._follower.starts[best.start])
         picture = self._follower.picture
-        box_px = self._box_px
+        box_px = self._follower.box_px
         if box_px is None:
-            box_px = picture.box_px(start, self._hull_m)
+            box_px = picture.box_px(start, self._sides.hull_m)
         first, size = box_px[:2], box_px[2:]
         scale = scales(float(size.max()), self._follower.sizes_px)[0]
         crop = picture.around(first - _AROUND * size, first + (1 + _AROUND) * size, scale)
@@ -214,10 +190,6 @@ class Search:
     def _different(self, trails: Sequence[Trail]) -> list[Trail]:
         """Those that differ, most likely first; of several that are the same pose, the likeliest."""
         return different(trails, self._symmetries, SAME)
-
-    def shape(self, start: PoseEstimate) -> Outcome | None:
-        """The pose by outlines and creases; see :meth:`Follower.shape`."""
-        return self._follower.shape(start)
 
     def _half_turned(self, best: Trail, followed: int) -> list[Trail]:
         """So many trails from a pose turned by half a turn about axes across its principal ones, where

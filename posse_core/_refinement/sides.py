@@ -30,6 +30,8 @@ _DRAWN_PX, _RADII = 64, 10.0
 least."""
 _MARGIN_PX = 2
 """Of the drawings, around the spacecraft."""
+_LEAST_EXTENT_PX = 0.5
+"""Of a plate that is seen edge-on."""
 _ASPECT = 0.25
 """By how much the logarithm of each side of a pose's box may differ from the detected one's, once both
 are of the same area."""
@@ -101,10 +103,15 @@ class _Fitted(NamedTuple):
 
 
 class Sides:
-    """Looks of the spacecraft from all sides, drawn when they are first needed."""
+    """Looks of the spacecraft from all sides, drawn when they are first needed.
+
+    Attributes:
+        hull_m: (H, 3) those of the spacecraft's vertices that are on its convex hull.
+    """
 
     def __init__(self, studio: Studio, radius_m: float) -> None:
         self._studio, self._radius_m = studio, radius_m
+        self.hull_m = studio.hull_m
 
     def resembling(
         self, crop: Crop, box_px: FloatArray, t_body_cam_m: FloatArray, count: int
@@ -113,8 +120,10 @@ class Sides:
         those before.
 
         Args:
-            box_px: (4,) in which the spacecraft was detected. The pose's own box lies there, or
-            t_body_cam_m: (3,) the body's origin is here, as a part of the spacecraft may be dark.
+            box_px: (4,) in which the spacecraft was detected. Some poses are tried whose own boxes lie
+                there.
+            t_body_cam_m: (3,) where the body's origin is by the keypoints. Others are tried there, as
+                what is detected may be a part.
             count: most poses that are returned.
         """
         corner_px = np.array([crop.drawn_box.x0, crop.drawn_box.y0])
@@ -156,7 +165,7 @@ class Sides:
         views = []
         for R_body_from_ray in R_with_z(sphere(_SIDES)):
             place = Placement(R_cam_from_ray @ R_body_from_ray.T, t_m)
-            hull_px = pinhole.project(self._studio.hull_m @ place.R_cam_from_body.T + t_m)
+            hull_px = pinhole.project(self.hull_m @ place.R_cam_from_body.T + t_m)
             first = np.floor(hull_px.min(axis=0) - _MARGIN_PX).astype(int)
             size = np.ceil(hull_px.max(axis=0) + _MARGIN_PX).astype(int) - first
             box = PixelBox(*first.tolist(), *size.tolist())
@@ -192,8 +201,9 @@ class Sides:
         for view, turn, Q in self._turned():
             turned_px = view.hull_px @ Q.T
             low, high = turned_px.min(axis=0), turned_px.max(axis=0)
-            larger = float(np.sqrt(np.prod(size) / np.prod(high - low)))
-            if abs(np.log(size[0] / (larger * (high - low)[0]))) < _ASPECT:
+            extent = np.maximum(high - low, _LEAST_EXTENT_PX)
+            larger = float(np.sqrt(np.prod(size) / np.prod(extent)))
+            if abs(np.log(size[0] / (larger * extent[0]))) < _ASPECT:
                 shift = middle - larger * (low + high) / 2
                 yield _Fitted(view, turn, np.column_stack([larger * Q, shift]))
 

@@ -70,8 +70,7 @@ class Lesson(ABC):
 
     def optimizer(self, net: nn.Module) -> torch.optim.Optimizer:
         """Return the optimiser."""
-        # Fused, a step over the hundred tensors of a network takes less than half the time.
-        return torch.optim.AdamW(net.parameters(), weight_decay=self.options.weight_decay, fused=True)
+        return torch.optim.AdamW(net.parameters(), weight_decay=self.options.weight_decay)
 
     def rate(self, step: int, steps: int) -> float:
         """Return the factor on the learning rate: it rises quickly, then falls along a cosine."""

@@ -19,7 +19,7 @@ from posse_core._refinement.options import RenderCompareOptions
 from posse_core._refinement.placement import Placement
 from posse_core._refinement.studio import Lights, Studio
 from posse_core.testing import refiners
-from tests.support.raycast_images import CAMERA, HERE, SUN, light_of
+from tests.support.raycast_images import CAMERA, HERE, SUN, box_of, light_of
 
 SKY = 0.1
 CORNERS_M = 0.5 * np.array([[-1.0, -1, 0], [1, 1, 0]])
@@ -29,13 +29,6 @@ def plate(length_m: float) -> Spacecraft:
     """A plate that reaches so far to one side, of which no material is known."""
     part = refiners._cuboid("plate", (-0.4, -0.3, -0.02), (length_m, 0.3, 0.02), PLAIN.name)
     return Spacecraft("plate", (part,), {PLAIN.name: PLAIN})
-
-
-def box_of(seen: np.ndarray) -> np.ndarray:
-    """(4,) around what is bright."""
-    rows, columns = (np.flatnonzero((seen > 0.05).any(axis=axis)) for axis in (1, 0))
-    first = np.array([columns[0], rows[0]])
-    return np.concatenate([first, np.array([columns[-1], rows[-1]]) + 1 - first]).astype(float)
 
 
 def agreement(craft: Spacecraft, seen: np.ndarray, box_px: np.ndarray | None) -> float:
@@ -50,7 +43,7 @@ def agreement(craft: Spacecraft, seen: np.ndarray, box_px: np.ndarray | None) ->
 def test_a_drawing_of_half_of_what_is_seen_agrees_less() -> None:
     whole, half = plate(0.9), plate(0.25)
     seen = 0.8 * light_of(whole)[0]
-    box_px = box_of(seen)
+    box_px = box_of(seen > 0.05)
     assert agreement(whole, seen, box_px) == pytest.approx(agreement(whole, seen, None), abs=1e-3)
     assert agreement(whole, seen, box_px) > 0.95
     assert agreement(half, seen, box_px) < 0.75 * agreement(half, seen, None)

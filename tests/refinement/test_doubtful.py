@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
-from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -17,14 +15,7 @@ from posse_core._randomness import random_generator
 from posse_core._refinement.opening import open_refiner
 from posse_core._refinement.turns import CLOSE, FAR, Around, half_turn_axes, half_turned, tilted
 from posse_core._scenario.component import ComponentChoice
-from tests.support.raycast_images import CAMERA, HERE, SUN, light_of, with_booms
-
-# The ray caster, by which the refiners of other tests here draw, takes minutes for so many drawings.
-# Where raster is required, its absence is to fail the test and not to skip it: so no importorskip.
-needs_raster = pytest.mark.skipif(
-    find_spec("posse_render_raster") is None and "POSSE_REQUIRE_RASTER" not in os.environ,
-    reason="posse-render-raster, which draws what is compared, is not installed",
-)
+from tests.support.raycast_images import CAMERA, HERE, SUN, light_of, needs_raster, with_booms
 
 
 @needs_raster

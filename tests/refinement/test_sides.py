@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
-from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -22,20 +20,9 @@ from posse_core._refinement.sides import Sides
 from posse_core._refinement.studio import Studio
 from posse_core._scenario.component import ComponentChoice
 from posse_core.testing import refiners
-from tests.support.raycast_images import CAMERA, HERE, light_of
+from tests.support.raycast_images import CAMERA, HERE, box_of, light_of, needs_raster
 
-needs_raster = pytest.mark.skipif(
-    find_spec("posse_render_raster") is None and "POSSE_REQUIRE_RASTER" not in os.environ,
-    reason="posse-render-raster, which draws what is compared, is not installed",
-)
 CRAFT = refiners._craft()
-
-
-def box_of(coverage: np.ndarray) -> np.ndarray:
-    """(4,) around what is covered."""
-    rows, columns = (np.flatnonzero((coverage > 0.5).any(axis=axis)) for axis in (1, 0))
-    first = np.array([columns[0], rows[0]])
-    return np.concatenate([first, np.array([columns[-1], rows[-1]]) + 1 - first]).astype(float)
 
 
 def crop_of(seen: np.ndarray, box_px: np.ndarray) -> Crop:
@@ -80,7 +67,7 @@ def test_a_pose_like_the_true_one_is_among_the_first_that_look_as_the_image_does
 ) -> None:
     """Before a black sky; the range by the keypoints is a tenth too large."""
     true, bright, coverage = case(seed)
-    box_px = box_of(coverage)
+    box_px = box_of(coverage > 0.5)
     found = sides.resembling(crop_of(bright, box_px), box_px, 1.1 * true.t_body_cam_m, 5)
     assert any(is_like(place, true) for place in found)
 
@@ -91,7 +78,7 @@ def test_before_a_background_it_is_among_thirty_in_most_cases(sides: Sides) -> N
     for seed in range(4):
         true, bright, coverage = case(seed)
         ramp = np.linspace(0.02, 0.2, CAMERA.width_px)[None]
-        box_px = box_of(coverage)
+        box_px = box_of(coverage > 0.5)
         crop = crop_of(bright + (1 - coverage) * ramp, box_px)
         found = sides.resembling(crop, box_px, 1.1 * true.t_body_cam_m, 30)
         hits.append(any(is_like(place, true) for place in found))
@@ -102,7 +89,7 @@ def test_a_box_around_a_part_does_not_hide_the_pose(sides: Sides) -> None:
     """The detected box ends at the middle of the spacecraft: the position by the keypoints tells what
     the box does not."""
     bright, coverage = seen_at(HERE)
-    box_px = box_of(coverage) * [1, 1, 0.5, 1]
+    box_px = box_of(coverage > 0.5) * [1, 1, 0.5, 1]
     found = sides.resembling(crop_of(bright, box_px), box_px, HERE.t_body_cam_m, 30)
     assert any(is_like(each, HERE) for each in found)
     elsewhere_m = np.array([5.0, 0, 5.0])
@@ -112,7 +99,7 @@ def test_a_box_around_a_part_does_not_hide_the_pose(sides: Sides) -> None:
 
 def test_poses_that_are_found_lie_in_the_box_or_at_the_position_and_differ(sides: Sides) -> None:
     bright, coverage = seen_at(HERE)
-    box_px = box_of(coverage)
+    box_px = box_of(coverage > 0.5)
     there_m = 1.2 * HERE.t_body_cam_m
     found = sides.resembling(crop_of(bright, box_px), box_px, there_m, 8)
     assert len(found) == 8
@@ -130,7 +117,7 @@ def test_poses_that_are_found_lie_in_the_box_or_at_the_position_and_differ(sides
 
 def test_a_box_that_fills_the_crop_leaves_no_background_to_compare_with(sides: Sides) -> None:
     bright, coverage = seen_at(HERE)
-    box_px = box_of(coverage)
+    box_px = box_of(coverage > 0.5)
     whole = np.array([-50.0, -50, CAMERA.width_px + 100, CAMERA.height_px + 100])
     assert sides.resembling(crop_of(bright, box_px), whole, HERE.t_body_cam_m, 8) == []
 
@@ -152,7 +139,7 @@ def test_a_pose_is_found_from_a_start_that_shows_another_side() -> None:
     )
     choice = ComponentChoice(name="render-compare")
     with contextlib.closing(open_refiner(load_plugins().registry, choice, CRAFT, CAMERA)) as refiner:
-        made = refiner.refine(image, [start], None, box_of(coverage))
+        made = refiner.refine(image, [start], None, box_of(coverage > 0.5))
     e_t, e_q = pose_errors(*HERE, made.pose.R_cam_from_body, made.pose.t_body_cam_m)
     assert made.is_better
     assert e_t < 0.01

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import os
 from dataclasses import replace
+from importlib.util import find_spec
 
 import numpy as np
+import pytest
 from scipy.spatial.transform import Rotation
 
 from posse_core import CraftState, EnvironmentMap, PixelBox, RenderRequest, Scene, Spacecraft
@@ -27,6 +30,20 @@ HERE = Placement(
     Rotation.from_euler("xyz", (20, -35, 15), degrees=True).as_matrix(), np.array([0.05, -0.05, 5.2])
 )
 BUS = refiners._cuboid("bus", (-0.5, -0.4, -0.35), (0.5, 0.4, 0.35), "cells")
+
+# The ray caster, by which the refiners of most tests draw, takes minutes for so many drawings.
+# Where raster is required, its absence is to fail the test and not to skip it: so no importorskip.
+needs_raster = pytest.mark.skipif(
+    find_spec("posse_render_raster") is None and "POSSE_REQUIRE_RASTER" not in os.environ,
+    reason="posse-render-raster, which draws what is compared, is not installed",
+)
+
+
+def box_of(is_on: np.ndarray) -> np.ndarray:
+    """(4,) around pixels (h, w)."""
+    rows, columns = (np.flatnonzero(is_on.any(axis=axis)) for axis in (1, 0))
+    first = np.array([columns[0], rows[0]])
+    return np.concatenate([first, np.array([columns[-1], rows[-1]]) + 1 - first]).astype(float)
 
 
 def light_of(

@@ -86,7 +86,7 @@ def sightings_of(
         sighting = Sighting(found, pose, start=pose)
         if shapes is not None:
             # Refinement takes long: what is one of those that were seen already is not refined.
-            mesh_px = None if pose is None else shapes.box_px(found.label, pose, camera)
+            mesh_px = None if pose is None else shapes.extent_px(found.label, pose, camera)
             if mesh_px is not None and _is_there(replace(found, box_px=mesh_px), seen):
                 dropped.append(detection)
                 continue
@@ -192,7 +192,7 @@ def _followed(
         looks.append((found, poses))
         if not poses or shapes is None:
             break
-        mesh_px = shapes.box_px(found.label, poses[0], camera)
+        mesh_px = shapes.extent_px(found.label, poses[0], camera)
         if mesh_px is None or float(box_iou(mesh_px, found.box_px)) > _GOOD_BOX:
             break
         detection = replace(detection, box_px=mesh_px)
@@ -213,7 +213,7 @@ def _wider(detection: Detection, factor: float) -> FloatArray:
 def _is_of(detection: Detection, pose: PoseEstimate, camera: Camera, shapes: Shapes | None) -> bool:
     """Whether a pose that was found in a wider square is of what was detected, and of no neighbour:
     whether the middle of the detection's box is in that of the mesh or else of the keypoints."""
-    around_px = None if shapes is None else shapes.box_px(detection.label, pose, camera)
+    around_px = None if shapes is None else shapes.extent_px(detection.label, pose, camera)
     if around_px is None:
         assert pose.detection is not None
         assert pose.detection.keypoints_px is not None

@@ -15,6 +15,7 @@ from posse_core._interfaces.detector import Detection, PoseEstimate
 from posse_core._interfaces.refiner import Refinement, Refiner
 from posse_core._model.camera import Camera
 from posse_core._model.craft_state import CraftState
+from posse_core._model.hull import hull_points
 from posse_core._model.scene import Scene
 from posse_core._model.spacecraft import Spacecraft
 
@@ -59,6 +60,7 @@ class Shapes:
         self._crafts = {name: craft.welded(()) for name, craft in crafts.items()}
         self._refiner = refiner
         self._casters: dict[str, RayCaster] = {}
+        self._hulls_m: dict[str, FloatArray] = {}
         self._refiners: dict[str, tuple[Camera, Refiner]] = {}
 
     def seen(
@@ -137,6 +139,27 @@ class Shapes:
         state = CraftState.unlit(pose.R_cam_from_body, pose.t_body_cam_m)
         box = visible_box(self._casters[label].through(camera).view(state))
         return None if box is None else np.array(box, np.float64)
+
+    def extent_px(self, label: str, pose: PoseEstimate, camera: Camera) -> FloatArray | None:
+        """The box (4,) of the image's pixels between the mesh's outermost vertices, found in a hundredth
+        of the time that :meth:`box_px` takes.
+
+        It is larger than that by thin ends that cover no pixel's centre, and where the mesh is partly
+        outside the image, and smaller by what a lens curves outwards between vertices. None as of that
+        method.
+        """
+        if label not in self._crafts or pose.t_body_cam_m[2] <= 0:
+            return None
+        if label not in self._hulls_m:
+            vertices = [part.vertices_body_m for part in self._crafts[label].parts]
+            self._hulls_m[label] = hull_points(np.concatenate(vertices))
+        px = camera.project(self._hulls_m[label] @ pose.R_cam_from_body.T + pose.t_body_cam_m)
+        if np.isnan(px).any():
+            # A part is behind the camera, or beyond the reach of its lens.
+            return self.box_px(label, pose, camera)
+        first = np.maximum(np.ceil(px.min(axis=0)), 0)
+        last = np.minimum(np.floor(px.max(axis=0)), [camera.width_px - 1, camera.height_px - 1])
+        return np.concatenate([first, last - first + 1]) if np.all(last >= first) else None
 
     def close(self) -> None:
         """Close the refiners."""

@@ -84,6 +84,34 @@ def test_out_of_view_there_is_no_box(t: tuple[float, ...]) -> None:
     assert Shapes(CRAFTS).box_px("brick", pose(np.eye(3), np.array(t)), cuboid.CAMERA) is None
 
 
+@pytest.mark.parametrize("distortion", [None, posse.BrownConrady(k1=-0.3, k2=0.08)])
+def test_the_extent_is_the_box_but_for_thin_ends(distortion: posse.BrownConrady | None) -> None:
+    """Of a brick wholly in view, whose corners are no thinner than two pixels where they end."""
+    camera = replace(cuboid.CAMERA, distortion=distortion)
+    shapes = Shapes(CRAFTS)
+    for seed in range(20):
+        there = pose(Rotation.random(random_state=seed).as_matrix(), np.array([0.2, -0.1, 9.0]))
+        exact, found = shapes.box_px("brick", there, camera), shapes.extent_px("brick", there, camera)
+        assert np.abs(found[:2] - exact[:2]).max() <= 2
+        assert np.abs(found[:2] + found[2:] - exact[:2] - exact[2:]).max() <= 2
+
+
+@pytest.mark.parametrize(
+    "t", [(4.0, 0.5, 8.0), (0.0, 0.0, -9.0), (80.0, 0.0, 9.0), (0.5, 0.0, 0.9), (0.0, 0.0, 0.05)]
+)
+def test_the_extent_is_within_the_image_and_there_where_a_box_is(t: tuple[float, ...]) -> None:
+    """Cut off, behind the camera, beside the image, partly behind the camera, and around the camera."""
+    there = pose(Rotation.random(random_state=1).as_matrix(), np.array(t))
+    exact = Shapes(CRAFTS).box_px("brick", there, cuboid.CAMERA)
+    found = Shapes(CRAFTS).extent_px("brick", there, cuboid.CAMERA)
+    assert (found is None) == (exact is None)
+    if found is not None and exact is not None:
+        assert np.all(found[:2] >= 0)
+        assert np.all(found[:2] + found[2:] <= [cuboid.CAMERA.width_px, cuboid.CAMERA.height_px])
+        assert np.all(found[:2] <= exact[:2])
+        assert np.all(found[:2] + found[2:] >= exact[:2] + exact[2:])
+
+
 def test_the_meshs_box_counts_where_it_agrees_with_the_nets() -> None:
     R, t = np.eye(3), np.array([0.0, 0.0, 9.0])
     shapes, true = Shapes(CRAFTS), true_box(R, t).astype(float)

@@ -79,6 +79,18 @@ class Crop:
         or a little beside it."""
         return self.standing_out_beyond + float(self.standing_out[~near].sum())
 
+    def own_px(self, camera_px: FloatArray) -> FloatArray:
+        """(…, 2) pixels of the crop at positions (…, 2) in pixels of ``camera``."""
+        return (camera_px - self._corner_px + 0.5) / self.scale.finer - 0.5
+
+    def camera_px(self, own_px: FloatArray) -> FloatArray:
+        """(…, 2) pixels of ``camera`` at positions (…, 2) in the crop's."""
+        return (own_px + 0.5) * self.scale.finer - 0.5 + self._corner_px
+
+    @property
+    def _corner_px(self) -> FloatArray:
+        return np.array([self.drawn_box.x0, self.drawn_box.y0], np.float64)
+
     def coded(self, linear: Float32Array) -> Float32Array:
         """Values of an image of this brightness; what is brighter than white is white."""
         shares = np.clip(linear, 0, 1)

@@ -14,7 +14,16 @@ from posse_core._interfaces.refiner import RefinerSetting
 from posse_core._refinement.compare import Comparer, Comparison, LitComparer, ShapeComparer, sharpest
 from posse_core._refinement.crop import Crop, Picture, Scale, scales
 from posse_core._refinement.descent import Found, descended
-from posse_core._refinement.light import APART_PX, Apart, Light, drawn_apart, fitted, together
+from posse_core._refinement.light import (
+    APART_PX,
+    Apart,
+    EvenlyLit,
+    Light,
+    drawn_apart,
+    evenly_lit,
+    fitted,
+    together,
+)
 from posse_core._refinement.placement import Placement
 from posse_core._refinement.prior import prior
 from posse_core._refinement.studio import EVEN, Studio
@@ -103,19 +112,24 @@ class Follower:
         for placement in placements:
             crops = self._crops(placement, self.scales(placement)[scale])
             if crops and self.has_time():
-                suns = [sun]
+                even, suns = evenly_lit(crops[0], self._studio, placement), [sun]
                 if self.sun_direction_cam is None:
-                    suns.append(likely_direction(crops[0], self._studio, placement, _BLUR_PX))
-                moved = [self._moved(crops, placement, scale, each) for each in suns]
+                    suns.append(likely_direction(crops[0], self._studio, even, _BLUR_PX))
+                moved = [self._moved(crops, placement, scale, each, even) for each in suns]
                 tried += by_chance([each for each in moved if each is not None])[:1]
         return by_chance(tried)
 
     def _moved(
-        self, crops: Sequence[Crop], placement: Placement, scale: int, sun: FloatArray
+        self,
+        crops: Sequence[Crop],
+        placement: Placement,
+        scale: int,
+        sun: FloatArray,
+        even: EvenlyLit,
     ) -> Tried | None:
         """A pose under a light, moved to where its drawing lies; None if too little of it is in the
         image there."""
-        shown = drawn_apart(crops[0], self._studio, placement, sun)
+        shown = drawn_apart(crops[0], self._studio, placement, sun, even)
         agreement, crop, light = self._coded(crops, shown, sun, _BLUR_PX, APART_PX)
         drawing = together(shown, light.lights)
         there = LitComparer(crop, self._studio, light).registered(drawing, placement)

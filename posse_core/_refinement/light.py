@@ -55,6 +55,18 @@ class Apart:
     facing: Float32Array
 
 
+class EvenlyLit(NamedTuple):
+    """The spacecraft under an even sky.
+
+    Attributes:
+        drawn: what is seen.
+        facing: (h, w, 3) its unit normals, towards the camera; 0 off it.
+    """
+
+    drawn: Drawn
+    facing: Float32Array
+
+
 class Averages(NamedTuple):
     """What is seen and drawn of the spacecraft, averaged over windows about N pixels.
 
@@ -69,14 +81,29 @@ class Averages(NamedTuple):
     slope: FloatArray
 
 
+def evenly_lit(crop: Crop, studio: Studio, placement: Placement) -> EvenlyLit:
+    """Draw the spacecraft under an even sky."""
+    drawn = studio.shape(crop.scale.drawn, crop.drawn_box, placement)
+    return EvenlyLit(drawn, -normals(drawn.depth_m, crop.camera, crop.drawn_box))
+
+
 def drawn_apart(
-    crop: Crop, studio: Studio, placement: Placement, sun_direction_cam: FloatArray
+    crop: Crop,
+    studio: Studio,
+    placement: Placement,
+    sun_direction_cam: FloatArray,
+    even: EvenlyLit | None = None,
 ) -> Apart:
-    """Draw the spacecraft under each light alone."""
-    scale, box = crop.scale.drawn, crop.drawn_box
-    sun = studio.draw(scale, box, placement, Lights(1.0, 0.0, sun_direction_cam))
-    sky = studio.draw(scale, box, placement, Lights(0.0, 1.0, sun_direction_cam))
-    return Apart(sun, sky, -normals(sky.depth_m, crop.camera, box))
+    """Draw the spacecraft under each light alone.
+
+    Args:
+        even: at this pose, if it is drawn already.
+    """
+    if even is None:
+        even = evenly_lit(crop, studio, placement)
+    lights = Lights(1.0, 0.0, sun_direction_cam)
+    sun = studio.draw(crop.scale.drawn, crop.drawn_box, placement, lights)
+    return Apart(sun, even.drawn, even.facing)
 
 
 def fitted(

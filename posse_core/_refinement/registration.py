@@ -44,8 +44,7 @@ def registered(crop: Crop, modelled: Float32Array, near: BoolArray, placement: P
     """
     R, t_m = placement
     middle_px = crop.camera.project(t_m[None])[0]
-    corner_px = np.array([crop.drawn_box.x0, crop.drawn_box.y0])
-    middle = tuple(((middle_px - corner_px + 0.5) / crop.scale.finer - 0.5).tolist())
+    middle = tuple(crop.own_px(middle_px).tolist())
     seen = np.pad(crop.seen, _SHIFT_PX, mode="edge")
     there = _scores(seen, modelled, near)[_SHIFT_PX, _SHIFT_PX]
     best, size, turn_deg, shift_px = there, 1.0, 0.0, np.zeros(2)

@@ -93,11 +93,9 @@ class _Fitted(NamedTuple):
     def placement(self, crop: Crop) -> Placement:
         """The pose at which it looks so."""
         A, b = self.crop_from_view[:, :2], self.crop_from_view[:, 2]
-        finer, camera = crop.scale.finer, crop.camera
-        corner_px = np.array([crop.drawn_box.x0, crop.drawn_box.y0])
-        ray = camera.rays((A @ self.view.origin_px + b + 0.5) * finer - 0.5 + corner_px)
-        larger = float(np.sqrt(np.linalg.det(A)))
-        range_m = self.view.range_m * camera.fx_px / (finer * larger * self.view.px_rad)
+        ray = crop.camera.rays(crop.camera_px(A @ self.view.origin_px + b))
+        px_rad = float(np.sqrt(np.linalg.det(A))) * self.view.px_rad
+        range_m = self.view.range_m * crop.camera.fx_px / (crop.scale.finer * px_rad)
         turn = R_least(_AXIS, unit(ray)) @ R_about(_AXIS, self.turn_rad)
         return Placement(turn @ self.view.R_ray_from_body, range_m * ray)
 
@@ -126,14 +124,13 @@ class Sides:
                 what is detected may be a part.
             count: most poses that are returned.
         """
-        corner_px = np.array([crop.drawn_box.x0, crop.drawn_box.y0])
-        first = (box_px[:2] - corner_px / crop.scale.drawn) / crop.scale.binned
+        middle = crop.own_px((box_px[:2] + box_px[2:] / 2) * crop.scale.drawn - 0.5)
         size = box_px[2:] / crop.scale.binned
-        own = _without_background(crop, first, size)
+        own = _without_background(crop, middle, size)
         if own is None:
             return []
-        origin = (crop.camera.project(t_body_cam_m[None])[0] - corner_px + 0.5) / crop.scale.finer - 0.5
-        fitted = list(self._in_box(first, size))
+        origin = crop.own_px(crop.camera.project(t_body_cam_m[None])[0])
+        fitted = list(self._in_box(middle, size))
         if np.isfinite(origin).all():
             px_rad = crop.camera.fx_px / crop.scale.finer
             fitted += self._at(origin, px_rad / float(t_body_cam_m[2]))
@@ -191,13 +188,12 @@ class Sides:
             for turn in 2 * np.pi * np.arange(_TURNS) / _TURNS:
                 yield view, float(turn), R_about(_AXIS, float(turn))[:2, :2]
 
-    def _in_box(self, first: FloatArray, size: FloatArray) -> Iterator[_Fitted]:
+    def _in_box(self, middle: FloatArray, size: FloatArray) -> Iterator[_Fitted]:
         """All views and turns whose boxes, once they have the area of a box, are much like it.
 
         Args:
-            first, size: (2,) the box's first corner and its size, in the crop's pixels.
+            middle, size: (2,) of the box, in the crop's pixels.
         """
-        middle = first + (size - 1) / 2
         for view, turn, Q in self._turned():
             turned_px = view.hull_px @ Q.T
             low, high = turned_px.min(axis=0), turned_px.max(axis=0)
@@ -218,9 +214,10 @@ class Sides:
             yield _Fitted(view, turn, np.column_stack([A, origin - A @ view.origin_px]))
 
 
-def _without_background(crop: Crop, first: FloatArray, size: FloatArray) -> Float32Array | None:
+def _without_background(crop: Crop, middle: FloatArray, size: FloatArray) -> Float32Array | None:
     """What is seen in a crop beyond what surrounds a box, continued into it; None if nothing surrounds
     it."""
+    first = middle - (size - 1) / 2
     low = np.floor(first - _BESIDE * size).astype(int)
     high = np.ceil(first + (1 + _BESIDE) * size).astype(int)
     free = np.ones_like(crop.seen)

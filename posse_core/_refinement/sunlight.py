@@ -5,15 +5,24 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import nnls
 
-from posse_core._arrays import Float32Array, FloatArray
+from posse_core._arrays import FloatArray
 from posse_core._frames import R_with_z
 from posse_core._refinement.background import near_pixels
 from posse_core._refinement.compare import LitComparer
 from posse_core._refinement.crop import Crop, binned
-from posse_core._refinement.flow import normals
-from posse_core._refinement.light import APART_PX, Apart, Light, averages, beside, fitted, together
+from posse_core._refinement.light import (
+    APART_PX,
+    EvenlyLit,
+    Light,
+    averages,
+    beside,
+    drawn_apart,
+    evenly_lit,
+    fitted,
+    together,
+)
 from posse_core._refinement.placement import Placement
-from posse_core._refinement.studio import Drawn, Lights, Studio
+from posse_core._refinement.studio import Lights, Studio
 from posse_core._refinement.windows import smooth
 
 _DIRECTIONS, _DRAWN = 48, 3
@@ -38,20 +47,16 @@ def brightest_direction(
     Args:
         near: a direction near which it is; None to look everywhere.
     """
-    scale, box = crop.scale.drawn, crop.drawn_box
-    sky, facing = _evenly_lit(crop, studio, placement)
+    even = evenly_lit(crop, studio, placement)
 
-    def agreement(direction: FloatArray, sun: Drawn) -> float:
-        shown = Apart(sun, sky, facing)
+    def drawn(direction: FloatArray) -> float:
+        shown = drawn_apart(crop, studio, placement, direction, even)
         light = fitted(crop, shown, direction, blur_px, APART_PX)
         return LitComparer(crop, studio, light).agreement(together(shown, light.lights))
 
-    def drawn(direction: FloatArray) -> float:
-        return agreement(direction, studio.draw(scale, box, placement, Lights(1.0, 0.0, direction)))
-
     if near is None:
         everywhere = _everywhere()
-        shaded = _shaded(crop, studio, sky, facing, everywhere, blur_px)
+        shaded = _shaded(crop, studio, even, everywhere, blur_px)
         tried = everywhere[np.argsort(shaded)[-_DRAWN:]]
     else:
         tried = near[None]
@@ -62,35 +67,19 @@ def brightest_direction(
     return np.asarray(ring[int(np.argmax(around))] if max(around) > max(found) else best)
 
 
-def likely_direction(crop: Crop, studio: Studio, placement: Placement, blur_px: float) -> FloatArray:
+def likely_direction(crop: Crop, studio: Studio, even: EvenlyLit, blur_px: float) -> FloatArray:
     """The direction (3,) that :func:`brightest_direction` would try first: without shadows."""
-    sky, facing = _evenly_lit(crop, studio, placement)
     everywhere = _everywhere()
-    shaded = _shaded(crop, studio, sky, facing, everywhere, blur_px)
+    shaded = _shaded(crop, studio, even, everywhere, blur_px)
     return np.asarray(everywhere[int(np.argmax(shaded))])
 
 
-def _evenly_lit(crop: Crop, studio: Studio, placement: Placement) -> tuple[Drawn, Float32Array]:
-    """What is drawn under an even sky, and its normals (h, w, 3) towards the camera."""
-    drawn = studio.shape(crop.scale.drawn, crop.drawn_box, placement)
-    return drawn, -normals(drawn.depth_m, crop.camera, crop.drawn_box)
-
-
 def _shaded(
-    crop: Crop,
-    studio: Studio,
-    sky: Drawn,
-    facing: Float32Array,
-    directions: FloatArray,
-    blur_px: float,
+    crop: Crop, studio: Studio, even: EvenlyLit, directions: FloatArray, blur_px: float
 ) -> FloatArray:
     """(N,) how much an image agrees with what is drawn under light from each direction (N, 3), as if it
-    cast no shadows, and an even sky, of the strengths that leave least.
-
-    Args:
-        sky: what is drawn under an even sky.
-        facing: (h, w, 3) its normals, towards the camera.
-    """
+    cast no shadows, and an even sky, of the strengths that leave least."""
+    sky, facing = even
     lit = np.maximum(0, facing @ directions.T.astype(np.float32)) * sky.bright[..., None]
     blur, finer = blur_px * crop.scale.drawn, crop.scale.finer
     brights = [sky.bright, *np.ascontiguousarray(np.moveaxis(lit, -1, 0))]

@@ -16,8 +16,11 @@ timed = @$(1) || exit $$?; echo "make $@ took $$(( $$(date +%s) - $(START) )) s"
 run: $(VENV)/ready
 	$(call timed,$(BIN)/posse run aqua --renderer mitsuba --frames $(FRAMES) --out $(OUT))
 
+# Files are taken in their order: ordered by the number of tests, those of few long ones would be the last,
+# and one process would wait for them.
+TESTING := -n 2 --dist loadfile --no-loadscope-reorder
 test: $(VENV)/ready-to-test $(BLENDER_VENV)/ready
-	$(call timed,POSSE_BLENDER_PYTHON=$(abspath $(BLENDER_VENV)/bin/python) $(BIN)/python -m pytest -n 2 --dist loadfile)
+	$(call timed,POSSE_BLENDER_PYTHON=$(abspath $(BLENDER_VENV)/bin/python) $(BIN)/python -m pytest $(TESTING))
 
 check: $(VENV)/ready-to-test
 	$(BIN)/ruff format --check .

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import time
 from pathlib import Path
 from typing import Any
@@ -162,8 +163,11 @@ def test_real_nets_learn_from_real_frames(posse_in, tmp_path: Path) -> None:
         assert card.options["start"] in (tmp_path / "card.md").read_text()
     proven = posse_in(tmp_path, "validate", "data")
     assert proven.returncode == 0, proven.stdout
+    (tmp_path / "some").mkdir()
+    for image in sorted((tmp_path / "data" / "images").iterdir())[:2]:
+        shutil.copy(image, tmp_path / "some")
     found = posse_in(
-        tmp_path, "detect", "data/images", "--model", "boxes.onnx", "--keypoints", "keypoints.onnx",
+        tmp_path, "detect", "some", "--model", "boxes.onnx", "--keypoints", "keypoints.onnx",
         "--camera", "data/camera.json", "--target", "craft", "--refine", "--json",
     )  # fmt: skip
     assert found.returncode == 0, found.stderr

@@ -145,8 +145,8 @@ class Shapes:
         of the time that :meth:`box_px` takes.
 
         It is larger than that by thin ends that cover no pixel's centre, and where the mesh is partly
-        outside the image, and smaller by what a lens curves outwards between vertices. None as of that
-        method.
+        outside the image, and smaller by what a lens curves outwards between vertices. None where the
+        mesh is not known, behind the camera or beside the image, and where the camera is within it.
         """
         if label not in self._crafts or pose.t_body_cam_m[2] <= 0:
             return None

@@ -39,8 +39,8 @@ def array_digests(dataset: Path) -> dict[str, str]:
 def arithmetic() -> str:
     """A digest of how this machine rounds: its last digits depend on the processor's instructions.
 
-    Two processors whose digits below agree may still give a pixel on an edge to another part, since the
-    ray tracer's approximate reciprocals are each maker's own: the processor's name counts too.
+    Two processors whose digits below agree have given a pixel on an edge to different parts, so the
+    processor's name counts too. What in them differs is not known.
     """
     x = np.linspace(-3.0, 3.0, 1001)
     matrix = np.outer(np.sin(x[:9]), np.cos(x[:9]))

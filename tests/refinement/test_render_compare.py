@@ -64,7 +64,7 @@ def start(R: np.ndarray, t: np.ndarray, degrees: float, share: float, seed: int)
     return PoseEstimate(turn @ R, t + shift, np.eye(6) * 1e-3, np.ones(8, bool), 1.0)
 
 
-def opened(camera: Camera = CAMERA, size_px: float = 96, **options: Any) -> RenderCompare:
+def opened(camera: Camera = CAMERA, size_px: int = 96, **options: Any) -> RenderCompare:
     """A refiner; by default its drawings are half as large as of a refiner that is not told, and take a
     quarter of the time."""
     refiner = RenderCompare(RenderCompareOptions(size_px=size_px, **options))
@@ -214,9 +214,10 @@ def test_of_a_bar_that_looks_alike_both_ways_neither_is_certain() -> None:
     assert certainties[1] > 0.9
 
 
-def test_outlines_alone_make_no_pose_more_certain_than_its_start() -> None:
+@pytest.mark.parametrize("number", [1, 2])
+def test_outlines_alone_make_no_pose_more_certain_than_its_start(number: int) -> None:
     """A negative: dark where light of any direction is bright."""
-    R, t = TRUTHS[2]
+    R, t = TRUTHS[number]
     given = replace(start(R, t, 2, 0.01, 1), certainty=0.3)
     made = opened(size_px=192).refine(255 - image(R, t, 0), [given])
     assert made.is_better

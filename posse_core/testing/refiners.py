@@ -10,6 +10,7 @@ from dataclasses import replace
 from functools import cache
 from typing import Any
 
+import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -233,14 +234,13 @@ class RayRenderer(Renderer):
         covered = np.zeros(rgb.shape[:2], np.float32)
         depth_m = np.full(rgb.shape[:2], np.nan, np.float32)
         if not view.box.is_empty:
-            colour = self._colours[view.part_id]
-            facing = np.where(view.lit, np.maximum(view.normal_cam @ craft.sun_direction_cam, 0), 0)
-            light = np.asarray(facing[..., None] * craft.sun_irradiance_rgb_w_m2 / np.pi)
+            normals_cam = view.normal_cam[view.hit]
+            facing = view.lit[view.hit] * np.maximum(normals_cam @ craft.sun_direction_cam, 0)
+            light = np.asarray(facing[:, None] * craft.sun_irradiance_rgb_w_m2 / np.pi)
             if request.environment is not None:
-                normals_cam = view.normal_cam[view.hit].astype(np.float32)
-                light[view.hit] += _from_sky(normals_cam, request.environment.radiance_rgb)
+                light += _from_sky(normals_cam.astype(np.float32), request.environment.radiance_rgb)
             inside = view.box.slices
-            rgb[inside] = np.where(view.hit[..., None], colour * light, 0)
+            rgb[inside][view.hit] = self._colours[view.part_id[view.hit]] * light
             covered[inside], depth_m[inside] = view.hit, view.depth_m
         middle = depth_m[_SAMPLES // 2 :: _SAMPLES, _SAMPLES // 2 :: _SAMPLES]
         return Radiance(box, _pixels(rgb)[box.slices], _pixels(covered)[box.slices], middle[box.slices])
@@ -264,9 +264,9 @@ def _from_sky(normals_cam: Float32Array, radiance_rgb: Float32Array) -> Float32A
 
 def _pixels(samples: AnyArray) -> AnyArray:
     """Means over the samples of each pixel."""
-    height, width, *more = samples.shape
-    squares = samples.reshape(height // _SAMPLES, _SAMPLES, width // _SAMPLES, _SAMPLES, *more)
-    means: AnyArray = np.ascontiguousarray(squares.mean(axis=(1, 3)), np.float32)
+    height, width = samples.shape[:2]
+    size = (width // _SAMPLES, height // _SAMPLES)
+    means: AnyArray = np.asarray(cv2.resize(samples, size, interpolation=cv2.INTER_AREA))
     return means
 
 

@@ -226,6 +226,7 @@ def base_colour(material: Material) -> FloatArray:
     """(3,) mean reflectance of a material, its texture included."""
     colour = np.array(material.base_color, dtype=np.float64)
     if material.base_color_texture is not None:
-        texture = material.base_color_texture.astype(np.float64) / 255
-        colour = colour * linear_from_srgb(texture).reshape(-1, 3).mean(axis=0)
+        channels = material.base_color_texture.reshape(-1, 3).T
+        counts = np.array([np.bincount(channel, minlength=256) for channel in channels])
+        colour = colour * (counts @ linear_from_srgb(np.arange(256) / 255)) / channels.shape[1]
     return np.asarray(colour)

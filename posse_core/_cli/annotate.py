@@ -123,7 +123,7 @@ def _craft(target: str) -> Spacecraft:
     Raises:
         InputError: it has fewer keypoints than a pose needs.
     """
-    from posse_core._detection.pnp import MIN_POINTS
+    from posse_core._detection.fitting import MIN_POINTS
     from posse_core._scenario.component import create, target_named
     from posse_core._simulator.returned import built
 

@@ -13,9 +13,9 @@ from posse_core._dataset.dataset import Dataset
 from posse_core._dataset.images import LabelledImages
 from posse_core._dataset.mesh import Mesh
 from posse_core._dataset.spacecraft import SpacecraftInfo
+from posse_core._detection.fitting import MIN_POINTS
 from posse_core._detection.looking import sightings_of
 from posse_core._detection.parts import found_in_parts
-from posse_core._detection.pnp import MIN_POINTS
 from posse_core._detection.pose_detector import LEAST_SCORE
 from posse_core._detection.shapes import Shapes, Sighting
 from posse_core._errors import InputError

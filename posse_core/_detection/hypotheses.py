@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 
 from posse_core._arrays import FloatArray
-from posse_core._detection.pnp import MIN_POINTS, fitted_pose, solve_pose, through_a_pinhole
+from posse_core._detection.fitting import MIN_POINTS, Points, fitted_poses
+from posse_core._detection.pnp import solve_pose, through_a_pinhole
 from posse_core._frames import turn_rad
 from posse_core._interfaces.detector import Detection, KeypointPlaces, PoseEstimate
 from posse_core._model.camera import Camera
@@ -23,8 +24,9 @@ _WIDER = 0.02
 places about their projections."""
 _ANYWHERE = 0.1
 """Probability that a keypoint is at none of its places, whatever the network says."""
-_TRIED, _KEPT = 60, 6
-"""So many of the poses of three keypoints are followed at most, until so many are found."""
+_TRIED, _KEPT, _AT_ONCE = 60, 6, 12
+"""So many of the poses of three keypoints are fitted at most, until so many are found; and so many at
+once."""
 _ROUNDS = 2
 _TEMPER = 0.25
 """Keypoints of one image err together: so much of the logarithm of their likelihood counts."""
@@ -55,14 +57,13 @@ def poses_of(points_body_m: FloatArray, found: Detection, camera: Camera) -> lis
     R, t = mixture.of_triples()
     scores = mixture.log_likelihood(R, t, wider=True)
     poses: list[PoseEstimate] = []
-    for number in np.argsort(-scores, kind="stable")[:_TRIED]:
-        if is_known(R[number], poses):
-            continue
-        pose = mixture.fitted(R[number], t[number], found)
-        if pose is not None and not is_known(pose.R_cam_from_body, poses):
-            poses.append(pose)
-        if len(poses) == _KEPT:
-            break
+    left = np.argsort(-scores, kind="stable")[:_TRIED].tolist()
+    while left and len(poses) < _KEPT:
+        left = [number for number in left if not is_known(R[number], poses)]
+        taken, left = left[:_AT_ONCE], left[_AT_ONCE:]
+        for pose in mixture.fitted(R[taken], t[taken], found):
+            if len(poses) < _KEPT and not is_known(pose.R_cam_from_body, poses):
+                poses.append(pose)
     return weighed(poses, points_body_m, [found], camera)
 
 
@@ -152,26 +153,33 @@ class _Mixture:
         known = self._share.any(axis=1)
         return np.asarray(np.log(inside + self._elsewhere())[:, known].sum(axis=1))
 
-    def fitted(self, R: FloatArray, t: FloatArray, found: Detection) -> PoseEstimate | None:
-        """The pose near one, fitted to the places near its projections."""
-        pose = None
+    def fitted(self, R: FloatArray, t: FloatArray, found: Detection) -> list[PoseEstimate]:
+        """The poses near some (N, 3, 3) and (N, 3), in their order, fitted to the places near their
+        projections. Those on which too few keypoints agree are left out."""
         assert found.keypoints_px is not None
         assert found.keypoints_sigma_px is not None
+        poses: list[PoseEstimate] = []
         for number in range(_ROUNDS):
-            near = self._densities(R[None], t[None], 0.0 if number else _WIDER * self._extent_px)[0]
-            best = near.argmax(axis=1)
-            each = np.arange(len(best))
-            agree = near[each, best] > self._elsewhere()
-            if agree.sum() < MIN_POINTS:
-                return None
-            px = np.where(agree[:, None], self._px[each, best], found.keypoints_px)
+            near = self._densities(R, t, 0.0 if number else _WIDER * self._extent_px)
+            best = near.argmax(axis=2)
+            each = np.arange(best.shape[1])
+            highest = np.take_along_axis(near, best[..., None], axis=2)[..., 0]
+            agree = highest > self._elsewhere()
+            px = np.where(agree[..., None], self._px[each, best], found.keypoints_px)
             sigma_px = np.where(agree, self._sigma_px[each, best], found.keypoints_sigma_px)
-            pose = fitted_pose(R, t, agree, self._points_body_m, px, sigma_px, self._camera)
-            if pose is None:
-                return None
-            R, t = pose.R_cam_from_body, pose.t_body_cam_m
-            pose = replace(pose, detection=replace(found, keypoints_px=px, keypoints_sigma_px=sigma_px))
-        return pose
+            chosen = agree.sum(axis=1) >= MIN_POINTS
+            points = Points(self._points_body_m, px, sigma_px, agree).of(chosen)
+            made = fitted_poses(R[chosen], t[chosen], points, self._camera)
+            poses = [
+                replace(
+                    pose, detection=replace(found, keypoints_px=own_px, keypoints_sigma_px=own_sigma)
+                )
+                for pose, own_px, own_sigma in zip(made, points.px, points.sigma_px, strict=True)
+                if pose is not None
+            ]
+            R = np.array([pose.R_cam_from_body for pose in poses]).reshape(-1, 3, 3)
+            t = np.array([pose.t_body_cam_m for pose in poses]).reshape(-1, 3)
+        return poses
 
     def _densities(self, R: FloatArray, t: FloatArray, wider_px: float) -> FloatArray:
         """(N, K, M) density of each place at the projections, per px²."""

@@ -8,16 +8,9 @@ import cv2
 import numpy as np
 
 from posse_core._arrays import BoolArray, FloatArray
-from posse_core._frames import cross_matrix
+from posse_core._detection.fitting import MIN_POINTS, Points, distance_px, fitted_poses
 from posse_core._interfaces.detector import PoseEstimate
 from posse_core._model.camera import Camera
-
-MIN_POINTS = 4
-"""Smallest number of points; three allow several poses."""
-_HUBER = 2.0  # standard deviations beyond which a point's influence no longer grows
-_STEPS = 30
-_SETTLED = 1e-6
-"""Steps end where the cost falls by less than this share: by far less than a pose is uncertain."""
 
 
 def solve_pose(
@@ -41,58 +34,11 @@ def solve_pose(
     points_body_m = np.asarray(points_body_m, np.float64)
     points_px, sigma_px = np.asarray(points_px, np.float64), np.asarray(sigma_px, np.float64)
     start = _start(points_body_m, points_px, sigma_px, camera)
-    return None if start is None else fitted_pose(*start, points_body_m, points_px, sigma_px, camera)
-
-
-def fitted_pose(
-    R_cam_from_body: FloatArray,
-    t_body_cam_m: FloatArray,
-    agree: BoolArray,
-    points_body_m: FloatArray,
-    points_px: FloatArray,
-    sigma_px: FloatArray,
-    camera: Camera,
-) -> PoseEstimate | None:
-    """Minimise the residuals of points that agree on a pose; see :func:`solve_pose`.
-
-    Args:
-        R_cam_from_body, t_body_cam_m: (3, 3) and (3,) the pose to start from.
-        agree: (K,) the points whose residuals count; four or more.
-        points_body_m, points_px, sigma_px: (K, 3), (K, 2) and (K,) all points.
-        camera: the camera.
-
-    Returns:
-        The pose, or None if fewer than four points are near their projections.
-    """
-    R, t = R_cam_from_body, t_body_cam_m
-    everything = points_body_m, points_px, sigma_px
-    points_body_m, points_px, sigma_px = (a[agree] for a in everything)
-    damping = 1e-4
-    cost, J, r, weights = _linearised(R, t, points_body_m, points_px, sigma_px, camera)
-    for _ in range(_STEPS):
-        H = (J * weights[:, None]).T @ J
-        slope = -J.T @ (weights * r)
-        step = np.asarray(np.linalg.solve(H + damping * np.diag(np.diag(H)), slope), np.float64)
-        R_new, t_new = np.asarray(cv2.Rodrigues(step[:3])[0]) @ R, t + step[3:]
-        new = _linearised(R_new, t_new, points_body_m, points_px, sigma_px, camera)
-        if new[0] < cost:
-            done = cost - new[0] < _SETTLED * cost
-            R, t, (cost, J, r, weights) = R_new, t_new, new
-            damping = max(damping / 10, 1e-12)
-            if done:
-                break
-        else:
-            damping *= 10
-            if damping > 1e8:
-                break
-    points_body_m, points_px, sigma_px = everything
-    distance = _distance_px(R, t, points_body_m, points_px, camera) / sigma_px
-    inliers = distance < 3.0 * np.sqrt(2.0)
-    if inliers.sum() < MIN_POINTS or t[2] <= 0:
+    if start is None:
         return None
-    covariance = np.asarray(np.linalg.pinv((J * weights[:, None]).T @ J), np.float64)
-    residual = float(np.sqrt(np.mean(distance[inliers] ** 2) / 2))
-    return PoseEstimate(R, t, covariance, inliers, residual)
+    R, t, agree = start
+    points = Points(points_body_m, points_px[None], sigma_px[None], agree[None])
+    return fitted_poses(R[None], t[None], points, camera)[0]
 
 
 def _start(
@@ -123,16 +69,14 @@ def _start(
         return None
     chosen = seen[indices[:, 0]]
     starts = [
-        (float(np.median(_distance_px(R, t, points_body_m, points_px, camera)[chosen])), i, R, t)
+        (float(np.median(distance_px(R, t, points_body_m, points_px, camera)[chosen])), i, R, t)
         for i, (R, t) in enumerate(_closed_forms(points_body_m[chosen], straight_px[chosen], camera))
     ]
     if not starts:
         return None
     _, _, R, t = min(starts)
-    distance_px = _distance_px(R, t, points_body_m, points_px, camera)
-    agree = (
-        distance_px < threshold_px + 5.0 * sigma_px
-    )  # uncertain points contribute with their low weight
+    away_px = distance_px(R, t, points_body_m, points_px, camera)
+    agree = away_px < threshold_px + 5.0 * sigma_px  # uncertain points contribute with their low weight
     return (R, t, agree) if agree.sum() >= MIN_POINTS else None
 
 
@@ -171,39 +115,3 @@ def _closed_forms(
             continue
         if found and t[2, 0] > 0 and np.isfinite(rotation).all():
             yield np.asarray(cv2.Rodrigues(rotation)[0], np.float64), np.asarray(t[:, 0], np.float64)
-
-
-def _distance_px(
-    R: FloatArray, t: FloatArray, points_body_m: FloatArray, points_px: FloatArray, camera: Camera
-) -> FloatArray:
-    away = camera.project(points_body_m @ R.T + t) - points_px
-    # NaN where a point is behind the camera or outside the domain of its lens
-    return np.asarray(np.nan_to_num(np.linalg.norm(away, axis=1), nan=np.inf))
-
-
-def _linearised(
-    R: FloatArray,
-    t: FloatArray,
-    points_body_m: FloatArray,
-    points_px: FloatArray,
-    sigma_px: FloatArray,
-    camera: Camera,
-) -> tuple[float, FloatArray, FloatArray, FloatArray]:
-    """Return Huber cost, Jacobian (2K, 6) by rotation and position, residuals (2K,), weights (2K,).
-
-    Residuals are in standard deviations.
-    """
-    turned = points_body_m @ R.T
-    away_px = camera.project(turned + t) - points_px
-    z = (turned + t)[:, 2]
-    if np.isnan(away_px).any():
-        return np.inf, np.zeros((2 * len(z), 6)), np.zeros(2 * len(z)), np.zeros(2 * len(z))
-    by_position = camera.project_jacobian(turned + t)
-    # A rotation by w moves a point p by w × p = −p × w.
-    by_rotation = by_position @ -cross_matrix(turned)
-    J = np.concatenate([by_rotation, by_position], axis=2) / sigma_px[:, None, None]
-    r = away_px / sigma_px[:, None]
-    distance = np.linalg.norm(r, axis=1)
-    weights = np.minimum(1.0, _HUBER / np.maximum(distance, 1e-12))
-    cost = np.where(distance <= _HUBER, distance**2 / 2, _HUBER * (distance - _HUBER / 2)).sum()
-    return float(cost), J.reshape(-1, 6), r.reshape(-1), np.repeat(weights, 2)

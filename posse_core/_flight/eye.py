@@ -11,9 +11,10 @@ from typing import Protocol
 import numpy as np
 
 from posse_core._arrays import AnyArray, BoolArray, FloatArray
+from posse_core._detection.fitting import MIN_POINTS
 from posse_core._detection.hypotheses import poses_of
 from posse_core._detection.models import open_models
-from posse_core._detection.pnp import MIN_POINTS, solve_pose
+from posse_core._detection.pnp import solve_pose
 from posse_core._detection.pose_detector import PoseDetector
 from posse_core._detection.shapes import Shapes
 from posse_core._errors import InputError

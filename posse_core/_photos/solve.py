@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 
 from posse_core._arrays import FloatArray
-from posse_core._detection.pnp import MIN_POINTS, solve_pose
+from posse_core._detection.fitting import MIN_POINTS
+from posse_core._detection.pnp import solve_pose
 from posse_core._frames import turn_rad
 from posse_core._interfaces.detector import PoseEstimate
 from posse_core._model.camera import Camera

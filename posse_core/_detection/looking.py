@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,7 +28,10 @@ _SURE = 0.9
 _MOST = 16
 """So many poses are told at most: each is one from which refinement starts."""
 _ENOUGH_OF_SCORE = 1 / 3
-"""Share of the least score that is enough where the pose is trusted."""
+"""Share of the least score that is enough where the pose is trusted, or the likeliest."""
+_POSSIBLE = 0.05
+"""Where no pose is trusted, the likeliest is told, whatever the score of its detection, if it is trusted
+so much."""
 _CLOSEST = 6
 """So many detections of a closer search are looked at, the best. Where there is no spacecraft, there are
 many with low scores, and the looks at one may take a second."""
@@ -49,6 +53,8 @@ def sightings_of(
 
     A detection below the least score counts if its pose is trusted, and one spacecraft counts once.
     Where no pose is trusted, a closer search is made, and what it finds counts if its pose is trusted.
+    If none is even then, the detection with the likeliest pose counts all the same, unless that is
+    hardly possible: by scores alone, the brightest cloud would often be the spacecraft.
 
     Args:
         detections: best first, without keypoints.
@@ -59,27 +65,32 @@ def sightings_of(
         closer: makes the closer search; its detections are as those, and the first six are looked at.
 
     Returns:
-        The spacecraft, those with a trusted pose first, most trusted first, and then by their scores;
-        and the detections that were dropped.
+        The spacecraft, most trusted first, and those whose poses are hardly possible last, by their
+        scores; and the detections that were dropped.
     """
     enough = _ENOUGH_OF_SCORE * least_score
     dropped = [detection for detection in detections if detection.score < enough]
 
-    def looked(found: Sequence[Detection]) -> list[tuple[Detection, Detection, list[PoseEstimate]]]:
+    def looked(found: Sequence[Detection]) -> list[_Look]:
         return [
-            (detection, *look(finder, image, detection, camera, shapes))
+            _Look(detection, *look(finder, image, detection, camera, shapes))
             for detection in found
             if detection.score >= enough
         ]
 
     looks = looked(detections)
-    if not any(_is_trusted(poses) for *_, poses in looks):
-        more = [each for each in closer() if not any(is_one(each, known) for known, *_ in looks)]
-        looks += [each for each in looked(more[:_CLOSEST]) if _is_trusted(each[2])]
-    looks.sort(key=lambda each: not _is_trusted(each[2]))  # stable
+    likeliest: _Look | None = None
+    if not any(each.trust >= TRUSTED for each in looks):
+        more = [each for each in closer() if not any(is_one(each, known.detection) for known in looks)]
+        closest = looked(more[:_CLOSEST])
+        possible = [each for each in [*looks, *closest] if each.trust >= _POSSIBLE]
+        likeliest = max(possible, key=lambda each: each.trust, default=None)
+        looks += [each for each in closest if each.trust >= TRUSTED or each is likeliest]
+    looks.sort(key=lambda each: not (each.trust >= TRUSTED or each is likeliest))  # stable
     seen: list[Sighting] = []
-    for detection, found, poses in looks:
-        if detection.score < least_score and not _is_trusted(poses):
+    for each in looks:
+        detection, found, poses = each
+        if detection.score < least_score and each.trust < TRUSTED and each is not likeliest:
             dropped.append(detection)
             continue
         pose = next(iter(poses), None)
@@ -91,12 +102,13 @@ def sightings_of(
                 dropped.append(detection)
                 continue
             sighting = shapes.seen(image, found, poses, camera, sun_direction_cam, detection.box_px)
-        if _is_there(sighting.detection, seen):
+        is_unlikely = detection.score < least_score and _trust(sighting.pose) < _POSSIBLE
+        if is_unlikely or _is_there(sighting.detection, seen):
             dropped.append(detection)
         else:
             seen.append(sighting)
-    # Refinement has told which poses the image agrees with.
-    seen.sort(key=lambda sighting: -_trust(sighting.pose))  # stable
+    # Refinement has told which poses the image agrees with. What is hardly trusted goes by its score.
+    seen.sort(key=lambda sighting: -_trust(sighting.pose, _POSSIBLE))  # stable
     whole: list[Sighting] = []
     for sighting in seen:
         if _is_part(sighting.detection, whole):
@@ -106,9 +118,28 @@ def sightings_of(
     return whole, dropped
 
 
-def _trust(pose: PoseEstimate | None) -> float:
-    """The trust of a pose that is trusted; 0 of others, which go by their scores, and of none."""
-    return pose.trust if pose is not None and pose.trust >= TRUSTED else 0.0
+class _Look(NamedTuple):
+    """What was found around a detection.
+
+    Attributes:
+        detection: as it was detected.
+        found: with keypoints.
+        poses: that they may agree on, most trusted first.
+    """
+
+    detection: Detection
+    found: Detection
+    poses: list[PoseEstimate]
+
+    @property
+    def trust(self) -> float:
+        """The trust of the pose that is trusted most; 0 without one."""
+        return _trust(next(iter(self.poses), None))
+
+
+def _trust(pose: PoseEstimate | None, least: float = 0.0) -> float:
+    """The trust of a pose that is trusted at least so much; 0 of others, and of none."""
+    return pose.trust if pose is not None and pose.trust >= least else 0.0
 
 
 def _is_part(part: Detection, others: Sequence[Sighting]) -> bool:
@@ -116,13 +147,8 @@ def _is_part(part: Detection, others: Sequence[Sighting]) -> bool:
     return any(
         float(box_share(part.box_px, other.detection.box_px)) > _PART
         for other in others
-        if other.detection.label == part.label and _trust(other.pose)
+        if other.detection.label == part.label and _trust(other.pose) >= TRUSTED
     )
-
-
-def _is_trusted(poses: Sequence[PoseEstimate]) -> bool:
-    """Whether the first of the poses is, which is trusted most."""
-    return _trust(next(iter(poses), None)) > 0
 
 
 def _is_there(detection: Detection, seen: Sequence[Sighting]) -> bool:

@@ -53,13 +53,13 @@ class PoseDetector:
     def sightings(
         self, image: AnyArray, camera: Camera, sun_direction_cam: FloatArray | None = None
     ) -> list[Sighting]:
-        """Return the spacecraft in an image with their poses: those with a trusted pose first, most
-        trusted first, then by their scores.
+        """Return the spacecraft in an image with their poses, most trusted first; those whose poses are
+        hardly possible come last, by their scores.
 
         A third of the least score is enough for a detection whose pose is trusted. Where no pose is
-        trusted, the image is searched in parts of half its size too. Where the mesh of a
-        spacecraft is known, its pose is refined, if that was asked for, and the box is that of the mesh
-        at the pose.
+        trusted, the image is searched in parts of half its size too, and a third of the least score is
+        enough for the likeliest pose. Where the mesh of a spacecraft is known, its pose is refined, if
+        that was asked for, and the box is that of the mesh at the pose.
 
         Args:
             image: (H, W) or (H, W, 3) red-green-blue, uint8 or uint16.

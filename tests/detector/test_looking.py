@@ -29,8 +29,8 @@ class Sees(posse.KeypointFinder):
     classes = ("brick",)
     keypoints_body_m: ClassVar = {"brick": CORNERS}
 
-    def __init__(self, good_sigma_px=0.3):
-        self.looks, self.good_sigma_px = [], good_sigma_px
+    def __init__(self, good_sigma_px=0.3, poor_sigma_px=4.0):
+        self.looks, self.good_sigma_px, self.poor_sigma_px = [], good_sigma_px, poor_sigma_px
 
     def load(self, path):
         raise NotImplementedError  # it knows without a file
@@ -43,7 +43,8 @@ class Sees(posse.KeypointFinder):
             sigma_px = np.full(8, self.good_sigma_px)
             return [replace(detection, keypoints_px=true, keypoints_sigma_px=sigma_px)]
         off_px = np.random.default_rng(1).normal(0, 1.0, (8, 2))
-        return [replace(detection, keypoints_px=true + off_px, keypoints_sigma_px=np.full(8, 4.0))]
+        sigma_px = np.full(8, self.poor_sigma_px)
+        return [replace(detection, keypoints_px=true + off_px, keypoints_sigma_px=sigma_px)]
 
 
 def nothing():
@@ -144,25 +145,67 @@ def test_a_trusted_pose_comes_first_and_makes_up_for_a_low_score():
     assert sorted(each.score for each in dropped) == [0.05, 0.12]
 
 
-@pytest.mark.parametrize(("good_sigma_px", "score"), [(0.3, 0.15), (40.0, 0.9)])
-def test_a_closer_search_counts_where_its_pose_is_trusted(good_sigma_px, score):
+@pytest.mark.parametrize(
+    ("sigma_px", "score", "expected"),
+    [
+        ((0.3, 4.0), 0.15, [0.15, 0.8]),  # trusted
+        ((3.0, 4.0), 0.15, [0.15, 0.8]),  # the likeliest, by a sixth
+        ((40.0, 40.0), 0.9, [0.8]),
+    ],
+)
+def test_a_closer_search_counts_where_its_pose_is_trusted_or_likeliest(sigma_px, score, expected):
     boxes = [posse.Detection("brick", 0.8, ELSEWHERE_PX)]
     closer = [
         posse.Detection("brick", score, TRUE_PX + 1.0),
         posse.Detection("brick", 0.7, ELSEWHERE_PX + 1),
     ]
-    given = Confused(good_sigma_px), IMAGE, cuboid.CAMERA, None, 0.3, None, lambda: closer
+    given = Confused(*sigma_px), IMAGE, cuboid.CAMERA, None, 0.3, None, lambda: closer
     found, dropped = sightings_of(boxes, *given)
-    expected = [0.15, 0.8] if good_sigma_px < 1 else [0.8]
     assert [each.detection.score for each in found] == expected
     assert dropped == []
+
+
+class Certain(posse.Refiner):
+    """Makes each pose as certain as it is told, whatever it is."""
+
+    certainty = 0.0
+    starts: ClassVar[list[posse.PoseEstimate]] = []
+
+    def open(self, setting):
+        pass
+
+    def close(self):
+        pass
+
+    def refine(self, image, starts, sun_direction_cam=None, box_px=None):
+        self.starts.append(starts[0])
+        pose = replace(starts[0], covariance=np.eye(6) * 1e-8, certainty=self.certainty)
+        return posse.Refinement(pose, True, 0.5, 0.9)
+
+
+@pytest.mark.parametrize(("certainty", "expected"), [(0.4, [0.15, 0.8]), (0.01, [0.8])])
+def test_the_likeliest_pose_is_refined_first_and_dropped_where_that_disproves_it(certainty, expected):
+    """Of a detection whose score is too low."""
+    Certain.starts.clear()
+    Certain.certainty = certainty
+    boxes = [
+        posse.Detection("brick", 0.8, ELSEWHERE_PX),
+        posse.Detection("brick", 0.15, TRUE_PX + 1.0),
+    ]
+    shapes = Shapes({"brick": cuboid.cuboid()}, lambda craft, camera: Certain(posse.NoOptions()))
+    given = Confused(3.0), IMAGE, cuboid.CAMERA, shapes, 0.3, None, nothing
+    found, dropped = sightings_of(boxes, *given)
+    np.testing.assert_allclose(Certain.starts[0].R_cam_from_body, R, atol=1e-5)
+    assert 0.05 < Certain.starts[0].trust < 0.5
+    assert [each.detection.score for each in found] == expected
+    assert len(found) + len(dropped) == 2
 
 
 @pytest.mark.parametrize(("before", "is_found"), [(5, True), (6, False)])
 def test_the_six_best_of_a_closer_search_are_looked_at(before, is_found):
     others = [posse.Detection("brick", 0.7, ELSEWHERE_PX + 30 * i) for i in range(before)]
     closer = [*others, posse.Detection("brick", 0.5, TRUE_PX + 1.0)]
-    given = Confused(), IMAGE, cuboid.CAMERA, None, 0.3, None, lambda: closer
+    given = Confused(0.3, 40.0), IMAGE, cuboid.CAMERA, None, 0.3, None, lambda: closer
     assert bool(sightings_of([], *given)[0]) == is_found
 
 

@@ -174,4 +174,6 @@ def small(words: list[str]) -> list[str]:
     if "--resume" in words:
         return changed
     quick = SMALL.get(words[0], ())
+    if "--refine" in words and words[0] == "detect":
+        quick = ("--refine-ms", "1000")  # photographs in which there is nothing are looked at longest
     return [*changed, *quick, *(word for name in words for word in SHORT.get(name, ()))]

@@ -168,7 +168,7 @@ def test_real_nets_learn_from_real_frames(posse_in, tmp_path: Path) -> None:
         shutil.copy(image, tmp_path / "some")
     found = posse_in(
         tmp_path, "detect", "some", "--model", "boxes.onnx", "--keypoints", "keypoints.onnx",
-        "--camera", "data/camera.json", "--target", "craft", "--refine", "--json",
+        "--camera", "data/camera.json", "--target", "craft", "--refine", "--refine-ms", 500, "--json",
     )  # fmt: skip
     assert found.returncode == 0, found.stderr
 

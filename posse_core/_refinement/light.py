@@ -138,7 +138,7 @@ def fitted(
     parts[:, 1:] += least_sun * parts[:, :1]
     weight, strength = slope, np.zeros(len(brights))
     for _ in range(_ROUNDS):
-        strength = nnls(parts * weight[:, None], seen * weight)[0]
+        strength = nnls(*_condensed(parts * weight[:, None], seen * weight))[0]
         off = np.abs(parts @ strength - seen) * slope
         spread = 1.4826 * float(np.median(off)) + 1e-4
         weight = slope / np.sqrt(np.maximum(1, off / (1.5 * spread)))
@@ -176,6 +176,15 @@ def beside(crop: Crop, drawn: Drawn, blur_px: float) -> Float32Array:
     """(h, w) linear brightness of the crop beside the spacecraft, as far as it is not covered."""
     covered = binned(smooth(drawn.coverage, blur_px * crop.scale.drawn), crop.scale.finer)
     return np.asarray((1 - covered) * behind(drawn, crop), np.float32)
+
+
+def _condensed(parts: FloatArray, seen: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The same least squares in one equation more than there are unknowns, by the eigenvectors of the
+    normal matrix: (N, K) and (N,) → (K + 1, K) and (K + 1,)."""
+    whole = np.column_stack([parts, seen])
+    squares, across = np.linalg.eigh(whole.T @ whole)
+    few = np.sqrt(np.maximum(squares, 0))[:, None] * across.T
+    return few[:, :-1], few[:, -1]
 
 
 def _halves(shown: Apart) -> list[Float32Array]:

@@ -42,6 +42,9 @@ _APART_RAD = np.radians(20)
 _BESIDE = 0.05
 """The background is seen so far beside a detected box, as a share of its sides."""
 _AXIS = np.array([0.0, 0.0, 1.0])
+_TURN_RAD = 2 * np.pi * np.arange(_TURNS) / _TURNS
+_R_TURNS = np.array([R_about(_AXIS, turn)[:2, :2] for turn in _TURN_RAD])
+"""(T, 2, 2) the turns in the image's plane."""
 
 
 class _View(NamedTuple):
@@ -182,26 +185,22 @@ class Sides:
             )
         return views
 
-    def _turned(self) -> Iterator[tuple[_View, float, FloatArray]]:
-        """All views, turns in the image's plane, and the turns as matrices (2, 2)."""
-        for view in self._views:
-            for turn in 2 * np.pi * np.arange(_TURNS) / _TURNS:
-                yield view, float(turn), R_about(_AXIS, float(turn))[:2, :2]
-
     def _in_box(self, middle: FloatArray, size: FloatArray) -> Iterator[_Fitted]:
         """All views and turns whose boxes, once they have the area of a box, are much like it.
 
         Args:
             middle, size: (2,) of the box, in the crop's pixels.
         """
-        for view, turn, Q in self._turned():
-            turned_px = view.hull_px @ Q.T
-            low, high = turned_px.min(axis=0), turned_px.max(axis=0)
+        for view in self._views:
+            turned_px = view.hull_px @ np.swapaxes(_R_TURNS, 1, 2)
+            low, high = turned_px.min(axis=1), turned_px.max(axis=1)
             extent = np.maximum(high - low, _LEAST_EXTENT_PX)
-            larger = float(np.sqrt(np.prod(size) / np.prod(extent)))
-            if abs(np.log(size[0] / (larger * extent[0]))) < _ASPECT:
-                shift = middle - larger * (low + high) / 2
-                yield _Fitted(view, turn, np.column_stack([larger * Q, shift]))
+            larger = np.sqrt(np.prod(size) / np.prod(extent, axis=1))
+            is_alike = np.abs(np.log(size[0] / (larger * extent[:, 0]))) < _ASPECT
+            A = larger[:, None, None] * _R_TURNS
+            shift = middle - larger[:, None] * (low + high) / 2
+            for k in np.flatnonzero(is_alike):
+                yield _Fitted(view, float(_TURN_RAD[k]), np.column_stack([A[k], shift[k]]))
 
     def _at(self, origin: FloatArray, px_m: float) -> Iterator[_Fitted]:
         """All views and turns with the body's origin at one of the crop's pixels (2,).
@@ -209,9 +208,11 @@ class Sides:
         Args:
             px_m: the crop's pixels of a metre there.
         """
-        for view, turn, Q in self._turned():
-            A = px_m * view.range_m / view.px_rad * Q
-            yield _Fitted(view, turn, np.column_stack([A, origin - A @ view.origin_px]))
+        for view in self._views:
+            A = px_m * view.range_m / view.px_rad * _R_TURNS
+            shift = origin - A @ view.origin_px
+            for k in range(_TURNS):
+                yield _Fitted(view, float(_TURN_RAD[k]), np.column_stack([A[k], shift[k]]))
 
 
 def _without_background(crop: Crop, middle: FloatArray, size: FloatArray) -> Float32Array | None:

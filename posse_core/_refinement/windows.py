@@ -64,23 +64,40 @@ class Windows:
             noise: standard deviation below which a channel's variation says nothing.
             gains: least and greatest gain.
         """
-        count = channels.shape[-1]
-        mean = self.mean(image)
-        means = np.stack([self.mean(channels[..., k]) for k in range(count)], axis=-1)
-        with_image = np.empty_like(channels)
-        among = np.empty((*channels.shape, count), np.float32)
+        drawn = np.ascontiguousarray(np.moveaxis(channels, -1, 0))
+        count, mean = len(drawn), self.mean(image)
+        means = np.stack([self.mean(channel) for channel in drawn])
+        with_image = np.stack([self.mean(image * channel) for channel in drawn]) - mean * means
+        among = np.empty((count, *drawn.shape), np.float32)
         for k in range(count):
-            with_image[..., k] = self.mean(image * channels[..., k]) - mean * means[..., k]
             for m in range(k, count):
-                both = self.mean(channels[..., k] * channels[..., m]) - means[..., k] * means[..., m]
-                among[..., k, m] = among[..., m, k] = both
-        among += np.float32(noise**2) * np.eye(count, dtype=np.float32)
-        # One channel needs no solver, which takes longer than all the rest.
-        alone = count == 1
-        found = with_image / among[..., 0] if alone else np.linalg.solve(among, with_image[..., None])
-        best = np.clip(found.reshape(channels.shape), *gains).astype(np.float32)
-        left = (image - mean) - np.sum(best * (channels - means), axis=-1)
-        return Explained(np.asarray(left, np.float32), best)
+                among[k, m] = self.mean(drawn[k] * drawn[m]) - means[k] * means[m]
+            among[k, k] += np.float32(noise**2)
+        best = np.clip(_solved(among, with_image), *gains)
+        left = (image - mean) - np.sum(best * (drawn - means), axis=0)
+        return Explained(np.asarray(left, np.float32), np.moveaxis(best, 0, -1))
+
+
+def _solved(among: Float32Array, with_image: Float32Array) -> Float32Array:
+    """The solutions (K, h, w) of positive definite equations, those of each pixel.
+
+    LAPACK takes many times as long for systems that are so small and so many.
+
+    Args:
+        among: (K, K, h, w) upper triangles of the matrices; changed.
+        with_image: (K, h, w) right sides; changed.
+    """
+    count = len(with_image)
+    for k in range(count):
+        for m in range(k + 1, count):
+            share = among[k, m] / among[k, k]
+            among[m, m:] -= share * among[k, m:]
+            with_image[m] -= share * with_image[k]
+    for k in reversed(range(count)):
+        for m in range(k + 1, count):
+            with_image[k] -= among[k, m] * with_image[m]
+        with_image[k] /= among[k, k]
+    return with_image
 
 
 def smooth(image: Float32Array, sigma_px: float) -> Float32Array:

@@ -1,12 +1,15 @@
 """Shared by all tests: hypothesis profiles, and the command line run as a user runs it."""
 
+import contextlib
 import os
 import subprocess
 import sys
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 
 import pytest
+from forked import Origin
 from hypothesis import HealthCheck, settings
 
 _SLOW_MACHINE = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
@@ -50,19 +53,29 @@ def guess_path(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 @pytest.fixture(scope="session")
-def start_posse_in(flat_renderer_path: Path):
+def environment_with(flat_renderer_path: Path):
+    """The environment of a command, with the flat renderer and some variables of its own."""
+
+    def make(more: Mapping[str, str] | None) -> dict[str, str]:
+        own = more or {}
+        paths = [str(flat_renderer_path), own.get("PYTHONPATH", ""), os.environ.get("PYTHONPATH", "")]
+        return {**os.environ, **own, "PYTHONPATH": os.pathsep.join(filter(None, paths))}
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def start_posse_in(environment_with):
     """Start the command line in a process of its own: start_posse_in(folder, "run", ...)."""
 
     def start(
         folder: Path, *arguments: object, env: dict[str, str] | None = None
     ) -> subprocess.Popen[str]:
         code = "from posse_core._cli.main import main; main()"
-        more = env or {}
-        paths = [str(flat_renderer_path), more.get("PYTHONPATH", ""), os.environ.get("PYTHONPATH", "")]
         return subprocess.Popen(
             [sys.executable, "-c", code, *map(str, arguments)],
             cwd=folder,
-            env={**os.environ, **more, "PYTHONPATH": os.pathsep.join(filter(None, paths))},
+            env=environment_with(env),
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -72,17 +85,22 @@ def start_posse_in(flat_renderer_path: Path):
 
 
 @pytest.fixture(scope="session")
-def posse_in(start_posse_in):
-    """Run the command line to its end: posse_in(folder, "run", ...)."""
+def posse_in(environment_with):
+    """Run the command line to its end in a process of its own: posse_in(folder, "run", ...).
 
-    def call(
-        folder: Path, *arguments: object, env: dict[str, str] | None = None
-    ) -> subprocess.CompletedProcess[str]:
-        with start_posse_in(folder, *arguments, env=env) as process:
-            out, err = process.communicate(timeout=300)
-        return subprocess.CompletedProcess(process.args, process.returncode, out, err)
+    The processes are forked from one that has imported what they need: with hundreds of commands, to
+    import it each time would take minutes.
+    """
+    with contextlib.closing(Origin()) as origin:
 
-    return call
+        def call(
+            folder: Path, *arguments: object, env: dict[str, str] | None = None
+        ) -> subprocess.CompletedProcess[str]:
+            words = list(map(str, arguments))
+            ended = origin.run(folder, words, environment_with(env))
+            return subprocess.CompletedProcess(words, ended.code, ended.out, ended.error)
+
+        yield call
 
 
 @pytest.fixture

@@ -3,7 +3,7 @@ light: what is tried where the starts lead nowhere."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -41,6 +41,8 @@ _APART_RAD = np.radians(20)
 """Poses that are found differ by more."""
 _BESIDE = 0.05
 """The background is seen so far beside a detected box, as a share of its sides."""
+_FAINT = 1e-3
+"""Channels whose sum of squares is below this explain little."""
 _AXIS = np.array([0.0, 0.0, 1.0])
 _TURN_RAD = 2 * np.pi * np.arange(_TURNS) / _TURNS
 _R_TURNS = np.array([R_about(_AXIS, turn)[:2, :2] for turn in _TURN_RAD])
@@ -80,12 +82,9 @@ class _Fitted(NamedTuple):
     crop_from_view: FloatArray
 
     def channels(self, shape: tuple[int, int]) -> Float32Array:
-        """(h, w, 4) as of the view, in the crop and its axes."""
-        extent = shape[::-1]
-        laid = cv2.warpAffine(self.view.channels, self.crop_from_view, extent)
-        x, y = laid[..., 1].copy(), laid[..., 2].copy()
-        cosine, sine = np.float32(np.cos(self.turn_rad)), np.float32(np.sin(self.turn_rad))
-        laid[..., 1], laid[..., 2] = cosine * x - sine * y, sine * x + cosine * y
+        """(h, w, 4) as of the view, in the crop. The axes of the normals are the view's: light of any
+        direction explains the same in all axes."""
+        laid = cv2.warpAffine(self.view.channels, self.crop_from_view, shape[::-1])
         return np.asarray(laid, np.float32)
 
     def halved(self) -> _Fitted:
@@ -137,8 +136,10 @@ class Sides:
         if np.isfinite(origin).all():
             px_rad = crop.camera.fx_px / crop.scale.finer
             fitted += self._at(origin, px_rad / float(t_body_cam_m[2]))
+        if not fitted:
+            return []
         half = np.asarray(cv2.pyrDown(own), np.float32)
-        left = [_unexplained(half, each.halved().channels(half.shape)) for each in fitted]
+        left = _unexplained(half, (each.halved().channels(half.shape) for each in fitted))
         best = [fitted[k] for k in np.argsort(left)[:_COMPARED]]
         shares = [_share(own, each.channels(own.shape), crop) for each in best]
         found: list[Placement] = []
@@ -228,13 +229,22 @@ def _without_background(crop: Crop, middle: FloatArray, size: FloatArray) -> Flo
     return np.asarray(crop.seen - continued(crop.seen * free, free), np.float32)
 
 
-def _unexplained(own: Float32Array, channels: Float32Array) -> float:
-    """The sum of squares that light leaves of an image (h, w), if it is the same everywhere and known to
-    Lambert's law but for what it does not reach."""
-    X, y = channels.reshape(-1, channels.shape[-1]).astype(np.float64), own.ravel()
-    H = X.T @ X
-    strength = np.linalg.solve(H + 1e-3 * np.eye(len(H)), X.T @ y)
-    return float(np.sum((y - X @ strength) ** 2))
+def _unexplained(own: Float32Array, drawn: Iterable[Float32Array]) -> FloatArray:
+    """(N,) the sums of squares that light leaves of an image (h, w), if it is the same everywhere and
+    known to Lambert's law but for what it does not reach.
+
+    Args:
+        drawn: N × (h, w, 4) channels of the views.
+    """
+    y = own.ravel().astype(np.float64)
+    squares, products = [], []
+    for channels in drawn:
+        X = channels.reshape(len(y), -1).astype(np.float64)
+        squares.append(X.T @ X)
+        products.append(X.T @ y)
+    b = np.array(products)
+    strength = np.linalg.solve(np.array(squares) + _FAINT * np.eye(b.shape[1]), b[..., None])[..., 0]
+    return np.asarray(y @ y - np.sum(strength * (b + _FAINT * strength), axis=1))
 
 
 def _share(own: Float32Array, channels: Float32Array, crop: Crop) -> float:

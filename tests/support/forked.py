@@ -1,4 +1,4 @@
-"""The command line in forked processes, with limits of time and memory."""
+"""The command line in forked processes, which need not import what the process they come from has."""
 
 from __future__ import annotations
 
@@ -14,10 +14,12 @@ import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from importlib.metadata import entry_points
 from pathlib import Path
+from typing import NoReturn
 
 MOST_S = 60
 """The most processor time of a process, so that a machine with other work does not matter."""
@@ -63,16 +65,21 @@ class Origin:
         command = [sys.executable, __file__]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
 
-    def run(self, folder: Path, arguments: Sequence[str]) -> Ended:
+    def run(self, folder: Path, arguments: Sequence[str], env: Mapping[str, str] | None = None) -> Ended:
         """Run a command in ``folder``.
 
-        It is killed after a minute of processor time, or when it hangs; no process gets more than 4 GiB.
-        What it imports is imported afterwards in the process that it is forked from.
+        It is killed when it hangs. What it imports is imported afterwards in the process that it is
+        forked from.
+
+        Args:
+            env: its environment. Without one it has that of this process, and limits: it is killed after
+                a minute of processor time, and no process gets more than 4 GiB.
         """
         requests, answers = self._process.stdin, self._process.stdout
         assert requests is not None
         assert answers is not None
-        requests.write(json.dumps([str(folder), list(arguments)]).encode() + b"\n")
+        request = [str(folder), list(arguments), None if env is None else dict(env)]
+        requests.write(json.dumps(request).encode() + b"\n")
         requests.flush()
         return Ended(**json.loads(answers.readline()))
 
@@ -84,14 +91,16 @@ class Origin:
 def _serve() -> None:
     """Answer requests until there are no more."""
     for request in sys.stdin.buffer:
-        folder, arguments = json.loads(request)
-        ended, modules = _run(Path(folder), arguments)
+        folder, arguments, env = json.loads(request)
+        ended, modules = _run(Path(folder), arguments, env)
         _import(modules)
         sys.stdout.buffer.write(json.dumps(asdict(ended)).encode() + b"\n")
         sys.stdout.buffer.flush()
 
 
-def _run(folder: Path, arguments: Sequence[str]) -> tuple[Ended, list[str]]:
+def _run(
+    folder: Path, arguments: Sequence[str], env: Mapping[str, str] | None
+) -> tuple[Ended, list[str]]:
     """How a command ended, and the names of the modules that it imported."""
     (command,) = entry_points(group="console_scripts", name="posse")
     main = command.load()
@@ -103,7 +112,8 @@ def _run(folder: Path, arguments: Sequence[str]) -> tuple[Ended, list[str]]:
         started = time.monotonic()
         process = os.fork()
         if not process:
-            _work(main, folder, arguments, [stream.fileno() for stream in streams], temporary)
+            begin = partial(_limit, temporary) if env is None else partial(_take, env)
+            _work(main, folder, arguments, [stream.fileno() for stream in streams], begin)
         code, usage = _awaited(process)
         seconds = time.monotonic() - started
         alive = _ended_group(process)
@@ -124,7 +134,13 @@ def _import(modules: Sequence[str]) -> None:
                 importlib.import_module(name)
 
 
-def _work(main, folder: Path, arguments: Sequence[str], streams: Sequence[int], temporary: str) -> None:
+def _work(
+    main: Callable[[list[str]], None],
+    folder: Path,
+    arguments: Sequence[str],
+    streams: Sequence[int],
+    begin: Callable[[], None],
+) -> NoReturn:
     code: object = 99
     known = set(sys.modules)
     try:
@@ -134,13 +150,7 @@ def _work(main, folder: Path, arguments: Sequence[str], streams: Sequence[int], 
         os.dup2(streams[1], 2)
         sys.stdout, sys.stderr = (open(k, "w", closefd=False) for k in (1, 2))  # noqa: SIM115
         os.chdir(folder)
-        os.environ.pop("POSSE_SHOW_FAULTS", None)
-        os.environ["TMPDIR"] = tempfile.tempdir = temporary
-        pages = int(Path("/proc/self/statm").read_text().split()[0])
-        bytes_ = pages * resource.getpagesize() + _LIMIT_BYTES
-        resource.setrlimit(resource.RLIMIT_AS, (bytes_, bytes_))
-        resource.setrlimit(resource.RLIMIT_CPU, (MOST_S, MOST_S))
-        warnings.simplefilter("default")  # as for users, who are told of them
+        begin()
         main(list(arguments))
     except SystemExit as ended:
         code = ended.code
@@ -151,6 +161,24 @@ def _work(main, folder: Path, arguments: Sequence[str], streams: Sequence[int], 
         sys.stderr.flush()
         os.write(streams[2], "\n".join(sorted(set(sys.modules) - known)).encode())
         os._exit(code if isinstance(code, int) else 99)
+
+
+def _limit(temporary: str) -> None:
+    """Limit this process, and give it a folder for temporary files."""
+    os.environ.pop("POSSE_SHOW_FAULTS", None)
+    os.environ["TMPDIR"] = tempfile.tempdir = temporary
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    bytes_ = pages * resource.getpagesize() + _LIMIT_BYTES
+    resource.setrlimit(resource.RLIMIT_AS, (bytes_, bytes_))
+    resource.setrlimit(resource.RLIMIT_CPU, (MOST_S, MOST_S))
+    warnings.simplefilter("default")  # as for users, who are told of them
+
+
+def _take(env: Mapping[str, str]) -> None:
+    """Take an environment in place of this process's own, as Python does when it starts."""
+    os.environ.clear()
+    os.environ.update(env)
+    sys.path[:0] = [path for path in env.get("PYTHONPATH", "").split(os.pathsep) if path]
 
 
 def _resident_bytes() -> int:

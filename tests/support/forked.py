@@ -54,6 +54,11 @@ class Ended:
     temporary: Sequence[str]
 
 
+_KEPT = ("posse_core", "trimesh")
+"""What of a command with an environment of its own is imported afterwards, with what that imports:
+clients of network stores do not survive a fork."""
+
+
 class Origin:
     """A process from which commands are forked, so that what it has imported they need not import.
 
@@ -69,7 +74,7 @@ class Origin:
         """Run a command in ``folder``.
 
         It is killed when it hangs. What it imports is imported afterwards in the process that it is
-        forked from.
+        forked from, of a command with an environment POSSE's own modules alone.
 
         Args:
             env: its environment. Without one it has that of this process, and limits: it is killed after
@@ -93,7 +98,8 @@ def _serve() -> None:
     for request in sys.stdin.buffer:
         folder, arguments, env = json.loads(request)
         ended, modules = _run(Path(folder), arguments, env)
-        _import(modules)
+        kept = [name for name in modules if env is None or name.partition(".")[0] in _KEPT]
+        _import(kept)
         sys.stdout.buffer.write(json.dumps(asdict(ended)).encode() + b"\n")
         sys.stdout.buffer.flush()
 

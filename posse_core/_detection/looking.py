@@ -80,17 +80,21 @@ def sightings_of(
 
     looks = looked(detections)
     likeliest: _Look | None = None
+
+    def counts(look: _Look) -> bool:
+        return look.trust >= TRUSTED or look is likeliest
+
     if not any(each.trust >= TRUSTED for each in looks):
         more = [each for each in closer() if not any(is_one(each, known.detection) for known in looks)]
         closest = looked(more[:_CLOSEST])
         possible = [each for each in [*looks, *closest] if each.trust >= _POSSIBLE]
         likeliest = max(possible, key=lambda each: each.trust, default=None)
-        looks += [each for each in closest if each.trust >= TRUSTED or each is likeliest]
-    looks.sort(key=lambda each: not (each.trust >= TRUSTED or each is likeliest))  # stable
+        looks += [each for each in closest if counts(each)]
+    looks.sort(key=lambda each: not counts(each))  # stable
     seen: list[Sighting] = []
     for each in looks:
         detection, found, poses = each
-        if detection.score < least_score and each.trust < TRUSTED and each is not likeliest:
+        if detection.score < least_score and not counts(each):
             dropped.append(detection)
             continue
         pose = next(iter(poses), None)

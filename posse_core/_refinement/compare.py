@@ -10,6 +10,7 @@ import numpy as np
 from posse_core._arrays import BoolArray, Float32Array
 from posse_core._refinement.background import near_pixels, with_background
 from posse_core._refinement.crop import Crop, binned
+from posse_core._refinement.edges import EDGE_BLUR_PX, correlation, edges, evened
 from posse_core._refinement.flow import by_pose, gradient, normals
 from posse_core._refinement.light import Light
 from posse_core._refinement.placement import Placement
@@ -90,6 +91,17 @@ class LitComparer(Comparer):
         crop, finer = self._crop, self._crop.scale.finer
         drawn = self._studio.draw(crop.scale.drawn, crop.drawn_box, placement, self._light.lights)
         return self._explained(binned(self._scene(drawn), finer), near_pixels(drawn, finer), _DETAIL_PX)
+
+    def edge_correlation(self, placement: Placement) -> float:
+        """-1 … 1, how far the edges of the crop lie as those that are drawn: the mean of the correlation
+        with the edges of the shape, of which light may leave some out, and with those in this light."""
+        crop, finer = self._crop, self._crop.scale.finer
+        drawn = self._studio.draw(crop.scale.drawn, crop.drawn_box, placement, self._light.lights)
+        facing = normals(drawn.depth_m, crop.camera, crop.drawn_box) * drawn.coverage[..., None]
+        shape = edges(binned(np.dstack([drawn.coverage, facing]), finer), EDGE_BLUR_PX)
+        in_light = evened(edges(binned(self._scene(drawn), finer)[..., None], EDGE_BLUR_PX))
+        seen, near = evened(edges(crop.seen[..., None], EDGE_BLUR_PX)), near_pixels(drawn, finer)
+        return (correlation(seen[near], shape[near]) + correlation(seen[near], in_light[near])) / 2
 
     def _explained(self, modelled: Float32Array, near: BoolArray, window_px: float) -> float:
         """0 … 1, how much is explained of what varies within windows."""

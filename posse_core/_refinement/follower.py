@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,7 +18,6 @@ from posse_core._refinement.descent import Found, descended
 from posse_core._refinement.light import (
     APART_PX,
     Apart,
-    EvenlyLit,
     Light,
     drawn_apart,
     evenly_lit,
@@ -26,9 +26,17 @@ from posse_core._refinement.light import (
 )
 from posse_core._refinement.placement import Placement
 from posse_core._refinement.prior import prior
-from posse_core._refinement.studio import EVEN, Studio
+from posse_core._refinement.studio import EVEN, Drawn, Studio
 from posse_core._refinement.sunlight import brightest_direction, likely_direction
-from posse_core._refinement.trail import Outcome, Trail, by_chance, chance, power_of, size_fit
+from posse_core._refinement.trail import (
+    Outcome,
+    Trail,
+    by_chance,
+    chance,
+    edge_fit,
+    power_of,
+    size_fit,
+)
 from posse_core._refinement.turns import Tried
 
 _STEPS = 4
@@ -47,6 +55,20 @@ _HOPE = 0.15
 _LEAST_SUN = 2.0
 """Where the Sun is known, a plate that faces it is at least so many times as bright as one that faces
 the brightest part of the sky: the Earth sends back a third of the Sun's light, and clouds half of it."""
+
+
+class _Seen(NamedTuple):
+    """What would be seen at a pose under a light.
+
+    Attributes:
+        comparer: compares under this light.
+        drawing: what would be seen.
+        agreement: of the image with it.
+    """
+
+    comparer: LitComparer
+    drawing: Drawn
+    agreement: float
 
 
 class Follower:
@@ -112,33 +134,57 @@ class Follower:
         for placement in placements:
             crops = self._crops(placement, self.scales(placement)[scale])
             if crops and self.has_time():
-                even, suns = evenly_lit(crops[0], self._studio, placement), [sun]
-                if self.sun_direction_cam is None:
-                    suns.append(likely_direction(crops[0], self._studio, even, _BLUR_PX))
-                moved = [self._moved(crops, placement, scale, each, even) for each in suns]
+                moved = [
+                    self._registered(seen, placement, scale)
+                    for seen in self._seen_by(crops, placement, sun)
+                ]
                 tried += by_chance([each for each in moved if each is not None])[:1]
         return by_chance(tried)
 
-    def _moved(
-        self,
-        crops: Sequence[Crop],
-        placement: Placement,
-        scale: int,
-        sun: FloatArray,
-        even: EvenlyLit,
-    ) -> Tried | None:
+    def drawn_along_edges(self, placements: Sequence[Placement], sun: FloatArray) -> list[Tried]:
+        """Poses moved by outlines and creases at the coarsest scale, the likeliest first.
+
+        Args:
+            sun: as of :meth:`drawn`.
+        """
+        tried = []
+        for placement in placements:
+            crop = self.picture.crop(placement, self._studio.hull_m, self.scales(placement)[0])
+            if crop is None or not self.has_time():
+                continue
+            comparer = ShapeComparer(crop, self._studio, _BLUR_PX)
+            there = self._descended(comparer, crop, placement, _STEPS).placement
+            crops = self._crops(there, self.scales(there)[0])
+            if crops:
+                seen = self._seen_by(crops, there, sun)
+                tried += by_chance([self._tried(each, there, crops, 0.0) for each in seen])[:1]
+        return by_chance(tried)
+
+    def _seen_by(self, crops: Sequence[Crop], placement: Placement, sun: FloatArray) -> list[_Seen]:
+        """A pose under a light and, where the Sun is not known, under the likeliest there."""
+        even, suns = evenly_lit(crops[0], self._studio, placement), [sun]
+        if self.sun_direction_cam is None:
+            suns.append(likely_direction(crops[0], self._studio, even, _BLUR_PX))
+        seen = []
+        for each in suns:
+            shown = drawn_apart(crops[0], self._studio, placement, each, even)
+            agreement, crop, light = self._coded(crops, shown, each, _BLUR_PX, APART_PX)
+            comparer = LitComparer(crop, self._studio, light)
+            seen.append(_Seen(comparer, together(shown, light.lights), agreement))
+        return seen
+
+    def _registered(self, seen: _Seen, placement: Placement, scale: int) -> Tried | None:
         """A pose under a light, moved to where its drawing lies; None if too little of it is in the
         image there."""
-        shown = drawn_apart(crops[0], self._studio, placement, sun, even)
-        agreement, crop, light = self._coded(crops, shown, sun, _BLUR_PX, APART_PX)
-        drawing = together(shown, light.lights)
-        there = LitComparer(crop, self._studio, light).registered(drawing, placement)
+        there = seen.comparer.registered(seen.drawing, placement)
         crops = self._crops(there.placement, self.scales(there.placement)[scale])
-        if not crops:
-            return None
-        prior, fit = self._prior(there.placement), self._fit(there.placement)
-        likely = fit * chance(min(1.0, agreement + there.rise), prior, self._power)
-        return Tried(likely, crops, there.placement)
+        return self._tried(seen, there.placement, crops, there.rise) if crops else None
+
+    def _tried(self, seen: _Seen, placement: Placement, crops: Sequence[Crop], rise: float) -> Tried:
+        """A pose to which one under a light was moved, whereby the agreement has risen."""
+        agreement = min(1.0, seen.agreement + rise)
+        prior, fit = self._prior(placement), self._fit(placement, seen.comparer)
+        return Tried(fit * chance(agreement, prior, self._power), crops, placement)
 
     def trail_from(self, tried: Tried, start: int) -> Trail:
         """A pose that was drawn, followed at its scale."""
@@ -229,18 +275,23 @@ class Follower:
             here = found.placement
             if (number > 0 and found.is_settled) or not self.has_time():
                 break
-        prior, fit = self._prior(here), self._fit(here)
+        prior, fit = self._prior(here), self._fit(here, comparer)
         return Trail(found, comparer, sun, light.blur_px, crop.is_linear, start, prior, fit, self._power)
 
     def _prior(self, placement: Placement) -> float:
         """How likely a pose is by the starts."""
         return prior(placement, self.starts, self._symmetries)
 
-    def _fit(self, placement: Placement) -> float:
-        """What is left of a pose's chance, 0 … 1, by the detected box."""
+    def _fit(self, placement: Placement, comparer: LitComparer) -> float:
+        """What is left of a pose's chance, 0 … 1, by the detected box, and by edges where materials are
+        not known."""
+        by_edges = 1.0
+        if not self._studio.knows_materials:
+            by_edges = edge_fit(comparer.edge_correlation(placement))
         if self.box_px is None:
-            return 1.0
-        return size_fit(self.picture.share_of(placement, self._studio.hull_m, self.box_px))
+            return by_edges
+        by_size = size_fit(self.picture.share_of(placement, self._studio.hull_m, self.box_px))
+        return by_edges * by_size
 
     def _coded(
         self,

@@ -10,7 +10,6 @@ import numpy as np
 
 from posse_core._interfaces.detector import PoseEstimate
 from posse_core._interfaces.refiner import RefinerSetting
-from posse_core._refinement.crop import scales
 from posse_core._refinement.follower import Follower
 from posse_core._refinement.placement import Placement
 from posse_core._refinement.prior import is_near
@@ -40,17 +39,16 @@ _FOLLOWED, _MOST = 5, 10
 the Sun's direction is known."""
 _WALKS = 4
 """How often poses around the best of those around a pose are tried."""
-_DOUBTFUL = 0.7
-"""Poses that are less certain are sought in more places,"""
+_DOUBTFUL, _SOUGHT = 0.7, 0.9
+"""Poses that are less certain than the first are sought in more places, and from all sides those that
+are less certain than the second,"""
 _SURE_START, _LEAST_START = 0.9, 0.01
 """but for those near a start that is trusted more, and where no start is trusted by so much."""
 _WALKED, _TURNED_LATER, _SLIGHTLY = 6, 3, 2
 """Around so many starts, by half a turn from so many poses (and so many from each), and slightly turned
 from so many."""
-_RESEMBLING, _ALIKE_FOLLOWED = 30, 10
-"""How many poses are drawn that look as the image does, and how many of them are followed."""
-_AROUND = 0.25
-"""They are sought in the detected box and so much beside it, as a share of its sides."""
+_ALIKE_FOLLOWED = 10
+"""How many of the poses that look as the image does are followed."""
 
 
 class Search:
@@ -87,10 +85,15 @@ class Search:
         first_looks = self._first_looks(trails[0], firsts) if is_lit else []
         looks: list[Trail] = []
         may_look = from_all_sides and not self._is_sun_known
-        if may_look and self._is_doubtful(self._different([*trails, *first_looks])):
+        if may_look and self._is_doubtful(self._different([*trails, *first_looks]), _SOUGHT):
             looks = self._from_all_sides(by_chance([*trails, *first_looks])[0])
-        unseen = UNSEEN_FROM_ALL_SIDES if looks else UNSEEN
         found = self._followed_to_the_finest([*trails, *first_looks, *looks])
+        # What agrees when it is coarse may not when it is fine.
+        if may_look and not looks and self._is_doubtful(found, _SOUGHT):
+            looks = self._from_all_sides(found[0])
+            if looks:
+                found = self._compared([*found, *self._followed_to_the_finest(looks)])
+        unseen = UNSEEN_FROM_ALL_SIDES if looks else UNSEEN
         is_hopeful = self._is_sun_known and found[0].agreement > self._follower.followable
         if is_hopeful and self._is_doubtful(found):
             found = self._compared([*found, *self._slightly_turned(found)])
@@ -142,24 +145,23 @@ class Search:
         box_px = self._follower.box_px
         if box_px is None:
             box_px = picture.box_px(start, self._sides.hull_m)
-        first, size = box_px[:2], box_px[2:]
-        scale = scales(float(size.max()), self._follower.sizes_px)[0]
-        crop = picture.around(first - _AROUND * size, first + (1 + _AROUND) * size, scale)
-        if crop is None:
-            return []
-        alike = self._sides.resembling(crop, box_px, start.t_body_cam_m, _RESEMBLING)
-        drawn = self._follower.drawn(alike, FAR.scale, best.sun_direction_cam)[:_ALIKE_FOLLOWED]
+        size_px, sun = self._follower.sizes_px[0], best.sun_direction_cam
+        alike = self._sides.resembling(picture, box_px, start.t_body_cam_m, size_px)
+        drawn = self._follower.drawn(alike.by_light, FAR.scale, sun)
+        drawn += self._follower.drawn_along_edges(alike.by_edges, sun)
         return [
-            self._follower.trail_from(tried, best.start) for tried in drawn if self._follower.has_time()
+            self._follower.trail_from(tried, best.start)
+            for tried in by_chance(drawn)[:_ALIKE_FOLLOWED]
+            if self._follower.has_time()
         ]
 
-    def _is_doubtful(self, found: Sequence[Trail]) -> bool:
-        """Whether the likeliest pose is little certain, and neither near a start that is sure nor from
-        starts of which none may be right."""
+    def _is_doubtful(self, found: Sequence[Trail], least: float = _DOUBTFUL) -> bool:
+        """Whether the likeliest pose is less certain than this, and neither near a start that is sure
+        nor from starts of which none may be right."""
         start, pose = self._follower.starts[found[0].start], found[0].found.placement
         is_sure = start.trust > _SURE_START and is_near(pose, start, self._symmetries)
         is_possible = any(each.trust > _LEAST_START for each in self._follower.starts)
-        return certainty(found, self._symmetries, UNSEEN) < _DOUBTFUL and is_possible and not is_sure
+        return certainty(found, self._symmetries, UNSEEN) < least and is_possible and not is_sure
 
     def _slightly_turned(self, found: Sequence[Trail]) -> list[Trail]:
         """Trails from poses slightly turned from the likeliest at the finest scale, as steps end at any

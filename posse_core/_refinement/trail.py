@@ -34,6 +34,11 @@ _LARGER, _SMALLER = 0.1, 0.01
 around what is lit alone, and where it is smaller."""
 
 
+_EDGES, _POWER_OF_EDGES = 0.6, 4
+"""A pose keeps its chance if its edges correlate so much with those of the image; below, the chance
+falls with this power of what is left of 1."""
+
+
 class Alike(NamedTuple):
     """Poses are alike that differ by less.
 
@@ -64,7 +69,7 @@ class Trail:
         is_linear: whether the image is; otherwise it is coded by sRGB.
         start: index of the start.
         prior: how likely the pose is before the image is compared.
-        fit: what is left of its chance by the detected box.
+        fit: what is left of its chance by the detected box and by edges.
         power: of the disagreement; see :func:`chance`.
         detail: how much of the image's detail it explains, 0 … 1; None until it was weighed.
         share: of its chance that is left since others explain detail better.
@@ -200,3 +205,9 @@ def size_fit(share: float) -> float:
         return _SMALLER
     alike = float(np.exp(-((np.log(share) / _BOX_SIGMA) ** 2) / 2))
     return max(alike, _SMALLER if share < 1 else _LARGER)
+
+
+def edge_fit(correlation: float) -> float:
+    """What is left of the chance of a pose whose edges correlate so much, -1 … 1, with those of the
+    image: gains and offsets explain clouds by whatever is drawn there, but their edges lie otherwise."""
+    return float(min(1.0, (1 - _EDGES) / max(1 - correlation, _LEFT_OVER)) ** _POWER_OF_EDGES)

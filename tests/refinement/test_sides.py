@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 
+import cv2
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -25,8 +26,10 @@ from tests.support.raycast_images import CAMERA, HERE, box_of, light_of, needs_r
 CRAFT = refiners._craft()
 
 
-def crop_of(seen: np.ndarray, box_px: np.ndarray) -> Crop:
-    """A box and a quarter of its size beside it."""
+def crop_of(seen: np.ndarray, box_px: np.ndarray, larger: float = 1.0) -> Crop:
+    """A box, so many times as large, and a quarter of its size beside it."""
+    middle = box_px[:2] + box_px[2:] / 2
+    box_px = np.concatenate([middle - larger * box_px[2:] / 2, larger * box_px[2:]])
     scale = scales(float(box_px[2:].max()), (48.0, 96.0, 192.0))[0]
     picture = Picture(np.float32(seen), CAMERA, box_px, is_linear=True)
     first, size = box_px[:2], box_px[2:]
@@ -53,6 +56,13 @@ def is_like(place: Placement, true: Placement) -> bool:
     return e_t < 0.15 and e_q < np.radians(25)
 
 
+def clouds(seed: int) -> np.ndarray:
+    """(H, W) patches with sharp edges, as bright as the spacecraft."""
+    noise = np.random.default_rng(seed).normal(size=(CAMERA.height_px, CAMERA.width_px))
+    patches = cv2.GaussianBlur(noise, (0, 0), 6)
+    return 0.1 + 0.5 * (patches > 0.5 * patches.std())
+
+
 def case(seed: int) -> tuple[Placement, np.ndarray, np.ndarray]:
     """A pose anywhere in the image, in any attitude; brightness and coverage."""
     random = np.random.default_rng(seed)
@@ -68,7 +78,7 @@ def test_a_pose_like_the_true_one_is_among_the_first_that_look_as_the_image_does
     """Before a black sky; the range by the keypoints is a tenth too large."""
     true, bright, coverage = case(seed)
     box_px = box_of(coverage > 0.5)
-    found = sides.resembling(crop_of(bright, box_px), box_px, 1.1 * true.t_body_cam_m, 5)
+    found = sides.by_light(crop_of(bright, box_px), box_px, 1.1 * true.t_body_cam_m, 5)
     assert any(is_like(place, true) for place in found)
 
 
@@ -80,7 +90,7 @@ def test_before_a_background_it_is_among_thirty_in_most_cases(sides: Sides) -> N
         ramp = np.linspace(0.02, 0.2, CAMERA.width_px)[None]
         box_px = box_of(coverage > 0.5)
         crop = crop_of(bright + (1 - coverage) * ramp, box_px)
-        found = sides.resembling(crop, box_px, 1.1 * true.t_body_cam_m, 30)
+        found = sides.by_light(crop, box_px, 1.1 * true.t_body_cam_m, 30)
         hits.append(any(is_like(place, true) for place in found))
     assert sum(hits) >= 3
 
@@ -90,10 +100,10 @@ def test_a_box_around_a_part_does_not_hide_the_pose(sides: Sides) -> None:
     the box does not."""
     bright, coverage = seen_at(HERE)
     box_px = box_of(coverage > 0.5) * [1, 1, 0.5, 1]
-    found = sides.resembling(crop_of(bright, box_px), box_px, HERE.t_body_cam_m, 30)
+    found = sides.by_light(crop_of(bright, box_px), box_px, HERE.t_body_cam_m, 30)
     assert any(is_like(each, HERE) for each in found)
     elsewhere_m = np.array([5.0, 0, 5.0])
-    found = sides.resembling(crop_of(bright, box_px), box_px, elsewhere_m, 30)
+    found = sides.by_light(crop_of(bright, box_px), box_px, elsewhere_m, 30)
     assert not any(is_like(each, HERE) for each in found)
 
 
@@ -101,7 +111,7 @@ def test_poses_that_are_found_lie_in_the_box_or_at_the_position_and_differ(sides
     bright, coverage = seen_at(HERE)
     box_px = box_of(coverage > 0.5)
     there_m = 1.2 * HERE.t_body_cam_m
-    found = sides.resembling(crop_of(bright, box_px), box_px, there_m, 8)
+    found = sides.by_light(crop_of(bright, box_px), box_px, there_m, 8)
     assert len(found) == 8
     vertices_m = np.concatenate([part.vertices_body_m for part in CRAFT.parts])
     for place in found:
@@ -119,7 +129,44 @@ def test_a_box_that_fills_the_crop_leaves_no_background_to_compare_with(sides: S
     bright, coverage = seen_at(HERE)
     box_px = box_of(coverage > 0.5)
     whole = np.array([-50.0, -50, CAMERA.width_px + 100, CAMERA.height_px + 100])
-    assert sides.resembling(crop_of(bright, box_px), whole, HERE.t_body_cam_m, 8) == []
+    assert sides.by_light(crop_of(bright, box_px), whole, HERE.t_body_cam_m, 8) == []
+
+
+@pytest.mark.parametrize("larger", [1.0, 1.25, 1.6])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_pose_like_the_true_one_is_among_the_first_by_edges_wherever_its_box_lies(
+    sides: Sides, seed: int, larger: float
+) -> None:
+    """The detected box is around a part of the spacecraft, off its middle."""
+    true, bright, coverage = case(seed)
+    whole = box_of(coverage > 0.5)
+    box_px = np.concatenate([whole[:2] + 0.3 * (1 - 1 / larger) * whole[2:], whole[2:] / larger])
+    found = sides.by_edges(crop_of(bright, box_px, larger), box_px, larger, 3)
+    assert any(is_like(place, true) for place in found)
+
+
+def test_in_front_of_clouds_a_pose_like_the_true_one_is_among_the_first_by_edges(sides: Sides) -> None:
+    """The clouds are as bright, and their edges as sharp."""
+    hits = []
+    for seed in range(4):
+        true, bright, coverage = case(seed)
+        box_px = box_of(coverage > 0.5)
+        crop = crop_of(bright + (1 - coverage) * clouds(seed), box_px)
+        found = sides.by_edges(crop, box_px, 1.0, 5)
+        hits.append(any(is_like(place, true) for place in found))
+    assert sum(hits) >= 3
+
+
+def test_what_resembles_an_image_is_found_both_ways_and_told_once(sides: Sides) -> None:
+    bright, coverage = seen_at(HERE)
+    picture = Picture(np.float32(bright), CAMERA, None, is_linear=True)
+    box_px = box_of(coverage > 0.5)
+    found = sides.resembling(picture, box_px, HERE.t_body_cam_m, 48.0)
+    assert any(is_like(place, HERE) for place in found.by_light)
+    assert any(is_like(place, HERE) for place in found.by_edges)
+    for k, place in enumerate(found.by_edges):
+        errors = [pose_errors(*place, *other) for other in found.by_edges[:k]]
+        assert not any(e_t < 0.05 and e_q < np.radians(7) for e_t, e_q in errors)
 
 
 @needs_raster

@@ -146,7 +146,8 @@ class Search:
         if box_px is None:
             box_px = picture.box_px(start, self._sides.hull_m)
         size_px, sun = self._follower.sizes_px[0], best.sun_direction_cam
-        alike = self._sides.resembling(picture, box_px, start.t_body_cam_m, size_px)
+        has_time, t_m = self._follower.has_time, start.t_body_cam_m
+        alike = self._sides.resembling(picture, box_px, t_m, size_px, has_time)
         drawn = self._follower.drawn(alike.by_light, FAR.scale, sun)
         drawn += self._follower.drawn_along_edges(alike.by_edges, sun)
         return [

@@ -3,7 +3,8 @@ light: what is tried where the starts lead nowhere."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
+from itertools import takewhile
 from typing import NamedTuple
 
 import cv2
@@ -70,7 +71,12 @@ class Sides:
         self.hull_m = studio.hull_m
 
     def resembling(
-        self, picture: Picture, box_px: FloatArray, t_body_cam_m: FloatArray, size_px: float
+        self,
+        picture: Picture,
+        box_px: FloatArray,
+        t_body_cam_m: FloatArray,
+        size_px: float,
+        has_time: Callable[[], bool],
     ) -> Resembling:
         """The poses that look most as an image does: by light, and by edges for each size that the
         spacecraft's box may have.
@@ -80,6 +86,7 @@ class Sides:
             box_px: (4,) in which the spacecraft was detected.
             t_body_cam_m: (3,) where the body's origin is by the keypoints.
             size_px: of the box in the crops that are compared.
+            has_time: whether more may be tried.
         """
         found = Resembling([], [])
         for larger in _LARGER:
@@ -90,14 +97,19 @@ class Sides:
             if crop is None:
                 continue
             if larger == 1:
-                found.by_light.extend(self.by_light(crop, box_px, t_body_cam_m, _BY_LIGHT))
-            for each in self.by_edges(crop, box_px, larger, _BY_EDGES):
+                found.by_light.extend(self.by_light(crop, box_px, t_body_cam_m, _BY_LIGHT, has_time))
+            for each in self.by_edges(crop, box_px, larger, _BY_EDGES, has_time):
                 if not any(_is_same(each, other) for other in found.by_edges):
                     found.by_edges.append(each)
         return found
 
     def by_light(
-        self, crop: Crop, box_px: FloatArray, t_body_cam_m: FloatArray, count: int
+        self,
+        crop: Crop,
+        box_px: FloatArray,
+        t_body_cam_m: FloatArray,
+        count: int,
+        has_time: Callable[[], bool],
     ) -> list[Placement]:
         """The poses whose outlines and creases explain most of a crop, each of another attitude than
         those before.
@@ -108,6 +120,7 @@ class Sides:
             t_body_cam_m: (3,) where the body's origin is by the keypoints. Others are tried there, as
                 what is detected may be a part.
             count: most poses that are returned.
+            has_time: whether more may be tried.
         """
         middle, size = _box_in(crop, box_px)
         own = _without_background(crop, middle, size)
@@ -116,21 +129,27 @@ class Sides:
         origin = crop.own_px(crop.camera.project(t_body_cam_m[None])[0])
         tried = [
             laid
-            for laid in self._views.of_area(float(np.prod(size)), middle)
+            for laid in _while(has_time, self._views.of_area(float(np.prod(size)), middle))
             if abs(np.log(size[0] / laid.box_px[2])) < _ASPECT
         ]
         if np.isfinite(origin).all():
             px_rad = crop.camera.fx_px / crop.scale.finer
-            tried += self._views.at(origin, px_rad / float(t_body_cam_m[2]))
-        if not tried:
-            return []
+            tried += _while(has_time, self._views.at(origin, px_rad / float(t_body_cam_m[2])))
         half = np.asarray(cv2.pyrDown(own), np.float32)
-        left = _unexplained(half, (each.halved().channels(half.shape) for each in tried))
+        drawn = (each.halved().channels(half.shape) for each in _while(has_time, tried))
+        left = _unexplained(half, drawn)
         best = [tried[k] for k in np.argsort(left)[:_COMPARED]]
-        shares = [_share(own, each.channels(own.shape), crop) for each in best]
+        shares = [_share(own, each.channels(own.shape), crop) for each in _while(has_time, best)]
         return _first_apart([best[k] for k in np.argsort(shares)[::-1]], crop, count)
 
-    def by_edges(self, crop: Crop, box_px: FloatArray, larger: float, count: int) -> list[Placement]:
+    def by_edges(
+        self,
+        crop: Crop,
+        box_px: FloatArray,
+        larger: float,
+        count: int,
+        has_time: Callable[[], bool],
+    ) -> list[Placement]:
         """The poses whose edges lie most as those of a crop do, each of another attitude than those
         before.
 
@@ -139,14 +158,20 @@ class Sides:
             larger: the length of the spacecraft's own box over that of the detected one, which may be
                 anywhere in it.
             count: most poses that are returned.
+            has_time: whether more may be tried.
         """
         middle, size = _box_in(crop, box_px)
         seen = np.asarray(cv2.pyrDown(evened(edges(crop.seen[..., None], EDGE_BLUR_PX))), np.float32)
         reach = (_OFF * larger + max(0.0, larger - 1) / 2) * size / 2
         area = float(np.prod(larger * size))
-        placed = [_placed(each, seen, reach) for each in self._views.of_area(area, middle)]
+        views = _while(has_time, self._views.of_area(area, middle))
+        placed = [_placed(each, seen, reach) for each in views]
         likely = sorted(placed, key=lambda each: -each[0])
         return _first_apart((laid for _, laid in likely), crop, count)
+
+
+def _while(has_time: Callable[[], bool], laid: Iterable[Laid]) -> Iterator[Laid]:
+    return takewhile(lambda _: has_time(), laid)
 
 
 def _is_same(one: Placement, other: Placement) -> bool:
@@ -230,6 +255,8 @@ def _unexplained(own: Float32Array, drawn: Iterable[Float32Array]) -> FloatArray
         X = channels.reshape(len(y), -1).astype(np.float64)
         squares.append(X.T @ X)
         products.append(X.T @ y)
+    if not products:
+        return np.zeros(0)
     b = np.array(products)
     strength = np.linalg.solve(np.array(squares) + _FAINT * np.eye(b.shape[1]), b[..., None])[..., 0]
     return np.asarray(y @ y - np.sum(strength * (b + _FAINT * strength), axis=1))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cached_property
 from typing import NamedTuple
 
 import cv2
@@ -114,11 +113,12 @@ class Views:
 
     def __init__(self, studio: Studio, radius_m: float) -> None:
         self._studio, self._radius_m = studio, radius_m
+        self._drawn: list[View] = []
 
     def of_area(self, area: float, middle: FloatArray) -> Iterator[Laid]:
         """All views in all turns, so large that their boxes have an area, about a point (2,) of a
         crop."""
-        for view in self._views:
+        for view in self._all():
             low, extent = _boxes(view)
             larger = np.sqrt(area / np.prod(extent, axis=1))
             yield from _laid(view, larger, middle - larger[:, None] * (low + extent / 2))
@@ -129,12 +129,17 @@ class Views:
         Args:
             px_m: the crop's pixels of a metre there.
         """
-        for view in self._views:
+        for view in self._all():
             larger = px_m * view.range_m / view.px_rad
             yield from _laid(view, np.full(_TURNS, larger), origin - larger * _R_TURNS @ view.origin_px)
 
-    @cached_property
-    def _views(self) -> list[View]:
+    def _all(self) -> Iterator[View]:
+        for k, R_body_from_ray in enumerate(R_with_z(sphere(_SIDES))):
+            if k == len(self._drawn):
+                self._drawn.append(self._view(R_body_from_ray))
+            yield self._drawn[k]
+
+    def _view(self, R_body_from_ray: FloatArray) -> View:
         camera = self._studio.camera
         # The sphere fills half of a narrow image.
         radii = max(_RADII, 4 * camera.fx_px / min(camera.width_px, camera.height_px))
@@ -143,29 +148,23 @@ class Views:
         pinhole = scaled(camera, scale)
         ray = pinhole.rays(np.array([pinhole.width_px - 1, pinhole.height_px - 1]) / 2)
         t_m = radii * self._radius_m * ray
-        R_cam_from_ray = R_least(_AXIS, unit(ray))
-        views = []
-        for R_body_from_ray in R_with_z(sphere(_SIDES)):
-            place = Placement(R_cam_from_ray @ R_body_from_ray.T, t_m)
-            hull_px = pinhole.project(self._studio.hull_m @ place.R_cam_from_body.T + t_m)
-            first = np.floor(hull_px.min(axis=0) - _MARGIN_PX).astype(int)
-            size = np.ceil(hull_px.max(axis=0) + _MARGIN_PX).astype(int) - first
-            box = PixelBox(*first.tolist(), *size.tolist())
-            drawn = self._studio.shape(scale, box, place)
-            facing = -normals(drawn.depth_m, pinhole, box) * drawn.coverage[..., None]
-            channels = np.asarray(np.dstack([drawn.coverage, facing]), np.float32)
-            views.append(
-                View(
-                    R_body_from_ray.T,
-                    channels,
-                    edges(channels, _EDGE_BLUR_PX),
-                    hull_px - first,
-                    pinhole.project(t_m[None])[0] - first,
-                    pinhole.fx_px,
-                    float(t_m[2]),
-                )
-            )
-        return views
+        place = Placement(R_least(_AXIS, unit(ray)) @ R_body_from_ray.T, t_m)
+        hull_px = pinhole.project(self._studio.hull_m @ place.R_cam_from_body.T + t_m)
+        first = np.floor(hull_px.min(axis=0) - _MARGIN_PX).astype(int)
+        size = np.ceil(hull_px.max(axis=0) + _MARGIN_PX).astype(int) - first
+        box = PixelBox(*first.tolist(), *size.tolist())
+        drawn = self._studio.shape(scale, box, place)
+        facing = -normals(drawn.depth_m, pinhole, box) * drawn.coverage[..., None]
+        channels = np.asarray(np.dstack([drawn.coverage, facing]), np.float32)
+        return View(
+            R_body_from_ray.T,
+            channels,
+            edges(channels, _EDGE_BLUR_PX),
+            hull_px - first,
+            pinhole.project(t_m[None])[0] - first,
+            pinhole.fx_px,
+            float(t_m[2]),
+        )
 
 
 def _boxes(view: View) -> tuple[FloatArray, FloatArray]:

@@ -56,6 +56,10 @@ def is_like(place: Placement, true: Placement) -> bool:
     return e_t < 0.15 and e_q < np.radians(25)
 
 
+def always() -> bool:
+    return True
+
+
 def clouds(seed: int) -> np.ndarray:
     """(H, W) patches with sharp edges, as bright as the spacecraft."""
     noise = np.random.default_rng(seed).normal(size=(CAMERA.height_px, CAMERA.width_px))
@@ -78,7 +82,7 @@ def test_a_pose_like_the_true_one_is_among_the_first_that_look_as_the_image_does
     """Before a black sky; the range by the keypoints is a tenth too large."""
     true, bright, coverage = case(seed)
     box_px = box_of(coverage > 0.5)
-    found = sides.by_light(crop_of(bright, box_px), box_px, 1.1 * true.t_body_cam_m, 5)
+    found = sides.by_light(crop_of(bright, box_px), box_px, 1.1 * true.t_body_cam_m, 5, always)
     assert any(is_like(place, true) for place in found)
 
 
@@ -90,7 +94,7 @@ def test_before_a_background_it_is_among_thirty_in_most_cases(sides: Sides) -> N
         ramp = np.linspace(0.02, 0.2, CAMERA.width_px)[None]
         box_px = box_of(coverage > 0.5)
         crop = crop_of(bright + (1 - coverage) * ramp, box_px)
-        found = sides.by_light(crop, box_px, 1.1 * true.t_body_cam_m, 30)
+        found = sides.by_light(crop, box_px, 1.1 * true.t_body_cam_m, 30, always)
         hits.append(any(is_like(place, true) for place in found))
     assert sum(hits) >= 3
 
@@ -100,10 +104,10 @@ def test_a_box_around_a_part_does_not_hide_the_pose(sides: Sides) -> None:
     the box does not."""
     bright, coverage = seen_at(HERE)
     box_px = box_of(coverage > 0.5) * [1, 1, 0.5, 1]
-    found = sides.by_light(crop_of(bright, box_px), box_px, HERE.t_body_cam_m, 30)
+    found = sides.by_light(crop_of(bright, box_px), box_px, HERE.t_body_cam_m, 30, always)
     assert any(is_like(each, HERE) for each in found)
     elsewhere_m = np.array([5.0, 0, 5.0])
-    found = sides.by_light(crop_of(bright, box_px), box_px, elsewhere_m, 30)
+    found = sides.by_light(crop_of(bright, box_px), box_px, elsewhere_m, 30, always)
     assert not any(is_like(each, HERE) for each in found)
 
 
@@ -111,7 +115,7 @@ def test_poses_that_are_found_lie_in_the_box_or_at_the_position_and_differ(sides
     bright, coverage = seen_at(HERE)
     box_px = box_of(coverage > 0.5)
     there_m = 1.2 * HERE.t_body_cam_m
-    found = sides.by_light(crop_of(bright, box_px), box_px, there_m, 8)
+    found = sides.by_light(crop_of(bright, box_px), box_px, there_m, 8, always)
     assert len(found) == 8
     vertices_m = np.concatenate([part.vertices_body_m for part in CRAFT.parts])
     for place in found:
@@ -129,7 +133,7 @@ def test_a_box_that_fills_the_crop_leaves_no_background_to_compare_with(sides: S
     bright, coverage = seen_at(HERE)
     box_px = box_of(coverage > 0.5)
     whole = np.array([-50.0, -50, CAMERA.width_px + 100, CAMERA.height_px + 100])
-    assert sides.by_light(crop_of(bright, box_px), whole, HERE.t_body_cam_m, 8) == []
+    assert sides.by_light(crop_of(bright, box_px), whole, HERE.t_body_cam_m, 8, always) == []
 
 
 @pytest.mark.parametrize("larger", [1.0, 1.25, 1.6])
@@ -141,7 +145,7 @@ def test_a_pose_like_the_true_one_is_among_the_first_by_edges_wherever_its_box_l
     true, bright, coverage = case(seed)
     whole = box_of(coverage > 0.5)
     box_px = np.concatenate([whole[:2] + 0.3 * (1 - 1 / larger) * whole[2:], whole[2:] / larger])
-    found = sides.by_edges(crop_of(bright, box_px, larger), box_px, larger, 3)
+    found = sides.by_edges(crop_of(bright, box_px, larger), box_px, larger, 3, always)
     assert any(is_like(place, true) for place in found)
 
 
@@ -152,7 +156,7 @@ def test_in_front_of_clouds_a_pose_like_the_true_one_is_among_the_first_by_edges
         true, bright, coverage = case(seed)
         box_px = box_of(coverage > 0.5)
         crop = crop_of(bright + (1 - coverage) * clouds(seed), box_px)
-        found = sides.by_edges(crop, box_px, 1.0, 5)
+        found = sides.by_edges(crop, box_px, 1.0, 5, always)
         hits.append(any(is_like(place, true) for place in found))
     assert sum(hits) >= 3
 
@@ -161,12 +165,24 @@ def test_what_resembles_an_image_is_found_both_ways_and_told_once(sides: Sides) 
     bright, coverage = seen_at(HERE)
     picture = Picture(np.float32(bright), CAMERA, None, is_linear=True)
     box_px = box_of(coverage > 0.5)
-    found = sides.resembling(picture, box_px, HERE.t_body_cam_m, 48.0)
+    found = sides.resembling(picture, box_px, HERE.t_body_cam_m, 48.0, always)
     assert any(is_like(place, HERE) for place in found.by_light)
     assert any(is_like(place, HERE) for place in found.by_edges)
     for k, place in enumerate(found.by_edges):
         errors = [pose_errors(*place, *other) for other in found.by_edges[:k]]
         assert not any(e_t < 0.05 and e_q < np.radians(7) for e_t, e_q in errors)
+
+
+def test_without_time_nothing_is_drawn() -> None:
+    setting = RefinerSetting(CRAFT, CAMERA, refiners._renderer)
+    studio = Studio(setting, RenderCompareOptions().renderer)
+    bright, coverage = seen_at(HERE)
+    picture = Picture(np.float32(bright), CAMERA, None, is_linear=True)
+    sides, box_px = Sides(studio, CRAFT.radius_m), box_of(coverage > 0.5)
+    turns = iter([True] * 24 + [False] * 9)
+    found = sides.resembling(picture, box_px, HERE.t_body_cam_m, 48.0, lambda: next(turns))
+    assert found == ([], [])
+    assert studio.images == 2
 
 
 @needs_raster

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from posse_core._arrays import BoolArray, Float32Array
-from posse_core._refinement.background import near_pixels, with_background
+from posse_core._refinement.background import behind, near_pixels, with_background
 from posse_core._refinement.crop import Crop, binned
 from posse_core._refinement.edges import EDGE_BLUR_PX, correlation, edges, evened
 from posse_core._refinement.flow import by_pose, gradient, normals
@@ -93,15 +93,24 @@ class LitComparer(Comparer):
         return self._explained(binned(self._scene(drawn), finer), near_pixels(drawn, finer), _DETAIL_PX)
 
     def edge_correlation(self, placement: Placement) -> float:
-        """-1 … 1, how far the edges of the crop lie as those that are drawn: the mean of the correlation
-        with the edges of the shape, of which light may leave some out, and with those in this light."""
+        """0 … 1, how far the edges of the crop lie as those that are drawn: the geometric mean of the
+        correlation with the edges of the shape, of which light may leave some out, and of that with the
+        edges in this light, many of which may be the background's."""
         crop, finer = self._crop, self._crop.scale.finer
         drawn = self._studio.draw(crop.scale.drawn, crop.drawn_box, placement, self._light.lights)
         facing = normals(drawn.depth_m, crop.camera, crop.drawn_box) * drawn.coverage[..., None]
         shape = edges(binned(np.dstack([drawn.coverage, facing]), finer), EDGE_BLUR_PX)
         in_light = evened(edges(binned(self._scene(drawn), finer)[..., None], EDGE_BLUR_PX))
         seen, near = evened(edges(crop.seen[..., None], EDGE_BLUR_PX)), near_pixels(drawn, finer)
-        return (correlation(seen[near], shape[near]) + correlation(seen[near], in_light[near])) / 2
+        found = [max(0.0, correlation(seen[near], each[near])) for each in (shape, in_light)]
+        return float(np.sqrt(np.prod(found)))
+
+    def agreement_of_background(self, placement: Placement) -> float:
+        """How well the crop agrees, where the spacecraft is drawn, with what is seen beside it alone."""
+        crop, light = self._crop, self._light
+        drawn = self._studio.draw(crop.scale.drawn, crop.drawn_box, placement, light.lights)
+        continued = crop.coded(behind(drawn, crop))
+        return self.agreement_of(continued, near_pixels(drawn, crop.scale.finer))
 
     def _explained(self, modelled: Float32Array, near: BoolArray, window_px: float) -> float:
         """0 … 1, how much is explained of what varies within windows."""

@@ -278,6 +278,12 @@ class Follower:
         prior, fit = self._prior(here), self._fit(here, comparer)
         return Trail(found, comparer, sun, light.blur_px, crop.is_linear, start, prior, fit, self._power)
 
+    def chance_of_nothing(self, trail: Trail) -> float:
+        """How likely it is, among poses, that there is no spacecraft where a trail ends: the background
+        alone may explain what is seen there."""
+        agreement = trail.comparer.agreement_of_background(trail.found.placement)
+        return chance(agreement, 1.0, self._power)
+
     def _prior(self, placement: Placement) -> float:
         """How likely a pose is by the starts."""
         return prior(placement, self.starts, self._symmetries)

@@ -93,7 +93,6 @@ class Search:
             looks = self._from_all_sides(found[0])
             if looks:
                 found = self._compared([*found, *self._followed_to_the_finest(looks)])
-        unseen = UNSEEN_FROM_ALL_SIDES if looks else UNSEEN
         is_hopeful = self._is_sun_known and found[0].agreement > self._follower.followable
         if is_hopeful and self._is_doubtful(found):
             found = self._compared([*found, *self._slightly_turned(found)])
@@ -104,7 +103,9 @@ class Search:
         best = found[0]
         self._follower.take_as(is_linear=best.is_linear)
         before = best.comparer.compare(firsts[best.start]).agreement
-        return Outcome(best.found, before, best.start, certainty(found, self._symmetries, unseen))
+        unseen = UNSEEN_FROM_ALL_SIDES if looks else UNSEEN
+        others = unseen + self._follower.chance_of_nothing(best)
+        return Outcome(best.found, before, best.start, certainty(found, self._symmetries, others))
 
     def _first_looks(self, best: Trail, firsts: Sequence[Placement]) -> list[Trail]:
         """Trails from poses that resemble the likeliest."""

@@ -23,10 +23,11 @@ RIVAL = 50.0
 UNSEEN, UNSEEN_FROM_ALL_SIDES = 8.0, 2.0
 """The chance of all poses that were not tried, and of those that are left once looks from all sides were
 compared."""
-_POWER, _POWER_OF_SHAPE = 2, 4
+_POWER, _POWER_OF_SHAPE, _LEAST_OFF_OF_SHAPE = 2, 4, 0.05
 """The chance falls with this power of the disagreement, and with the second where materials are not
 known. There the true pose explains 0.7 to 0.9 and wrong ones 0.4 to 0.65, as patterns that the mesh does
-not have are left at all poses alike."""
+not have are left at all poses alike. What explains more than 0.95 is no likelier for it: a limb of the
+Earth is so plain that a panel explains it."""
 _BOX_SIGMA = 0.2
 """Spread of the logarithm of the length of a pose's box over that of the detected one."""
 _LARGER, _SMALLER = 0.1, 0.01
@@ -174,7 +175,7 @@ def different(trails: Sequence[Trail], symmetries: Sequence[FloatArray], alike: 
 
 def certainty(trails: Sequence[Trail], symmetries: Sequence[FloatArray], unseen: float) -> float:
     """Probability that the first of several trails, the likeliest, is the right one, 0 … 1, if all that
-    were not tried have this chance.
+    was not tried has this chance.
 
     Where the image leaves a pose open, steps from several places end at as many poses, which are of one
     side of the spacecraft: only the likeliest of them rivals the first.
@@ -194,6 +195,8 @@ def chance(agreement: float, prior: float, power: int, least_off: float = _LEAST
     With the power 2, what is left of the disagreement counts as variance would. A pose of prior 1 that
     agrees by 0.65 has the chance :data:`UNSEEN` with any.
     """
+    if power == _POWER_OF_SHAPE:
+        least_off = max(least_off, _LEAST_OFF_OF_SHAPE)
     off = max(1 - agreement, least_off)
     return float(prior * UNSEEN ** (1 - power / 2) / off**power)
 

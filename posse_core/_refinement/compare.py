@@ -64,9 +64,7 @@ class LitComparer(Comparer):
 
     def compare(self, placement: Placement) -> Comparison:
         """Draw the spacecraft and compare."""
-        crop, light = self._crop, self._light
-        drawn = self._studio.draw(crop.scale.drawn, crop.drawn_box, placement, light.lights)
-        return self.compared(drawn, placement)
+        return self.compared(self._drawn(placement), placement)
 
     def agreement(self, drawn: Drawn) -> float:
         """How well the crop agrees with what is drawn already."""
@@ -88,16 +86,14 @@ class LitComparer(Comparer):
 
     def detail(self, placement: Placement) -> float:
         """0 … 1, how much is explained of what varies within a few pixels."""
-        crop, finer = self._crop, self._crop.scale.finer
-        drawn = self._studio.draw(crop.scale.drawn, crop.drawn_box, placement, self._light.lights)
+        drawn, finer = self._drawn(placement), self._crop.scale.finer
         return self._explained(binned(self._scene(drawn), finer), near_pixels(drawn, finer), _DETAIL_PX)
 
     def edge_correlation(self, placement: Placement) -> float:
         """0 … 1, how far the edges of the crop lie as those that are drawn: the geometric mean of the
         correlation with the edges of the shape, of which light may leave some out, and of that with the
         edges in this light, many of which may be the background's."""
-        crop, finer = self._crop, self._crop.scale.finer
-        drawn = self._studio.draw(crop.scale.drawn, crop.drawn_box, placement, self._light.lights)
+        crop, finer, drawn = self._crop, self._crop.scale.finer, self._drawn(placement)
         facing = normals(drawn.depth_m, crop.camera, crop.drawn_box) * drawn.coverage[..., None]
         shape = edges(binned(np.dstack([drawn.coverage, facing]), finer), EDGE_BLUR_PX)
         in_light = evened(edges(binned(self._scene(drawn), finer)[..., None], EDGE_BLUR_PX))
@@ -107,10 +103,13 @@ class LitComparer(Comparer):
 
     def agreement_of_background(self, placement: Placement) -> float:
         """How well the crop agrees, where the spacecraft is drawn, with what is seen beside it alone."""
-        crop, light = self._crop, self._light
-        drawn = self._studio.draw(crop.scale.drawn, crop.drawn_box, placement, light.lights)
+        crop, drawn = self._crop, self._drawn(placement)
         continued = crop.coded(behind(drawn, crop))
         return self.agreement_of(continued, near_pixels(drawn, crop.scale.finer))
+
+    def _drawn(self, placement: Placement) -> Drawn:
+        crop = self._crop
+        return self._studio.draw(crop.scale.drawn, crop.drawn_box, placement, self._light.lights)
 
     def _explained(self, modelled: Float32Array, near: BoolArray, window_px: float) -> float:
         """0 … 1, how much is explained of what varies within windows."""

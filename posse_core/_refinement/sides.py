@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from posse_core._arrays import Float32Array, FloatArray
+from posse_core._evaluation.poses import pose_errors
 from posse_core._frames import turn_rad
 from posse_core._refinement.background import continued, near_covered
 from posse_core._refinement.compare import SHAPE_NOISE, WINDOW_PX, share_explained
@@ -162,7 +163,7 @@ class Sides:
         """
         middle, size = _box_in(crop, box_px)
         seen = np.asarray(cv2.pyrDown(evened(edges(crop.seen[..., None], EDGE_BLUR_PX))), np.float32)
-        reach = (_OFF * larger + max(0.0, larger - 1) / 2) * size / 2
+        reach = (_OFF * larger + (larger - 1) / 2) * size / 2
         area = float(np.prod(larger * size))
         views = _while(has_time, self._views.of_area(area, middle))
         placed = [_placed(each, seen, reach) for each in views]
@@ -175,9 +176,8 @@ def _while(has_time: Callable[[], bool], laid: Iterable[Laid]) -> Iterator[Laid]
 
 
 def _is_same(one: Placement, other: Placement) -> bool:
-    turn = turn_rad(one.R_cam_from_body, other.R_cam_from_body)
-    off_m = np.linalg.norm(one.t_body_cam_m - other.t_body_cam_m)
-    return bool(turn < _SAME_RAD and off_m < _SAME * np.linalg.norm(one.t_body_cam_m))
+    e_t, e_q_rad = pose_errors(*one, *other)
+    return e_t < _SAME and e_q_rad < _SAME_RAD
 
 
 def _box_in(crop: Crop, box_px: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -33,8 +33,6 @@ _BOX_SIGMA = 0.2
 _LARGER, _SMALLER = 0.1, 0.01
 """The least that is left of a pose's chance where its box is larger than the detected one, which may be
 around what is lit alone, and where it is smaller."""
-
-
 _EDGES, _POWER_OF_EDGES = 0.6, 4
 """A pose keeps its chance if its edges correlate so much with those of the image; below, the chance
 falls with this power of what is left of 1."""

@@ -121,7 +121,8 @@ class Views:
         for view in self._all():
             low, extent = _boxes(view)
             larger = np.sqrt(area / np.prod(extent, axis=1))
-            yield from _laid(view, larger, middle - larger[:, None] * (low + extent / 2))
+            shift = middle - larger[:, None] * (low + extent / 2)
+            yield from _laid(view, larger, shift, low, extent)
 
     def at(self, origin: FloatArray, px_m: float) -> Iterator[Laid]:
         """All views and turns with the body's origin at one of a crop's pixels (2,).
@@ -131,7 +132,8 @@ class Views:
         """
         for view in self._all():
             larger = px_m * view.range_m / view.px_rad
-            yield from _laid(view, np.full(_TURNS, larger), origin - larger * _R_TURNS @ view.origin_px)
+            shift = origin - larger * _R_TURNS @ view.origin_px
+            yield from _laid(view, np.full(_TURNS, larger), shift, *_boxes(view))
 
     def _all(self) -> Iterator[View]:
         for k, R_body_from_ray in enumerate(R_with_z(sphere(_SIDES))):
@@ -174,9 +176,13 @@ def _boxes(view: View) -> tuple[FloatArray, FloatArray]:
     return low, np.maximum(turned_px.max(axis=1) - low, _LEAST_EXTENT_PX)
 
 
-def _laid(view: View, larger: FloatArray, shift: FloatArray) -> Iterator[Laid]:
-    """A view in each turn, so many times as large (T,), its pixel 0 at points (T, 2) of a crop."""
-    low, extent = _boxes(view)
+def _laid(
+    view: View, larger: FloatArray, shift: FloatArray, low: FloatArray, extent: FloatArray
+) -> Iterator[Laid]:
+    """A view in each turn, so many times as large (T,), its pixel 0 at points (T, 2) of a crop.
+
+    low, extent: of :func:`_boxes`.
+    """
     A = larger[:, None, None] * _R_TURNS
     boxes_px = np.concatenate([shift + larger[:, None] * low, larger[:, None] * extent], axis=1)
     for k in range(_TURNS):

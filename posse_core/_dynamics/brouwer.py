@@ -18,7 +18,7 @@ from typing import Any
 import casadi as ca
 
 from posse_core._dynamics.kepler import eccentric_longitude
-from posse_core._dynamics.rows import dense
+from posse_core._dynamics.rows import Rows, dense
 
 
 def _osculating() -> Any:
@@ -92,5 +92,5 @@ def _osculating() -> Any:
     return dense("brouwer_lyddane", arguments, {"osculating_qns": osculating})
 
 
-BROUWER_LYDDANE = _osculating()
+BROUWER_LYDDANE = Rows(_osculating)
 """casadi Function (mean qns, (μ, Rₑ, J₂)) → osculating qns; not at i = 0."""

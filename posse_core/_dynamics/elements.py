@@ -91,12 +91,10 @@ def _equinoctial_from_state() -> Any:
     )
 
 
-STATE_FROM_EQUINOCTIAL = _state_from_equinoctial()
+STATE_FROM_EQUINOCTIAL = Rows(_state_from_equinoctial)
 """casadi Function (elements (6), sign, μ) → position (3) m, velocity (3) m/s."""
-EQUINOCTIAL_FROM_STATE = _equinoctial_from_state()
+EQUINOCTIAL_FROM_STATE = Rows(_equinoctial_from_state)
 """casadi Function (position (3) m, velocity (3) m/s, sign, μ) → elements (6); elliptic orbits."""
-_state_from_equinoctial_rows = Rows(STATE_FROM_EQUINOCTIAL)
-_equinoctial_from_state_rows = Rows(EQUINOCTIAL_FROM_STATE)
 
 
 def equinoctial_sign(r_m: FloatArray, v_m_s: FloatArray) -> FloatArray:
@@ -109,7 +107,7 @@ def state_from_equinoctial(
     elements: FloatArray, sign: FloatArray | float, mu_m3_s2: float
 ) -> tuple[FloatArray, FloatArray]:
     """(..., 6), (...,) → position and velocity, (..., 3) each; e < 1."""
-    r_m, v_m_s = _state_from_equinoctial_rows(elements, sign, mu_m3_s2)
+    r_m, v_m_s = STATE_FROM_EQUINOCTIAL(elements, sign, mu_m3_s2)
     return r_m, v_m_s
 
 
@@ -117,7 +115,7 @@ def equinoctial_from_state(
     r_m: FloatArray, v_m_s: FloatArray, sign: FloatArray | float, mu_m3_s2: float
 ) -> FloatArray:
     """(..., 3), (..., 3), (...,) → (..., 6); NaN where the orbit is not elliptic."""
-    result: FloatArray = _equinoctial_from_state_rows(r_m, v_m_s, sign, mu_m3_s2)
+    result: FloatArray = EQUINOCTIAL_FROM_STATE(r_m, v_m_s, sign, mu_m3_s2)
     return result
 
 

@@ -121,12 +121,12 @@ def _short_period() -> Any:
         / (2 * G**3)
         * ((1 - 1.5 * sin2_i) * (centre + e_sin_f) + 1.5 * (0.5 * sin_2 + 0.5 * e_minus + e_plus / 6))
     )
-    elements = EQUINOCTIAL_FROM_STATE(r, v, sign, mu)
+    elements = EQUINOCTIAL_FROM_STATE.function(r, v, sign, mu)
     change = -(
         ca.jacobian(elements, r) @ ca.gradient(S, v) - ca.jacobian(elements, v) @ ca.gradient(S, r)
     )
     at = ca.SX.sym("equinoctial", 6)
-    r_at, v_at = STATE_FROM_EQUINOCTIAL(at, sign, mu)
+    r_at, v_at = STATE_FROM_EQUINOCTIAL.function(at, sign, mu)
     inner = ca.Function("bracket", [r, v, sign, earth], [change])
     return dense(
         "j2_short_period",
@@ -135,16 +135,12 @@ def _short_period() -> Any:
     )
 
 
-J2_STM = _stm()
+J2_STM = Rows(_stm)
 """casadi Function (mean chief qns, (μ, Rₑ, J₂), t) → (6, 6) state-transition matrix of mean ROE."""
-J2_SECULAR = _secular()
+J2_SECULAR = Rows(_secular)
 """casadi Function (mean qns, (μ, Rₑ, J₂), t) → mean qns at t."""
-J2_SHORT_PERIOD = _short_period()
+J2_SHORT_PERIOD = Rows(_short_period)
 """casadi Function (mean equinoctial, I, (μ, Rₑ, J₂)) → osculating minus mean, equinoctial."""
-_stm_rows = Rows(J2_STM)
-_secular_rows = Rows(J2_SECULAR)
-_short_period_rows = Rows(J2_SHORT_PERIOD)
-_brouwer_rows = Rows(BROUWER_LYDDANE)
 
 
 def _column(constants: Constants) -> FloatArray:
@@ -153,21 +149,21 @@ def _column(constants: Constants) -> FloatArray:
 
 def j2_stm(mean_chief_qns: FloatArray, constants: Constants, t_s: FloatArray | float) -> FloatArray:
     """(..., 6), (...,) → (..., 6, 6): mean ROE at t from those at 0. See :data:`J2_STM`."""
-    return np.asarray(_stm_rows(mean_chief_qns, _column(constants), t_s))
+    return np.asarray(J2_STM(mean_chief_qns, _column(constants), t_s))
 
 
 def j2_secular(mean_qns: FloatArray, constants: Constants, t_s: FloatArray | float) -> FloatArray:
     """(..., 6), (...,) → (..., 6): mean elements at t. See :data:`J2_SECULAR`."""
-    return np.asarray(_secular_rows(mean_qns, _column(constants), t_s))
+    return np.asarray(J2_SECULAR(mean_qns, _column(constants), t_s))
 
 
 def osculating_from_mean(mean_qns: FloatArray, constants: Constants, theory: Theory) -> FloatArray:
     """(..., 6) mean qns → (..., 6) osculating qns."""
     if theory == "brouwer-lyddane":
-        return _near(np.asarray(_brouwer_rows(mean_qns, _column(constants))), mean_qns)
+        return _near(np.asarray(BROUWER_LYDDANE(mean_qns, _column(constants))), mean_qns)
     sign = qns_sign(mean_qns)
     mean = equinoctial_from_qns(mean_qns, sign)
-    change = np.asarray(_short_period_rows(mean, sign, _column(constants)))
+    change = np.asarray(J2_SHORT_PERIOD(mean, sign, _column(constants)))
     return _near(qns_from_equinoctial(mean + change, sign), mean_qns)
 
 

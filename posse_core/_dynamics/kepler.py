@@ -60,9 +60,8 @@ def _function() -> Any:
     )
 
 
-ECCENTRIC_LONGITUDE = _function()
+ECCENTRIC_LONGITUDE = Rows(_function)
 """casadi Function (mean longitude, ex, ey) → eccentric longitude, rad."""
-_eccentric_longitude = Rows(ECCENTRIC_LONGITUDE)
 
 
 def eccentric_longitude_rad(
@@ -72,5 +71,5 @@ def eccentric_longitude_rad(
 
     With ey = 0 it is the classical equation: M, e → E.
     """
-    result: FloatArray = _eccentric_longitude(longitude_rad, ex, ey)
+    result: FloatArray = ECCENTRIC_LONGITUDE(longitude_rad, ex, ey)
     return result

@@ -120,7 +120,7 @@ def _unscaling(e: Any, theta: Any, k2: Any) -> Any:
 def _any_eccentricity() -> Any:
     chief, mu, t = ca.SX.sym("chief_qns", 6), ca.SX.sym("mu_m3_s2"), ca.SX.sym("t_s")
     roe = ca.SX.sym("roe", 6)
-    jacobian = ca.jacobian(RTN_FROM_ROE(chief, roe, mu, t), roe)
+    jacobian = ca.jacobian(RTN_FROM_ROE.function(chief, roe, mu, t), roe)
     matrix = ca.substitute(jacobian, roe, ca.SX.zeros(6))
     return dense("any_eccentricity", {"chief_qns": chief, "mu_m3_s2": mu, "t_s": t}, {"map": matrix})
 
@@ -140,40 +140,36 @@ _YA_FROM_RTN = _rows(
 )
 """RTN state → x, z, ẋ, ż in plane (x along T, z along −R), then out of plane (along N)."""
 
-HCW = _hcw()
+HCW = Rows(_hcw)
 """casadi Function (chief qns, μ, t) → (6, 6) state-transition matrix: Hill (1878), Clohessy and
 Wiltshire (1960). Circular chief."""
-NEAR_CIRCULAR = _near_circular()
+NEAR_CIRCULAR = Rows(_near_circular)
 """casadi Function (chief qns, μ, t) → (6, 6) map from dimensionless qns ROE at t = 0 to the RTN state
 at t: D'Amico (2010), eq. 2.17, with u = ω + M."""
-YAMANAKA_ANKERSEN = _yamanaka_ankersen()
+YAMANAKA_ANKERSEN = Rows(_yamanaka_ankersen)
 """casadi Function (chief qns, μ, t) → (6, 6) state-transition matrix: Yamanaka and Ankersen (2002),
 J. Guidance 25, 60, eqs 82–86. Any e < 1."""
-ANY_ECCENTRICITY = _any_eccentricity()
+ANY_ECCENTRICITY = Rows(_any_eccentricity)
 """casadi Function (chief qns, μ, t) → (6, 6) map from dimensionless qns ROE at t = 0 to the RTN state
 at t: the Jacobian of the exact map at zero, by AD. Any e < 1."""
-_hcw_rows = Rows(HCW)
-_near_circular_rows = Rows(NEAR_CIRCULAR)
-_yamanaka_ankersen_rows = Rows(YAMANAKA_ANKERSEN)
-_any_eccentricity_rows = Rows(ANY_ECCENTRICITY)
 
 
 def hcw_stm(chief_qns: FloatArray, mu_m3_s2: float, t_s: FloatArray | float) -> FloatArray:
     """(..., 6), (...,) → (..., 6, 6): RTN state at t from that at 0. See :data:`HCW`."""
-    return np.asarray(_hcw_rows(chief_qns, mu_m3_s2, t_s))
+    return np.asarray(HCW(chief_qns, mu_m3_s2, t_s))
 
 
 def near_circular_map(chief_qns: FloatArray, mu_m3_s2: float, t_s: FloatArray | float) -> FloatArray:
     """(..., 6), (...,) → (..., 6, 6): RTN state at t from ROE at 0. See :data:`NEAR_CIRCULAR`."""
-    return np.asarray(_near_circular_rows(chief_qns, mu_m3_s2, t_s))
+    return np.asarray(NEAR_CIRCULAR(chief_qns, mu_m3_s2, t_s))
 
 
 def yamanaka_ankersen_stm(chief_qns: FloatArray, mu_m3_s2: float, t_s: FloatArray | float) -> FloatArray:
     """(..., 6), (...,) → (..., 6, 6): RTN state at t from that at 0.
     See :data:`YAMANAKA_ANKERSEN`."""
-    return np.asarray(_yamanaka_ankersen_rows(chief_qns, mu_m3_s2, t_s))
+    return np.asarray(YAMANAKA_ANKERSEN(chief_qns, mu_m3_s2, t_s))
 
 
 def any_eccentricity_map(chief_qns: FloatArray, mu_m3_s2: float, t_s: FloatArray | float) -> FloatArray:
     """(..., 6), (...,) → (..., 6, 6): RTN state at t from ROE at 0. See :data:`ANY_ECCENTRICITY`."""
-    return np.asarray(_any_eccentricity_rows(chief_qns, mu_m3_s2, t_s))
+    return np.asarray(ANY_ECCENTRICITY(chief_qns, mu_m3_s2, t_s))

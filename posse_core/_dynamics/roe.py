@@ -12,7 +12,7 @@ equation, and their difference is taken in the chief's RTN axes, without integra
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import casadi as ca
@@ -104,16 +104,16 @@ def _equinoctial_rtn(corrections: int) -> Any:
     return dense("rtn_from_equinoctial_roe", {**arguments, "mu_m3_s2": mu, "t_s": t}, {"rtn": rtn})
 
 
-RTN_FROM_ROE = _qns_rtn(CORRECTIONS)
+RTN_FROM_ROE = Rows(partial(_qns_rtn, CORRECTIONS))
 """casadi Function (chief qns (6) at t = 0, qns ROE (6), μ, t) → RTN state (6). Not at i = 0, 180°."""
-RTN_FROM_EQUINOCTIAL_ROE = _equinoctial_rtn(CORRECTIONS)
+RTN_FROM_EQUINOCTIAL_ROE = Rows(partial(_equinoctial_rtn, CORRECTIONS))
 """casadi Function (chief equinoctial (6) at t = 0, I, equinoctial ROE (6), μ, t) → RTN state (6)."""
 
 
 @cache
 def _rows(build: Callable[[int], Any], corrections: int) -> Rows:
     """The Function with a given number of corrections of Kepler's equation, ready for many rows."""
-    return Rows(build(corrections))
+    return Rows(partial(build, corrections))
 
 
 def _needed(chief: FloatArray, roe: FloatArray) -> int:

@@ -9,7 +9,7 @@ rows stay scalars, and what depends on them alone is computed once per block.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cached_property
 from typing import Any
 
@@ -31,11 +31,16 @@ class Rows:
     numpy. The last two axes of a matrix result are the matrix.
     """
 
-    def __init__(self, function: Any) -> None:
-        self.function = function
-        self._sizes_in = [function.numel_in(k) for k in range(function.n_in())]
-        self._shapes_out = [function.size_out(k) for k in range(function.n_out())]
+    def __init__(self, build: Callable[[], Any]) -> None:
+        """build: makes the Function when it is first needed, so that programs that never call it start
+        sooner."""
+        self._build = build
         self._blocks: dict[tuple[int, tuple[bool, ...]], Any] = {}
+
+    @cached_property
+    def function(self) -> Any:
+        """The casadi Function."""
+        return self._build()
 
     def __call__(self, *arguments: FloatArray | float) -> Any:
         """Evaluate the Function and return one array per result, in a tuple if there are several."""
@@ -112,6 +117,16 @@ class Rows:
         if (size, constant) not in self._blocks:
             self._blocks[size, constant] = _over_rows(self._flat, size, constant)
         return self._blocks[size, constant]
+
+    @cached_property
+    def _sizes_in(self) -> list[int]:
+        """Elements of each argument."""
+        return [self.function.numel_in(k) for k in range(self.function.n_in())]
+
+    @cached_property
+    def _shapes_out(self) -> list[tuple[int, int]]:
+        """Rows and columns of each result."""
+        return [self.function.size_out(k) for k in range(self.function.n_out())]
 
     @cached_property
     def _flat(self) -> Any:

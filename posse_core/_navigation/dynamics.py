@@ -220,8 +220,8 @@ def _orbit_steps(gravity: Any, constants: Constants) -> tuple[Rows, Rows]:
     derivative = ca.jacobian(after, state)[6:, 6:]
     arguments = {"state": state, "h_s": h}
     return (
-        Rows(dense("orbit_step", arguments, {"after": after})),
-        Rows(dense("orbit_step_and_derivative", arguments, {"after": after, "by": derivative})),
+        Rows(lambda: dense("orbit_step", arguments, {"after": after})),
+        Rows(lambda: dense("orbit_step_and_derivative", arguments, {"after": after, "by": derivative})),
     )
 
 
@@ -238,7 +238,7 @@ def _turn_step(inertia_kg_m2: FloatArray) -> Rows:
     # Rotations about body axes multiply on the right, hence the commutator's sign.
     phi = h / 6 * (omega + 4 * middle + after) + h**2 / 12 * ca.cross(omega, after)
     return Rows(
-        dense(
+        lambda: dense(
             "turn_step",
             {"omega": omega, "h_s": h},
             {

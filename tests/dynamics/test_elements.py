@@ -78,7 +78,7 @@ def test_the_general_equation_is_keplers_turned(l: float, e: float, turn: float)
 
 
 def test_keplers_equation_has_a_finite_jacobian_on_a_circle() -> None:
-    jacobian = ECCENTRIC_LONGITUDE.jacobian()
+    jacobian = ECCENTRIC_LONGITUDE.function.jacobian()
     by_l, by_ex, by_ey = (float(part) for part in jacobian(0.7, 0.0, 0.0, 0.0))
     # F = l + ex sin l − ey cos l + O(e²)
     assert (by_l, by_ex, by_ey) == pytest.approx((1.0, np.sin(0.7), -np.cos(0.7)), abs=1e-14)

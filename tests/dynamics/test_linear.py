@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from posse_core._constants import Constants
 from posse_core._dynamics import elements, j2, linear, roe
 from posse_core._dynamics.elements import later
+from posse_core._dynamics.rows import Rows
 
 CONSTANTS = Constants()
 MU = CONSTANTS.mu_earth_m3_s2
@@ -128,11 +129,12 @@ def test_the_j2_matrix_is_the_slope_of_the_secular_flow(chief: Any, t: float) ->
 
 
 @pytest.mark.parametrize(
-    "function",
+    "rows",
     [linear.HCW, linear.YAMANAKA_ANKERSEN, roe.RTN_FROM_ROE, roe.RTN_FROM_EQUINOCTIAL_ROE, j2.J2_STM],
-    ids=lambda function: str(function.name()),
+    ids=lambda rows: str(rows.function.name()),
 )
-def test_functions_are_named_and_survive_a_file(function: Any, tmp_path: Path) -> None:
+def test_functions_are_named_and_survive_a_file(rows: Rows, tmp_path: Path) -> None:
+    function = rows.function
     path = tmp_path / "f.casadi"
     function.save(str(path))
     again = ca.Function.load(str(path))

@@ -29,12 +29,12 @@ from posse_core._refinement.prior import prior
 from posse_core._refinement.studio import EVEN, Drawn, Studio
 from posse_core._refinement.sunlight import brightest_direction, likely_direction
 from posse_core._refinement.trail import (
+    MATERIALS_KNOWN,
+    MATERIALS_UNKNOWN,
     Outcome,
     Trail,
     by_chance,
-    chance,
     edge_fit,
-    power_of,
     size_fit,
 )
 from posse_core._refinement.turns import Tried
@@ -108,7 +108,7 @@ class Follower:
         self._studio, self.box_px = studio, box_px
         self._radius_m = setting.spacecraft.radius_m
         self._symmetries = setting.spacecraft.symmetries
-        self._power = power_of(knows_materials=studio.knows_materials)
+        self._weight = MATERIALS_KNOWN if studio.knows_materials else MATERIALS_UNKNOWN
         self._by_coding = {
             linear: Picture(grey, setting.camera, box_px, is_linear=linear) for linear in (False, True)
         }
@@ -184,7 +184,7 @@ class Follower:
         """A pose to which one under a light was moved, whereby the agreement has risen."""
         agreement = min(1.0, seen.agreement + rise)
         prior, fit = self._prior(placement), self._fit(placement, seen.comparer)
-        return Tried(fit * chance(agreement, prior, self._power), crops, placement)
+        return Tried(fit * self._weight.chance(agreement, prior), crops, placement)
 
     def trail_from(self, tried: Tried, start: int) -> Trail:
         """A pose that was drawn, followed at its scale."""
@@ -276,13 +276,15 @@ class Follower:
             if (number > 0 and found.is_settled) or not self.has_time():
                 break
         prior, fit = self._prior(here), self._fit(here, comparer)
-        return Trail(found, comparer, sun, light.blur_px, crop.is_linear, start, prior, fit, self._power)
+        return Trail(
+            found, comparer, sun, light.blur_px, crop.is_linear, start, prior, fit, self._weight
+        )
 
     def chance_of_nothing(self, trail: Trail) -> float:
         """How likely it is, among poses, that there is no spacecraft where a trail ends: the background
         alone may explain what is seen there."""
         agreement = trail.comparer.agreement_of_background(trail.found.placement)
-        return chance(agreement, 1.0, self._power)
+        return self._weight.chance(agreement, 1.0)
 
     def _prior(self, placement: Placement) -> float:
         """How likely a pose is by the starts."""

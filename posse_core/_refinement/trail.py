@@ -15,19 +15,14 @@ from posse_core._refinement.descent import Found
 
 _LEFT_OVER = 1e-3
 """What no drawing explains of the detail."""
-_LEAST_OFF, _COARSE_OFF = 1e-3, 0.02
-"""What of a disagreement counts at least; and that of the likeliest pose among others at the coarsest
-scale, where different ones may agree nearly as much."""
+_COARSE_OFF = 0.02
+"""The disagreement of the likeliest pose counts at least so much among others at the coarsest scale,
+where different ones may agree nearly as much."""
 RIVAL = 50.0
 """Poses whose chance is less by at most this factor may be the right one."""
 UNSEEN, UNSEEN_FROM_ALL_SIDES = 8.0, 2.0
 """The chance of all poses that were not tried, and of those that are left once looks from all sides were
 compared."""
-_POWER, _POWER_OF_SHAPE, _LEAST_OFF_OF_SHAPE = 2, 4, 0.05
-"""The chance falls with this power of the disagreement, and with the second where materials are not
-known. There the true pose explains 0.7 to 0.9 and wrong ones 0.4 to 0.65, as patterns that the mesh does
-not have are left at all poses alike. What explains more than 0.95 is no likelier for it: a limb of the
-Earth is so plain that a panel explains it."""
 _BOX_SIGMA = 0.2
 """Spread of the logarithm of the length of a pose's box over that of the detected one."""
 _LARGER, _SMALLER = 0.1, 0.01
@@ -56,6 +51,36 @@ _OF_ONE_SIDE = Alike(0.15, np.radians(15))
 """Such rivals of a pose count once."""
 
 
+class Weight(NamedTuple):
+    """How much an image's disagreement with a drawing says against a pose.
+
+    Attributes:
+        power: of the disagreement with which the chance of a pose falls.
+        least: what of a disagreement counts at least.
+    """
+
+    power: int
+    least: float
+
+    def chance(self, agreement: float, prior: float, least: float = 0.0) -> float:
+        """How likely a pose is, among others, by how an image agrees with it and its prior.
+
+        With the power 2, what is left of the disagreement counts as variance would. A pose of prior 1
+        that agrees by 0.65 has the chance :data:`UNSEEN` with any.
+
+        Args:
+            least: what of the disagreement counts at least, where that is more.
+        """
+        off = max(1 - agreement, self.least, least)
+        return float(prior * UNSEEN ** (1 - self.power / 2) / off**self.power)
+
+
+MATERIALS_KNOWN, MATERIALS_UNKNOWN = Weight(2, 1e-3), Weight(4, 0.05)
+"""Where materials are not known, the true pose explains 0.7 to 0.9 and wrong ones 0.4 to 0.65, as
+patterns that the mesh does not have are left at all poses alike. What explains more than 0.95 is no
+likelier for it: a limb of the Earth is so plain that a panel explains it."""
+
+
 @dataclass(frozen=True)
 class Trail:
     """A pose on its way through the scales.
@@ -69,7 +94,7 @@ class Trail:
         start: index of the start.
         prior: how likely the pose is before the image is compared.
         fit: what is left of its chance by the detected box and by edges.
-        power: of the disagreement; see :func:`chance`.
+        weight: of what the image disagrees with.
         detail: how much of the image's detail it explains, 0 … 1; None until it was weighed.
         share: of its chance that is left since others explain detail better.
     """
@@ -82,7 +107,7 @@ class Trail:
     start: int
     prior: float
     fit: float
-    power: int
+    weight: Weight
     detail: float | None = None
     share: float = 1.0
 
@@ -92,13 +117,13 @@ class Trail:
 
     @property
     def chance(self) -> float:
-        """How likely the pose is among others; see :func:`chance`."""
-        return self.share * self.fit * chance(self.agreement, self.prior, self.power)
+        """How likely the pose is among others."""
+        return self.share * self.fit * self.weight.chance(self.agreement, self.prior)
 
     @property
     def coarse_chance(self) -> float:
         """The same, as far as the coarsest scale can tell."""
-        return self.fit * chance(self.agreement, self.prior, self.power, _COARSE_OFF)
+        return self.fit * self.weight.chance(self.agreement, self.prior, _COARSE_OFF)
 
 
 @dataclass(frozen=True)
@@ -180,23 +205,6 @@ def certainty(trails: Sequence[Trail], symmetries: Sequence[FloatArray], unseen:
     """
     rivals = different(trails[1:], symmetries, _OF_ONE_SIDE)
     return trails[0].chance / (trails[0].chance + sum(trail.chance for trail in rivals) + unseen)
-
-
-def power_of(*, knows_materials: bool) -> int:
-    """With which power of the disagreement the chance falls."""
-    return _POWER if knows_materials else _POWER_OF_SHAPE
-
-
-def chance(agreement: float, prior: float, power: int, least_off: float = _LEAST_OFF) -> float:
-    """How likely a pose is, among others, by how an image agrees with it and its prior.
-
-    With the power 2, what is left of the disagreement counts as variance would. A pose of prior 1 that
-    agrees by 0.65 has the chance :data:`UNSEEN` with any.
-    """
-    if power == _POWER_OF_SHAPE:
-        least_off = max(least_off, _LEAST_OFF_OF_SHAPE)
-    off = max(1 - agreement, least_off)
-    return float(prior * UNSEEN ** (1 - power / 2) / off**power)
 
 
 def size_fit(share: float) -> float:

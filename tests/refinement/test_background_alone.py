@@ -11,7 +11,7 @@ from posse_core._refinement.crop import Picture, scales
 from posse_core._refinement.light import Light
 from posse_core._refinement.options import RenderCompareOptions
 from posse_core._refinement.studio import Lights, Studio
-from posse_core._refinement.trail import chance, power_of
+from posse_core._refinement.trail import MATERIALS_UNKNOWN
 from posse_core.testing import refiners
 from tests.support.raycast_images import CAMERA, HERE, SUN, light_of
 
@@ -42,6 +42,5 @@ def test_a_black_sky_explains_nothing_of_a_spacecraft() -> None:
 def test_without_materials_what_agrees_by_more_than_most_true_poses_do_is_no_likelier(
     agreement: float,
 ) -> None:
-    power = power_of(knows_materials=False)
-    assert chance(agreement, 0.5, power) == pytest.approx(0.5 / 8 / 0.05**4)
-    assert chance(0.9, 0.5, power) == pytest.approx(0.5 / 8 / 0.1**4)
+    assert MATERIALS_UNKNOWN.chance(agreement, 0.5) == pytest.approx(0.5 / 8 / 0.05**4)
+    assert MATERIALS_UNKNOWN.chance(0.9, 0.5) == pytest.approx(0.5 / 8 / 0.1**4)

@@ -34,7 +34,7 @@ EVALUATION: Final = "evaluation.json"
 PAGE: Final = "evaluation.html"
 PICTURES: Final = "predictions.html"
 PART: Final = "test"
-LEAST_EVALUATED: Final = 40
+LEAST_EVALUATED: Final = 20
 """Frames that are evaluated, however little time is left."""
 _PICTURES: Final = 32
 _WIDTH_PX: Final = 480

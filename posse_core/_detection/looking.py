@@ -32,7 +32,7 @@ _ENOUGH_OF_SCORE = 1 / 3
 _POSSIBLE = 0.05
 """Where no pose is trusted, the likeliest is told, whatever the score of its detection, if it is trusted
 so much."""
-_CLOSEST = 6
+_CLOSEST = 12
 """So many detections of a closer search are looked at, the best. Where there is no spacecraft, there are
 many with low scores, and the looks at one may take a second."""
 _PART = 0.8
@@ -62,7 +62,7 @@ def sightings_of(
         least_score: of a detection.
         sun_direction_cam: (3,) unit vector from the spacecraft to the Sun, by which poses are refined;
             None where it is not known.
-        closer: makes the closer search; its detections are as those, and the first six are looked at.
+        closer: makes the closer search; its detections are as those, and the first dozen is looked at.
 
     Returns:
         The spacecraft, most trusted first, and those whose poses are hardly possible last, by their

@@ -201,8 +201,8 @@ def test_the_likeliest_pose_is_refined_first_and_dropped_where_that_disproves_it
     assert len(found) + len(dropped) == 2
 
 
-@pytest.mark.parametrize(("before", "is_found"), [(5, True), (6, False)])
-def test_the_six_best_of_a_closer_search_are_looked_at(before, is_found):
+@pytest.mark.parametrize(("before", "is_found"), [(11, True), (12, False)])
+def test_the_dozen_best_of_a_closer_search_are_looked_at(before, is_found):
     others = [posse.Detection("brick", 0.7, ELSEWHERE_PX + 30 * i) for i in range(before)]
     closer = [*others, posse.Detection("brick", 0.5, TRUE_PX + 1.0)]
     given = Confused(0.3, 40.0), IMAGE, cuboid.CAMERA, None, 0.3, None, lambda: closer

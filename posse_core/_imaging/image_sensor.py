@@ -22,7 +22,6 @@ from posse_core._model.sky_view import SkyView
 from posse_core._model.srgb import srgb_from_linear
 from posse_core._randomness import random_generator
 from posse_core._scenario.sensor import AutoExposureConfig, SensorConfig
-from posse_core._threads import in_threads
 
 FULL_WELL_E_M2 = 1.05e6 / 28.125e-6**2
 """Default full well per pixel area: about 10³ electrons per µm², which is usual for silicon."""
@@ -201,16 +200,11 @@ class ImageSensor:
         dtype = np.uint8 if config.bit_depth == 8 else np.uint16
         image: AnyArray = np.empty((height, electrons[0].size), dtype=dtype)
         rows = max(1, _BLOCK // image.shape[1])
-        tops = range(0, height, rows)
-
-        def fill(top: int, own: np.random.Generator) -> None:
+        for top in range(0, height, rows):
             block = electrons[top : top + rows].ravel()
-            arguments = (self._full_well_e, config.noise.read_e, own)
+            arguments = (self._full_well_e, config.noise.read_e, random)
             block = detected(block, *arguments) if shot_noise else read(block, *arguments)
-            image[top : top + rows] = self._digitised(block.reshape(-1, image.shape[1]), own)
-
-        # Each block has random numbers of its own, so that the image does not depend on the threads.
-        in_threads(lambda block: fill(*block), list(zip(tops, random.spawn(len(tops)), strict=True)))
+            image[top : top + rows] = self._digitised(block.reshape(-1, image.shape[1]), random)
         return image.reshape(height, width, -1) if config.color == "rgb" else image
 
     def _digitised(self, electrons: Float32Array, random: np.random.Generator) -> Float32Array:

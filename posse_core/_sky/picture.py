@@ -14,7 +14,6 @@ from posse_core._model.camera import Camera, PixelBox
 from posse_core._sky.atmosphere import RADIUS_M, TOP_M
 from posse_core._sky.earth import EarthView
 from posse_core._sky.surface import Surface
-from posse_core._threads import in_threads
 
 TOLERANCE = 3e-4
 """How far interpolated radiance may be off, per solar irradiance, sr⁻¹: 0.1 % of a white plate's."""
@@ -152,14 +151,11 @@ class _Canvas:
         first = Surface(fields[..., 0])
         side = np.abs(first.drifted).argmax(axis=0)
         order = np.lexsort((np.rint(first.log_footprint), 3 * sea + side))
-
-        def draw(part: IntArray) -> None:
+        for part in _parts(order, self.light.shape[1] * self.light.shape[3]):
             chosen = Surface(np.take(fields, part, axis=1), surface.weights)
             light = cv2.merge(list(earth.ground_light(chosen, bool(sea[part].all()))))
             row, column = cells[part].T
             self.light[row, :, column] = light.reshape(len(part), *self.light.shape[1::2], 3)
-
-        in_threads(draw, _parts(order, self.light.shape[1] * self.light.shape[3]))
 
     def pixels(self, cells: IntArray) -> tuple[IntArray, IntArray]:
         """Rows and columns of all pixels in cells (n, 2): (n, h w) each."""
@@ -172,18 +168,15 @@ class _Canvas:
         seen = (v < self.region.height) & (u < self.region.width)
         v, u = v[seen], u[seen]
         image = self.light.reshape(-1, self.light.shape[2] * self.light.shape[3], 3)
-
-        def trace(part: IntArray) -> None:
+        for part in _parts(np.arange(v.size), 1):
             at_px = self.corner_px + np.stack([u[part], v[part]], axis=-1)
             image[v[part], u[part]] = earth.light(self.camera.rays(at_px), self.camera.pixel_rad)
 
-        in_threads(trace, _parts(np.arange(v.size), 1))
 
-
-def _parts(indices: IntArray, points_each: int) -> list[IntArray]:
+def _parts(indices: IntArray, points_each: int) -> Iterator[IntArray]:
     """Indices in parts of about _POINTS points."""
     step = max(1, _POINTS // points_each)
-    return [indices[start : start + step] for start in range(0, len(indices), step)]
+    return (indices[start : start + step] for start in range(0, len(indices), step))
 
 
 def _weights(height: int, width: int) -> Float32Array:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -27,8 +29,10 @@ from posse_core._plugins.loading import load_plugins
 
 if TYPE_CHECKING:
     from posse_core._dataset.images import LabelledImages
+    from posse_core._detection.evaluate import Judge
     from posse_core._detection.groups import Group
     from posse_core._formats.opening import ImageFormat
+    from posse_core._scenario.component import ComponentChoice
 
 
 @click.command(
@@ -59,6 +63,13 @@ if TYPE_CHECKING:
     help="Spacecraft of images of SPEED, SPEED+ or SHIRT: its name, or the folder of its package.",
 )
 @click.option("--out", type=click.Path(path_type=Path), help="Write an HTML page with plots.")
+@click.option(
+    "--workers",
+    default=1,
+    show_default=True,
+    type=click.IntRange(min=1),
+    help="Number of worker processes, each with models of its own. The result is the same.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
 @refine_options
 @model_options
@@ -70,6 +81,7 @@ def command(
     layout: ImageFormat | None,
     target: str,
     out: Path | None,
+    workers: int,
     as_json: bool,
     refine: bool,
     refiner: str,
@@ -84,39 +96,36 @@ def command(
 
     Without --model and --keypoints, the shipped models of posse-detect-onnx are used.
     """
-    from posse_core._detection.evaluate import evaluate, frames_of
+    from posse_core._detection.evaluate import frames_of
     from posse_core._detection.groups import columns, groups
-    from posse_core._detection.known import dataset_shapes
-    from posse_core._detection.models import open_models
+    from posse_core._detection.judging import judged
     from posse_core._detection.page import make_page
     from posse_core._files.atomic import write_bytes
     from posse_core._formats.opening import open_dataset
 
     if out is not None and not out.absolute().parent.is_dir():
         raise InputError(f"--out {out}: its folder does not exist; make it, or name another")
-    registry = load_plugins().registry
-    given = options_from(overrides)
     source = open_dataset(dataset, format=layout, target=target)
     indices = frames_of(source, part)
     if part == "all":
         _warn_of_training(source)
+    choice = refiner_choice(refine=refine, refiner=refiner, refine_ms=refine_ms)
+    opened = partial(_judge, (model, keypoints), options_from(overrides), choice)
     with phase("opening the models"):
-        detector, finder = open_models(model, keypoints, registry, given, source.classes)
-        choice = refiner_choice(refine=refine, refiner=refiner, refine_ms=refine_ms)
-        if choice is not None and finder is None:
-            raise InputError("--refine: poses need keypoints; name their model by --keypoints")
-        shapes = None if finder is None else dataset_shapes(source, registry, choice)
-    judged = evaluate(source, bar(indices, len(indices)), detector, finder, shapes)
-    if shapes is not None:
-        shapes.close()
+        judge = opened(source)
+    with contextlib.closing(judge):
+        again = partial(_judge_of, dataset, layout, target, opened)
+        results = judged(judge, indices, again, workers, load_plugins().registry)
+        frames = list(bar(results, len(indices)))
+    frames.sort(key=lambda each: each.labels.index)
     with phase("computing the metrics"):
-        result = groups(source, judged)
+        result = groups(source, frames)
     digest = source.sha256
     if out is not None:
         models = " and ".join(path.name for path in (model, keypoints) if path is not None)
         title = f"{models or 'The shipped models'} on {source.folder.resolve().name}, part {part}"
         write_bytes(
-            out, make_page(title, f"Dataset's SHA-256: {digest}", source, judged, result).encode()
+            out, make_page(title, f"Dataset's SHA-256: {digest}", source, frames, result).encode()
         )
     if as_json:
         data = {"dataset": str(dataset), "dataset_sha256": digest, "part": part}
@@ -129,6 +138,41 @@ def command(
         if names:
             _echo_groups(result, names)
     click.echo("what the columns mean: posse eval --help")
+
+
+def _judge(
+    models: tuple[Path | None, Path | None],
+    options: Mapping[str, Any],
+    refiner: ComponentChoice | None,
+    source: LabelledImages,
+) -> Judge:
+    """A judge of labelled images, of whose spacecraft the models are asked.
+
+    Raises:
+        InputError: a model cannot be used, or poses without keypoints are to be refined.
+    """
+    from posse_core._detection.evaluate import Judge
+    from posse_core._detection.known import dataset_shapes
+    from posse_core._detection.models import open_models
+
+    registry = load_plugins().registry
+    detector, finder = open_models(*models, registry, options, source.classes)
+    if refiner is not None and finder is None:
+        raise InputError("--refine: poses need keypoints; name their model by --keypoints")
+    shapes = None if finder is None else dataset_shapes(source, registry, refiner)
+    return Judge(source, detector, finder, shapes)
+
+
+def _judge_of(
+    dataset: Path,
+    layout: ImageFormat | None,
+    target: str,
+    opened: Callable[[LabelledImages], Judge],
+) -> Judge:
+    """The judge of a worker, which opens the images itself."""
+    from posse_core._formats.opening import open_dataset
+
+    return opened(open_dataset(dataset, format=layout, target=target))
 
 
 def _warn_of_training(source: LabelledImages) -> None:

@@ -133,28 +133,52 @@ def evaluate(
     finder: KeypointFinder | None = None,
     shapes: Shapes | None = None,
 ) -> list[Judged]:
-    """Compare what a detector finds in frames with their labels.
+    """What a :class:`Judge` of these says of frames."""
+    judge = Judge(dataset, detector, finder, shapes)
+    return [judge.make(i) for i in positions]
+
+
+class Judge:
+    """Compares what a detector finds in frames with their labels.
 
     Bodies beside the target count if the detector knows their class. With a keypoint finder, poses are
     evaluated too; with shapes, boxes are those of meshes at the poses, and poses may be refined, by the
     labelled direction of the Sun.
 
-    Raises:
-        InputError: The labels lack what is measured, or a model does not know the class of a target.
+    Attributes:
+        dataset: of the frames.
     """
-    for model in (detector, finder):
-        missing = sorted(set(dataset.spacecraft_by_name) - set(model.classes)) if model else []
-        if model and missing:
-            raise InputError(
-                f"the model does not know {', '.join(missing)}, which {dataset.folder} contains; it"
-                f" knows {', '.join(model.classes)}"
-            )
-    judged = []
-    posed_classes = {
-        name for name in dataset.classes if finder is not None and _gives_poses(finder, name)
-    }
-    for i in positions:
-        labels, image = dataset[i], dataset.image(i)
+
+    def __init__(
+        self,
+        dataset: LabelledImages,
+        detector: Detector,
+        finder: KeypointFinder | None = None,
+        shapes: Shapes | None = None,
+    ) -> None:
+        """Raises:
+        InputError: a model does not know the class of a target.
+        """
+        for model in (detector, finder):
+            missing = sorted(set(dataset.spacecraft_by_name) - set(model.classes)) if model else []
+            if model and missing:
+                raise InputError(
+                    f"the model does not know {', '.join(missing)}, which {dataset.folder} contains; it"
+                    f" knows {', '.join(model.classes)}"
+                )
+        self.dataset, self._detector, self._finder, self._shapes = dataset, detector, finder, shapes
+        self._posed_classes = {
+            name for name in dataset.classes if finder is not None and _gives_poses(finder, name)
+        }
+
+    def make(self, index: int) -> Judged:
+        """Judge the frame at a position of the dataset.
+
+        Raises:
+            InputError: the labels lack what is measured.
+        """
+        dataset, detector, finder = self.dataset, self._detector, self._finder
+        labels, image = dataset[index], dataset.image(index)
         seen = {
             name: body
             for name, body in seen_bodies(labels).items()
@@ -164,11 +188,13 @@ def evaluate(
         sightings: list[Sighting] = []
         others = found
         if finder is not None:
-            posed = [d for d in found if d.label in posed_classes]
-            given = finder, image, dataset.camera, shapes, LEAST_SCORE, sun_direction_cam(labels)
-            closer = partial(found_in_parts, detector, image, posed_classes)
-            sightings, dropped = sightings_of(posed, *given, closer)
-            others = dropped + [d for d in found if d.label not in posed_classes]
+            posed = [d for d in found if d.label in self._posed_classes]
+            sun_cam = sun_direction_cam(labels)
+            closer = partial(found_in_parts, detector, image, self._posed_classes)
+            sightings, dropped = sightings_of(
+                posed, finder, image, dataset.camera, self._shapes, LEAST_SCORE, sun_cam, closer
+            )
+            others = dropped + [d for d in found if d.label not in self._posed_classes]
         sightings += [Sighting(detection, None) for detection in others]
         bodies = _judged(dataset, seen, sightings, finder)
         false = [
@@ -176,8 +202,12 @@ def evaluate(
             for each in sightings[len(seen) :]
             if each.pose is not None
         ]
-        judged.append(Judged(labels, bodies, [each.detection for each in sightings], false))
-    return judged
+        return Judged(labels, bodies, [each.detection for each in sightings], false)
+
+    def close(self) -> None:
+        """Close what refines poses."""
+        if self._shapes is not None:
+            self._shapes.close()
 
 
 def sun_direction_cam(labels: LabelLine) -> FloatArray | None:

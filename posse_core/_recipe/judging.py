@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -16,8 +17,9 @@ from pydantic import JsonValue
 from posse_core._arrays import evenly_spread
 from posse_core._dataset.dataset import Dataset
 from posse_core._detection.draw import draw
-from posse_core._detection.evaluate import Judged, evaluate, frames_of
+from posse_core._detection.evaluate import Judge, Judged, frames_of
 from posse_core._detection.groups import Group, groups
+from posse_core._detection.judging import judged
 from posse_core._detection.known import target_shapes
 from posse_core._detection.models import open_models
 from posse_core._detection.page import make_page
@@ -26,9 +28,12 @@ from posse_core._evaluation.pages import jpeg, page, paragraph, strip
 from posse_core._files.atomic import write_bytes, write_json
 from posse_core._files.reading import FileRecord
 from posse_core._imaging.grey import to_grey
+from posse_core._model.spacecraft import Spacecraft
+from posse_core._plugins.loading import load_plugins
 from posse_core._randomness import random_generator
 from posse_core._recipe.data import Kitchen
 from posse_core._recipe.training import MODEL
+from posse_core._scenario.component import ComponentChoice
 
 EVALUATION: Final = "evaluation.json"
 PAGE: Final = "evaluation.html"
@@ -69,28 +74,28 @@ def judge(kitchen: Kitchen, dataset: Dataset, folder: Path, until_s: float) -> N
     Raises:
         InputError: the test part is empty, or a model cannot be used.
     """
-    models = [folder / task / MODEL for task in kitchen.recipe.nets]
-    detector, finder = open_models(models[0], models[1], kitchen.plugins.registry, {})
+    boxes, keypoints = (folder / task / MODEL for task in kitchen.recipe.nets)
     positions = frames_of(dataset, PART)
     title = f"The pose of {dataset.spacecraft.name}, part {PART}"
     registry, recipe = kitchen.plugins.registry, kitchen.recipe
-    shapes = target_shapes(kitchen.scenarios.spacecraft, registry, recipe.refiner)
-    with contextlib.closing(shapes):
+    opened = partial(_judge, boxes, keypoints, kitchen.scenarios.spacecraft, recipe.refiner)
+    with contextlib.closing(opened(dataset)) as judge:
         taken = in_time(positions, recipe.seed, until_s)
-        shown = kitchen.show.bar(taken, len(positions), "evaluating")
-        judged = evaluate(dataset, shown, detector, finder, shapes)
-    judged.sort(key=lambda each: each.labels.index)
-    spread = [judged[k] for k in evenly_spread(len(judged), _PICTURES)]
+        again = partial(_judge_of, dataset.folder, opened)
+        results = judged(judge, taken, again, recipe.workers, registry)
+        frames = list(kitchen.show.bar(results, len(positions), "evaluating"))
+    frames.sort(key=lambda each: each.labels.index)
+    spread = [frames[k] for k in evenly_spread(len(frames), _PICTURES)]
     pictures = _pictures(dataset, spread, title)
-    found = groups(dataset, judged)
+    found = groups(dataset, frames)
     for name, source in kitchen.recipe.data.sources.items():
-        mine = [j for j in judged if j.bodies and j.labels.origin[0] == name]
+        mine = [j for j in frames if j.bodies and j.labels.origin[0] == name]
         if source.craft and mine:
             found.append(replace(groups(dataset, mine)[0], name=f"{_SOURCE}{name}"))
-    empty = [j for j in judged if not j.bodies]
+    empty = [j for j in frames if not j.bodies]
     wrong = sum(any(d.score >= LEAST_SCORE for d in j.detections) for j in empty)
     summary = f"Dataset's SHA-256: {dataset.sha256}"
-    write_bytes(folder / PAGE, make_page(title, summary, dataset, judged, found).encode())
+    write_bytes(folder / PAGE, make_page(title, summary, dataset, frames, found).encode())
     write_bytes(folder / PICTURES, pictures.encode())
     record: dict[str, JsonValue] = Evaluation(
         dataset_sha256=dataset.sha256,
@@ -99,6 +104,24 @@ def judge(kitchen: Kitchen, dataset: Dataset, folder: Path, until_s: float) -> N
         found_without_craft=wrong,
     ).model_dump(mode="json")
     write_json(folder / EVALUATION, record)
+
+
+def _judge(
+    boxes: Path,
+    keypoints: Path,
+    spacecraft: Spacecraft,
+    refiner: ComponentChoice | None,
+    dataset: Dataset,
+) -> Judge:
+    """A judge of the recipe's models."""
+    registry = load_plugins().registry
+    detector, finder = open_models(boxes, keypoints, registry, {})
+    return Judge(dataset, detector, finder, target_shapes(spacecraft, registry, refiner))
+
+
+def _judge_of(folder: Path, opened: Callable[[Dataset], Judge]) -> Judge:
+    """The judge of a worker, which opens the dataset itself."""
+    return opened(Dataset(folder))
 
 
 def in_time(positions: Sequence[int], seed: int, until_s: float) -> Iterator[int]:

@@ -286,6 +286,10 @@ def test_a_page_of_an_evaluation_by_the_command(tmp_path):
     assert (
         page.count("<figure>") == 6
     )  # five frames that show the craft, and the false alarm in the other
+    code, by_two, error = run_posse(*arguments, tmp_path / "two.html", "--workers", 2)
+    assert code == 0, error
+    assert by_two == out
+    assert (tmp_path / "two.html").read_text() == page
     code, _, error = run_posse(*arguments, tmp_path / "none" / "page.html")
     assert code == 2
     assert "its folder does not exist" in error

@@ -88,6 +88,16 @@ def refine_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
+worker_option = click.option(
+    "--workers",
+    default=1,
+    show_default=True,
+    type=click.IntRange(min=1),
+    help="Number of processes that search in images, each with models of its own.",
+)
+"""``--workers``: in how many processes a command searches in images."""
+
+
 def refiner_choice(*, refine: bool, refiner: str, refine_ms: float | None) -> ComponentChoice | None:
     """The refiner that the options choose; None for none."""
     from posse_core._scenario.component import ComponentChoice

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +21,7 @@ from posse_core._cli.common import (
     options_from,
     refine_options,
     refiner_choice,
+    worker_option,
 )
 from posse_core._cli.progress import phase
 from posse_core._errors import InputError
@@ -29,6 +32,7 @@ if TYPE_CHECKING:
     from posse_core._detection.pose_detector import PoseDetector
     from posse_core._detection.shapes import Sighting
     from posse_core._model.camera import Camera
+    from posse_core._scenario.component import ComponentChoice
 
 
 @click.command()
@@ -58,6 +62,7 @@ if TYPE_CHECKING:
     type=click.FloatRange(0, 1),
     help="Drop detections with a lower score; a third of it is enough where the pose is trusted.",
 )
+@worker_option
 @click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
 @refine_options
 @model_options
@@ -69,6 +74,7 @@ def command(
     camera: str | None,
     out: Path | None,
     score: float,
+    workers: int,
     as_json: bool,
     refine: bool,
     refiner: str,
@@ -83,57 +89,126 @@ def command(
     Without --model and --keypoints, the models that posse-detect-onnx ships for --target are used,
     by default those of Aqua and Cluster.
     """
-    import cv2
-
-    from posse_core._dataset.files import read_image
-    from posse_core._detection.draw import draw
-    from posse_core._detection.opening import open_pose_detector
+    from posse_core._detection.processes import made_by
     from posse_core._files.atomic import write_bytes
 
     if camera is not None and model is not None and keypoints is None:
         raise InputError("--camera: a pose needs keypoints; name their model by --keypoints")
     files = image_files(images)
-    registry = load_plugins().registry
-    given = options_from(overrides)
     if refine and camera is None:
         raise InputError("--refine: poses need the camera; name it by --camera")
     intrinsics = None if camera is None else camera_named(camera)
+    choice = refiner_choice(refine=refine, refiner=refiner, refine_ms=refine_ms)
+    given = (model, keypoints), options_from(overrides), target, choice, score
+    opened = partial(_searcher, *given, files, intrinsics, is_drawn=out is not None)
     with phase("opening the models"):
-        detector = open_pose_detector(
-            model,
-            keypoints,
-            registry,
-            given,
-            target=target,
-            refiner=refiner_choice(refine=refine, refiner=refiner, refine_ms=refine_ms),
-            least_score=score,
-            has_camera=intrinsics is not None,
-        )
+        searcher = opened()
     results = []
-    with contextlib.nullcontext() if out is None else _made_folder(out, files) as folder:
-        for path in files:
-            image = read_image(path)
-            seen = _seen(detector, image, intrinsics)
-            rows = [_as_json(sighting, is_posed=camera is not None) for sighting in seen]
-            results.append({"image": str(path), "detections": rows})
+    with (
+        contextlib.closing(searcher),
+        contextlib.nullcontext() if out is None else _made_folder(out, files) as folder,
+    ):
+        made = made_by(searcher, range(len(files)), opened, workers, load_plugins().registry)
+        for path, found in zip(files, made, strict=True):
+            results.append({"image": str(path), "detections": found.rows})
             if folder is not None:
-                drawn = draw(image, [sighting.detection for sighting in seen], detector.classes)
-                write_bytes(folder / f"{path.stem}.png", cv2.imencode(".png", drawn)[1].tobytes())
+                write_bytes(folder / f"{path.stem}.png", found.drawn_png)
             if not as_json:
-                text = ", ".join(_as_text(row) for row in rows)
+                text = ", ".join(_as_text(row) for row in found.rows)
                 click.echo(f"{path}: {text or 'nothing'}")
-    detector.close()
     if as_json:
         echo_json(results)
 
 
-def _seen(detector: PoseDetector, image: AnyArray, camera: Camera | None) -> Sequence[Sighting]:
-    """What is found in an image, with poses where the camera is known."""
-    from posse_core._detection.shapes import Sighting
+@dataclass(frozen=True)
+class _Found:
+    """What was found in an image.
 
-    if camera is None:
-        return [Sighting(detection, None) for detection in detector.detect(image)]
-    return detector.sightings(image, camera)
+    Attributes:
+        rows: of each detection.
+        drawn_png: the image with the detections; empty where it is not to be drawn.
+    """
+
+    rows: list[dict[str, Any]]
+    drawn_png: bytes
+
+
+@dataclass(frozen=True)
+class _Searcher:
+    """Searches in files.
+
+    Attributes:
+        detector: of what is sought.
+        files: by index.
+        camera: that took the images; without it there are no poses.
+        is_drawn: whether what is found is drawn.
+    """
+
+    detector: PoseDetector
+    files: Sequence[Path]
+    camera: Camera | None
+    is_drawn: bool
+
+    def make(self, index: int) -> _Found:
+        """Search in a file.
+
+        Raises:
+            InputError: it is not an image that can be read, or not the camera's.
+        """
+        import cv2
+
+        from posse_core._dataset.files import read_image
+        from posse_core._detection.draw import draw
+
+        image = read_image(self.files[index])
+        seen = self._seen(image)
+        rows = [_as_json(sighting, is_posed=self.camera is not None) for sighting in seen]
+        if not self.is_drawn:
+            return _Found(rows, b"")
+        drawn = draw(image, [sighting.detection for sighting in seen], self.detector.classes)
+        return _Found(rows, cv2.imencode(".png", drawn)[1].tobytes())
+
+    def close(self) -> None:
+        """Close what refines poses."""
+        self.detector.close()
+
+    def _seen(self, image: AnyArray) -> Sequence[Sighting]:
+        """What is found in an image, with poses where the camera is known."""
+        from posse_core._detection.shapes import Sighting
+
+        if self.camera is None:
+            return [Sighting(detection, None) for detection in self.detector.detect(image)]
+        return self.detector.sightings(image, self.camera)
+
+
+def _searcher(
+    models: tuple[Path | None, Path | None],
+    options: Mapping[str, Any],
+    target: str | None,
+    refiner: ComponentChoice | None,
+    score: float,
+    files: Sequence[Path],
+    camera: Camera | None,
+    *,
+    is_drawn: bool,
+) -> _Searcher:
+    """Open the models.
+
+    Raises:
+        InputError: a model cannot be used, or does not know the target.
+    """
+    from posse_core._detection.opening import open_pose_detector
+
+    detector = open_pose_detector(
+        *models,
+        load_plugins().registry,
+        options,
+        target=target,
+        refiner=refiner,
+        least_score=score,
+        has_camera=camera is not None,
+    )
+    return _Searcher(detector, files, camera, is_drawn)
 
 
 @contextlib.contextmanager

@@ -20,6 +20,7 @@ from posse_core._cli.common import (
     options_from,
     refine_options,
     refiner_choice,
+    worker_option,
 )
 from posse_core._cli.progress import bar, phase
 from posse_core._dataset.layout import PARTS
@@ -63,13 +64,7 @@ if TYPE_CHECKING:
     help="Spacecraft of images of SPEED, SPEED+ or SHIRT: its name, or the folder of its package.",
 )
 @click.option("--out", type=click.Path(path_type=Path), help="Write an HTML page with plots.")
-@click.option(
-    "--workers",
-    default=1,
-    show_default=True,
-    type=click.IntRange(min=1),
-    help="Number of worker processes, each with models of its own. The result is the same.",
-)
+@worker_option
 @click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
 @refine_options
 @model_options
@@ -98,8 +93,8 @@ def command(
     """
     from posse_core._detection.evaluate import frames_of
     from posse_core._detection.groups import columns, groups
-    from posse_core._detection.judging import judged
     from posse_core._detection.page import make_page
+    from posse_core._detection.processes import made_by
     from posse_core._files.atomic import write_bytes
     from posse_core._formats.opening import open_dataset
 
@@ -115,17 +110,16 @@ def command(
         judge = opened(source)
     with contextlib.closing(judge):
         again = partial(_judge_of, dataset, layout, target, opened)
-        results = judged(judge, indices, again, workers, load_plugins().registry)
-        frames = list(bar(results, len(indices)))
-    frames.sort(key=lambda each: each.labels.index)
+        results = made_by(judge, indices, again, workers, load_plugins().registry)
+        judged = list(bar(results, len(indices)))
     with phase("computing the metrics"):
-        result = groups(source, frames)
+        result = groups(source, judged)
     digest = source.sha256
     if out is not None:
         models = " and ".join(path.name for path in (model, keypoints) if path is not None)
         title = f"{models or 'The shipped models'} on {source.folder.resolve().name}, part {part}"
         write_bytes(
-            out, make_page(title, f"Dataset's SHA-256: {digest}", source, frames, result).encode()
+            out, make_page(title, f"Dataset's SHA-256: {digest}", source, judged, result).encode()
         )
     if as_json:
         data = {"dataset": str(dataset), "dataset_sha256": digest, "part": part}

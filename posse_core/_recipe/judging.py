@@ -19,11 +19,11 @@ from posse_core._dataset.dataset import Dataset
 from posse_core._detection.draw import draw
 from posse_core._detection.evaluate import Judge, Judged, frames_of
 from posse_core._detection.groups import Group, groups
-from posse_core._detection.judging import judged
 from posse_core._detection.known import target_shapes
 from posse_core._detection.models import open_models
 from posse_core._detection.page import make_page
 from posse_core._detection.pose_detector import LEAST_SCORE
+from posse_core._detection.processes import made_by
 from posse_core._evaluation.pages import jpeg, page, paragraph, strip
 from posse_core._files.atomic import write_bytes, write_json
 from posse_core._files.reading import FileRecord
@@ -82,20 +82,20 @@ def judge(kitchen: Kitchen, dataset: Dataset, folder: Path, until_s: float) -> N
     with contextlib.closing(opened(dataset)) as judge:
         taken = in_time(positions, recipe.seed, until_s)
         again = partial(_judge_of, dataset.folder, opened)
-        results = judged(judge, taken, again, recipe.workers, registry)
-        frames = list(kitchen.show.bar(results, len(positions), "evaluating"))
-    frames.sort(key=lambda each: each.labels.index)
-    spread = [frames[k] for k in evenly_spread(len(frames), _PICTURES)]
+        results = made_by(judge, taken, again, recipe.workers, registry)
+        judged = list(kitchen.show.bar(results, len(positions), "evaluating"))
+    judged.sort(key=lambda each: each.labels.index)
+    spread = [judged[k] for k in evenly_spread(len(judged), _PICTURES)]
     pictures = _pictures(dataset, spread, title)
-    found = groups(dataset, frames)
+    found = groups(dataset, judged)
     for name, source in kitchen.recipe.data.sources.items():
-        mine = [j for j in frames if j.bodies and j.labels.origin[0] == name]
+        mine = [j for j in judged if j.bodies and j.labels.origin[0] == name]
         if source.craft and mine:
             found.append(replace(groups(dataset, mine)[0], name=f"{_SOURCE}{name}"))
-    empty = [j for j in frames if not j.bodies]
+    empty = [j for j in judged if not j.bodies]
     wrong = sum(any(d.score >= LEAST_SCORE for d in j.detections) for j in empty)
     summary = f"Dataset's SHA-256: {dataset.sha256}"
-    write_bytes(folder / PAGE, make_page(title, summary, dataset, frames, found).encode())
+    write_bytes(folder / PAGE, make_page(title, summary, dataset, judged, found).encode())
     write_bytes(folder / PICTURES, pictures.encode())
     record: dict[str, JsonValue] = Evaluation(
         dataset_sha256=dataset.sha256,

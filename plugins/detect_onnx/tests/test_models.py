@@ -1,6 +1,7 @@
 """ONNX files written by hand: what their graphs tell arrives in the image's pixels."""
 
 import json
+import shutil
 
 import cuboid
 import cv2
@@ -221,6 +222,21 @@ def test_from_image_to_pose_by_the_command(tmp_path):
     assert f"{np.linalg.norm(t):.2f} m away" in words
     _, words, _ = run_posse("detect", tmp_path / "image.png", *options, "--target", "brick")
     assert words == f"{tmp_path / 'image.png'}: nothing\n"
+    for name in ("a.png", "b.png", "c.png"):
+        shutil.copy(tmp_path / "image.png", tmp_path / name)
+    several = [tmp_path / name for name in ("c.png", "a.png", "b.png")]
+    told = [
+        run_posse("detect", *several, *options, "--workers", count, "--out", tmp_path / f"drawn {count}")
+        for count in (1, 2)
+    ]
+    assert told[0][:2] == told[1][:2]
+    for file in (tmp_path / "drawn 1").iterdir():
+        assert file.read_bytes() == (tmp_path / "drawn 2" / file.name).read_bytes()
+    (tmp_path / "a.png").write_bytes(b"no image")
+    code, _, error = run_posse("detect", *several, *options, "--workers", 2, "--out", tmp_path / "none")
+    assert code == 2
+    assert "a.png: not an image" in error
+    assert not (tmp_path / "none").exists()
     code, _, error = run_posse("detect", tmp_path / "image.png", *options, "--target", "tango")
     assert code == 2
     assert "target tango: the model knows brick, plate" in error

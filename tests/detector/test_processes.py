@@ -1,4 +1,4 @@
-"""Frames that several processes judge are judged as by one, and errors stay what they are."""
+"""What several processes make is what one makes, and errors stay what they are."""
 
 from dataclasses import asdict
 from functools import partial
@@ -11,7 +11,7 @@ from telling import Labels, Points
 from posse_core._dataset.dataset import Dataset
 from posse_core._detection.evaluate import Judge, frames_of
 from posse_core._detection.groups import groups
-from posse_core._detection.judging import judged
+from posse_core._detection.processes import made_by
 from posse_core._errors import ComponentError, InputError
 from posse_core._plugins.loading import load_plugins
 
@@ -47,8 +47,8 @@ class Failing(Judge):
 def by(workers, folder, judge=Judge):
     make = partial(judge_of, folder, judge)
     here = make()
-    frames = judged(here, frames_of(here.dataset, "all"), make, workers, load_plugins().registry)
-    return here.dataset, sorted(frames, key=lambda each: each.labels.index)
+    made = made_by(here, frames_of(here.dataset, "all"), make, workers, load_plugins().registry)
+    return here.dataset, list(made)
 
 
 def test_two_processes_judge_as_one_does(folder):
@@ -66,6 +66,6 @@ def test_what_is_wrong_with_the_labels_is_told_as_such(workers, folder):
         by(workers, folder, Refusing)
 
 
-def test_a_failure_in_a_worker_names_the_frame(folder):
-    with pytest.raises(ComponentError, match=r"frame 2 could not be judged: ZeroDivisionError"):
+def test_a_failure_in_a_worker_names_the_image(folder):
+    with pytest.raises(ComponentError, match=r"worker of image 2 failed: ZeroDivisionError"):
         by(2, folder, Failing)

@@ -26,6 +26,7 @@ check: $(VENV)/ready-to-test
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
+	MYPYPATH=tests/support $(BIN)/mypy benchmarks/*.py
 
 bench: $(VENV)/ready
 	$(call timed,$(BIN)/python benchmarks/stages.py)

@@ -23,7 +23,8 @@ import numpy as np
 
 from posse_core._files.atomic import write_bytes
 from posse_core._interfaces.executor import FrameMade, FrameResult, FrameWorker
-from posse_core._model.label_line import Box, Keypoint, LabelLine, RunLengths
+from posse_core._model.label_line import Box, Keypoint, LabelLine
+from posse_core._model.run_lengths import RunLengths
 from posse_core._plugins.loading import load_plugins
 from posse_core._run.attempts import PoolOptions
 from posse_core._run.local import LocalExecutor

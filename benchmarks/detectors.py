@@ -13,6 +13,7 @@ import argparse
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,11 +21,11 @@ import onnxruntime
 import torch
 from torch import nn
 
-from posse_core._detection.card import ModelCard
+from posse_core._detection.card import ModelCard, Task
 from posse_core._detection.models import open_detector, open_keypoint_finder
 from posse_core._detection.pnp import solve_pose
 from posse_core._frames import matrix_from_rotation_vector
-from posse_core._interfaces.detector import Detection
+from posse_core._interfaces.detector import Detection, Detector
 from posse_core._model.camera import Camera
 from posse_core._plugins.loading import load_plugins
 from posse_detect_torch import box_detector, heatmap, heatmap_finder, nano, sdn
@@ -77,9 +78,9 @@ def _run(options: argparse.Namespace, folder: Path) -> None:
         path = folder / f"nano-{size}.onnx"
         _write(nano.Decoded(light, 16), box_detector.OUTPUTS, "nano", "boxes", size, path)
         detector = open_detector(path, registry, threads)
-        box_time = _ms(lambda d=detector: d.predict([image]), options.repeats)
+        box_time = _ms(partial(detector.predict, [image]), options.repeats)
 
-        def whole(detector=detector) -> None:
+        def whole(detector: Detector = detector) -> None:
             detector.predict([image])
             finder.find(image, [box])
             solve_pose(body_m, pixels, sigma_px, camera)
@@ -98,7 +99,7 @@ def _run(options: argparse.Namespace, folder: Path) -> None:
 
 
 def _write(
-    decoded: nn.Module, outputs: tuple[str, ...], net: str, task: str, size: int, path: Path
+    decoded: nn.Module, outputs: tuple[str, ...], net: str, task: Task, size: int, path: Path
 ) -> None:
     points = {f"P{i}": [0.0, 0.0, float(i)] for i in range(POINTS)}
     card = ModelCard(

@@ -11,6 +11,7 @@ import platform
 import resource
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
@@ -115,6 +116,14 @@ def consume(blocks: Iterator[object]) -> None:
         pass
 
 
+def streamed(chief: FloatArray, sign: float, roe: FloatArray, t_s: FloatArray) -> None:
+    consume(stream_rtn(chief, sign, roe, MU, t_s))
+
+
+def by_numpy(chief: FloatArray, sign: float, roe: FloatArray, t_s: FloatArray) -> None:
+    consume(numpy_blocks(chief, sign, roe, t_s))
+
+
 def peak_mb() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
@@ -128,15 +137,10 @@ def main() -> None:
         roe = equinoctial_roe_from_roe(qns, np.array([1, 2, 3, 4, 5, 6]) * 1e-6, sign)
         t_s = np.linspace(0, 60_000, MILLION)
         before = peak_mb()
-        consume(stream_rtn(chief, sign, roe, MU, t_s))
+        streamed(chief, sign, roe, t_s)
         after = peak_mb()
         with_casadi, with_numpy = best_s(
-            lambda chief=chief, sign=sign, roe=roe, t_s=t_s: consume(
-                stream_rtn(chief, sign, roe, MU, t_s)
-            ),
-            lambda chief=chief, sign=sign, roe=roe, t_s=t_s: consume(
-                numpy_blocks(chief, sign, roe, t_s)
-            ),
+            partial(streamed, chief, sign, roe, t_s), partial(by_numpy, chief, sign, roe, t_s)
         )
         ours = rtn_from_equinoctial_roe(chief, sign, roe, MU, t_s[:BLOCK])
         apart = np.max(np.abs(ours - next(numpy_blocks(chief, sign, roe, t_s))))

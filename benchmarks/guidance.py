@@ -17,7 +17,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 
-from approach import E_HALF, NEAR_CIRCULAR, Drifting, Filter, Flown, fly, problem
+from approach import E_HALF, NEAR_CIRCULAR, Drifting, Filter, Flown, Known, fly, problem
 
 from posse_core import (
     Cone,
@@ -48,7 +48,8 @@ class Timed(Controller):
     """Another controller, with the CPU time of its commands."""
 
     def __init__(self, inner: Controller) -> None:
-        self.inner, self.times_s = inner, []
+        self.inner = inner
+        self.times_s: list[float] = []
 
     def start(self, problem: ControlProblem) -> None:
         self.inner.start(problem)
@@ -76,7 +77,7 @@ def run(
     name: str,
     flight: ControlProblem,
     start: np.ndarray,
-    navigator: Callable[..., object],
+    navigator: Callable[..., Known],
     seeds: int,
     controller: str = "impulsive-mpc",
 ) -> None:

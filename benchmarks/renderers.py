@@ -103,7 +103,9 @@ class Bench:
         self._setting: Setting = case.build()
         caster = RayCaster(self._setting.scene)
         camera = self._setting.scene.camera
-        self._boxes = [caster.view(f.craft).box.grown(BOX_MARGIN_PX, camera) for f in self._setting.frames]
+        self._boxes = [
+            caster.view(f.craft).box.grown(BOX_MARGIN_PX, camera) for f in self._setting.frames
+        ]
         self._skies = [self._setting.environment(frame) for frame in self._setting.frames]
         self._renderer: Renderer | None = None
         self._images: list[list[Radiance]] = [[] for _ in self._boxes]

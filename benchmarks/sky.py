@@ -9,6 +9,7 @@ from __future__ import annotations
 import resource
 import time
 from collections.abc import Callable
+from functools import partial
 from statistics import median
 
 import cv2
@@ -78,7 +79,7 @@ def main() -> None:
     sensor = ImageSensor(SensorConfig(), CAMERA)
     for name, up_share in VIEWS.items():
         frame = looking(up_share)
-        print(f"{'look: ' + name:32}{seconds(lambda f=frame: sky.look(f)):8.3f} s")
+        print(f"{'look: ' + name:32}{seconds(partial(sky.look, frame)):8.3f} s")
     frame = looking(VIEWS["limb"])
     view = sky.look(frame)
     earth = Earth(blue_marble(), make_clouds(0))

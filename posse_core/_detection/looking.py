@@ -29,9 +29,9 @@ _MOST = 16
 """So many poses are told at most: each is one from which refinement starts."""
 _ENOUGH_OF_SCORE = 1 / 3
 """Share of the least score that is enough where the pose is trusted, or the likeliest."""
-_POSSIBLE = 0.05
+_POSSIBLE, _LIKELY = 0.05, 0.25
 """Where no pose is trusted, the likeliest is told, whatever the score of its detection, if it is trusted
-so much."""
+by the first, and by the second once it was to be refined: the image has been compared with it then."""
 _CLOSEST = 12
 """So many detections of a closer search are looked at, the best. Where there is no spacecraft, there are
 many with low scores, and the looks at one may take a second."""
@@ -106,7 +106,8 @@ def sightings_of(
                 dropped.append(detection)
                 continue
             sighting = shapes.seen(image, found, poses, camera, sun_direction_cam, detection.box_px)
-        is_unlikely = detection.score < least_score and _trust(sighting.pose) < _POSSIBLE
+        least_trust = _POSSIBLE if sighting.refinement is None else _LIKELY
+        is_unlikely = detection.score < least_score and _trust(sighting.pose) < least_trust
         if is_unlikely or _is_there(sighting.detection, seen):
             dropped.append(detection)
         else:

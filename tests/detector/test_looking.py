@@ -183,7 +183,7 @@ class Certain(posse.Refiner):
         return posse.Refinement(pose, True, 0.5, 0.9)
 
 
-@pytest.mark.parametrize(("certainty", "expected"), [(0.4, [0.15, 0.8]), (0.01, [0.8])])
+@pytest.mark.parametrize(("certainty", "expected"), [(0.4, [0.15, 0.8]), (0.2, [0.8]), (0.01, [0.8])])
 def test_the_likeliest_pose_is_refined_first_and_dropped_where_that_disproves_it(certainty, expected):
     """Of a detection whose score is too low."""
     Certain.starts.clear()

@@ -156,8 +156,10 @@ class Judge:
         finder: KeypointFinder | None = None,
         shapes: Shapes | None = None,
     ) -> None:
-        """Raises:
-        InputError: a model does not know the class of a target.
+        """Take models that know the classes of all targets.
+
+        Raises:
+            InputError: a model does not know one.
         """
         for model in (detector, finder):
             missing = sorted(set(dataset.spacecraft_by_name) - set(model.classes)) if model else []

@@ -297,8 +297,8 @@ def rotated(x: FloatArray, axis: FloatArray, angle_rad: FloatArray) -> FloatArra
 def turned(x: FloatArray, omega_rad_s: FloatArray, after_s: FloatArray) -> FloatArray:
     """Rotate vectors (..., 3) at an angular velocity (3,), each for its own time (...)."""
     rate = float(np.sqrt(np.sum(omega_rad_s * omega_rad_s)))
-    if rate == 0:
-        return np.asarray(x)
+    if rate == 0 or not np.any(after_s):
+        return np.broadcast_to(x, np.broadcast_shapes(x.shape, (*np.shape(after_s), 3)))
     return rotated(x, omega_rad_s / rate, rate * np.asarray(after_s))
 
 

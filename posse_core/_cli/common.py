@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import textwrap
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -185,6 +186,27 @@ def free_folder(stem: str) -> str:
 def echo_json(value: Any) -> None:
     """Print a value as JSON."""
     click.echo(json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False))
+
+
+@contextlib.contextmanager
+def json_list() -> Iterator[Callable[[Any], None]]:
+    """A function that prints a value as the next of a JSON list. The list is closed where an error or an
+    interrupt ends it too, so that what was printed can be read."""
+    count = 0
+
+    def echo(value: Any) -> None:
+        nonlocal count
+        text = json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False)
+        click.echo((",\n" if count else "[\n") + textwrap.indent(text, "  "), nl=False)
+        count += 1
+
+    try:
+        yield echo
+    finally:
+        if count:
+            click.echo("\n]")
+    if not count:
+        click.echo("[]")
 
 
 def echo_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:

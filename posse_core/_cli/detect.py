@@ -15,8 +15,8 @@ import click
 from posse_core._cli import completing
 from posse_core._cli.common import (
     camera_named,
-    echo_json,
     image_files,
+    json_list,
     model_options,
     options_from,
     refine_options,
@@ -103,21 +103,20 @@ def command(
     opened = partial(_searcher, *given, files, intrinsics, is_drawn=out is not None)
     with phase("opening the models"):
         searcher = opened()
-    results = []
     with (
         contextlib.closing(searcher),
         contextlib.nullcontext() if out is None else _made_folder(out, files) as folder,
+        json_list() if as_json else contextlib.nullcontext() as echo,
     ):
         made = made_by(searcher, range(len(files)), opened, workers, load_plugins().registry)
         for path, found in zip(files, made, strict=True):
-            results.append({"image": str(path), "detections": found.rows})
             if folder is not None:
                 write_bytes(folder / f"{path.stem}.png", found.drawn_png)
-            if not as_json:
+            if echo is not None:
+                echo({"image": str(path), "detections": found.rows})
+            else:
                 text = ", ".join(_as_text(row) for row in found.rows)
                 click.echo(f"{path}: {text or 'nothing'}")
-    if as_json:
-        echo_json(results)
 
 
 @dataclass(frozen=True)

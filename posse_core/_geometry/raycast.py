@@ -163,7 +163,7 @@ class RayCaster:
         """Largest speed in the image that a point of a body may have; of the whole image, if the
         bodies are out of view."""
         camera, poses = self._camera, craft.link_poses()
-        in_camera = {solid: solid.in_camera(poses) for solid in self._solids}
+        in_camera = {solid: solid.in_camera(camera, poses) for solid in self._solids}
         boxes = {solid: self._boxes_of(solid, x_m)[0] for solid, x_m in in_camera.items()}
         in_view = [solid for solid in self._solids if not boxes[solid].is_empty]
         speeds = []
@@ -182,7 +182,7 @@ class RayCaster:
         """Pixels of the image that a body may touch if all rows are exposed at the same time."""
         poses = craft.link_poses()
         return PixelBox.around(
-            self._boxes_of(solid, solid.in_camera(poses))[0] for solid in self._solids
+            self._boxes_of(solid, solid.in_camera(self._camera, poses))[0] for solid in self._solids
         )
 
     def _extents(
@@ -212,7 +212,7 @@ class RayCaster:
         is_last = last_row >= self._camera.height_px
         solids, boxes = [], [([_NO_BOX], [_NO_BOX]) for _ in self._scene.bodies]
         for placed in placed_at(self._solids, poses):
-            vertices_cam_m = placed.solid.in_camera(poses)
+            vertices_cam_m = placed.solid.in_camera(self._camera, poses)
             box, field = self._boxes_of(placed.solid, vertices_cam_m)
             top = moment.first_row if moment.first_row > 0 else field.y0
             bottom = field.y0 + field.height if is_last else last_row

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from posse_core._arrays import FloatArray, IntArray
+from posse_core._geometry.triangles import dot
 from posse_core._model.camera import Camera
 from posse_core._model.craft_state import BodyState, CraftState
 from posse_core._model.labels import View
@@ -64,17 +65,17 @@ def surface_points(
     uv_px = view.box.pixel_centres_px()[view.hit]
     x_cam_m = camera.rays(uv_px) * view.depth_m[view.hit, None].astype(np.float64)
     first_row = view.box.y0
-    rows_px = np.arange(first_row, first_row + view.box.height, dtype=np.float64)
-    rows_s = camera.row_after_s(rows_px)
+    # Where all rows are exposed together, one stands for all.
+    rows = view.box.height if camera.line_time_s > 0 else 1
+    rows_s = camera.row_after_s(np.arange(first_row, first_row + rows, dtype=np.float64))
     row = np.nonzero(view.hit)[0]
     x_link_m = np.empty_like(x_cam_m)
     for body, link, points in by_link(scene, view.part_id[view.hit]):
         R, t = craft.bodies[body].link_poses_after(link, rows_s)
-        of_row = row[points]
-        from_origin_m = x_cam_m[points] - t[of_row]
-        x_link_m[points] = np.stack(
-            [np.sum(R[:, :, k][of_row] * from_origin_m, axis=-1) for k in range(3)], axis=-1
-        )  # R's transpose, elementwise, so that the result does not depend on the BLAS library
+        of_row = row[points] if rows > 1 else slice(0, 1)
+        from_origin_m = (x_cam_m[points] - t[of_row]).T
+        # R's transpose, elementwise, so that the result does not depend on the BLAS library.
+        x_link_m[points] = np.stack([dot(R[of_row, :, k].T, from_origin_m) for k in range(3)], axis=-1)
     return uv_px, x_cam_m, x_link_m
 
 

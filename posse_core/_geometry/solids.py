@@ -14,6 +14,7 @@ from posse_core._geometry.tracer import Tracer
 from posse_core._geometry.triangles import Triangles, dot, rotated
 from posse_core._model.camera import Camera
 from posse_core._model.craft_state import BodyState, CraftState, LinkPoses
+from posse_core._model.hull import hull_points
 from posse_core._model.scene import Scene
 
 
@@ -27,6 +28,7 @@ class Solid:
         link: number of the link within the body.
         scene_link: number of the link in the scene.
         vertices_link_m: (3, V).
+        outer_link_m: (3, H) those of the convex hull.
         edges: (E, 2) vertex indices.
         part_id: (T + 1,) int16 part of each triangle, as in a view; −1 last, for rays that hit none.
         face: (T + 1,) int32 index of each triangle, likewise.
@@ -37,17 +39,21 @@ class Solid:
     link: int
     scene_link: int
     vertices_link_m: FloatArray
+    outer_link_m: FloatArray
     edges: IntArray
     part_id: IntArray
     face: IntArray
 
-    def in_camera(self, poses: LinkPoses) -> FloatArray:
-        """(3, V) vertices in camera axes at one instant."""
+    def in_camera(self, camera: Camera, poses: LinkPoses) -> FloatArray:
+        """(3, n) in camera axes at one instant, the vertices that may be outermost in an image or in
+        depth: those of the convex hull, or all if the lens bends straight edges."""
         R, t_m = poses.R_cam_from_link[self.scene_link], poses.t_link_cam_m[self.scene_link]
-        return np.asarray(rotated(R, self.vertices_link_m) + t_m[:, None])
+        outermost = self.outer_link_m if camera.distortion is None else self.vertices_link_m
+        return np.asarray(rotated(R, outermost) + t_m[:, None])
 
     def seen(self, craft: CraftState, camera: Camera, poses: LinkPoses) -> FloatArray:
-        """(3, V) vertices in camera axes, each at the time of the row that sees it.
+        """(3, n) the same vertices, each at the time of the row that sees it; all if rows see them at
+        different times.
 
         Args:
             craft: at the frame's instant.
@@ -55,13 +61,13 @@ class Solid:
             poses: of the links at the frame's instant.
         """
         if camera.line_time_s == 0:
-            return self.in_camera(poses)
+            return self.in_camera(camera, poses)
         body: BodyState = craft.bodies[self.body]
         return seen_by_rows(body, camera, self.vertices_link_m.T, self.link)[0].T
 
     def extent_px(self, camera: Camera, vertices_cam_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Lowest and highest image position, (2,) each, of (3, V) vertices in camera axes; NaN if one is
-        behind the camera or beyond the reach of its lens."""
+        """Lowest and highest image position, (2,) each, of vertices as by :meth:`in_camera` or
+        :meth:`seen`; NaN if one is behind the camera or beyond the reach of its lens."""
         return extent_px(camera, vertices_cam_m.T, self.edges)
 
 
@@ -82,7 +88,8 @@ def solids_of(scene: Scene) -> tuple[Solid, ...]:
         high = np.max([part.vertices_body_m.max(axis=0) for part in parts], axis=0)
         triangles = Triangles.of_corners(corners_m, part_id, np.stack([low, high]))
         face = np.concatenate([first_face[k] + np.arange(faces[k]) for k in pieces])[triangles.face]
-        vertices = np.cumsum([0, *(len(part.vertices_body_m) for part in parts)])
+        firsts = np.cumsum([0, *(len(part.vertices_body_m) for part in parts)])
+        vertices_m = np.concatenate([part.vertices_body_m for part in parts])
         body, link = scene.links[scene_link]
         solids.append(
             Solid(
@@ -90,12 +97,11 @@ def solids_of(scene: Scene) -> tuple[Solid, ...]:
                 body=body,
                 link=link,
                 scene_link=scene_link,
-                vertices_link_m=np.ascontiguousarray(
-                    np.concatenate([part.vertices_body_m for part in parts]).T
-                ),
+                vertices_link_m=np.ascontiguousarray(vertices_m.T),
+                outer_link_m=np.ascontiguousarray(hull_points(vertices_m).T),
                 edges=edges_of(
                     np.concatenate(
-                        [first + part.faces for first, part in zip(vertices, parts, strict=False)]
+                        [first + part.faces for first, part in zip(firsts, parts, strict=False)]
                     )
                 ),
                 part_id=np.append(triangles.part_id, np.int16(-1)),

@@ -9,6 +9,7 @@ import numpy as np
 
 from posse_core._arrays import AnyArray, BoolArray, FloatArray, IntArray
 from posse_core._frames import unit
+from posse_core._geometry.triangles import cross, dot
 from posse_core._model.scene import Piece
 from posse_core._model.spacecraft import Material
 from posse_core._model.srgb import linear_from_srgb
@@ -39,7 +40,10 @@ class Surface:
 
     def __init__(self, pieces: Sequence[Piece]) -> None:
         parts = [piece.part for piece in pieces]
-        self._corners_m = np.concatenate([part.vertices_body_m[part.faces] for part in parts])
+        corners_m = np.concatenate([part.vertices_body_m[part.faces] for part in parts])
+        self._a_m, b_m, c_m = (corners_m[:, corner].T.copy() for corner in range(3))
+        self._ab_m, self._ac_m = b_m - self._a_m, c_m - self._a_m
+        self._across_m2 = cross(self._ab_m, self._ac_m)
         self._uv = np.concatenate([part.uv[part.faces].astype(np.float64) for part in parts])
         self._normals = np.concatenate(
             [part.normals_body[part.faces].astype(np.float64) for part in parts]
@@ -88,11 +92,12 @@ class Surface:
         """Each material, the (n,) indices of its points and their (n, 2) texture coordinates."""
         materials = self._materials if materials is None else materials
         on = np.flatnonzero(triangle >= 0)
-        uv = _between(self._weights(triangle[on], point_body_m[on]), self._uv[triangle[on]])
+        triangle = triangle[on]
+        uv = _between(self._weights(triangle, point_body_m[on]), self._uv[triangle])
         # Pieces of one material are sampled together.
         alike = list({id(material): material for material in materials}.values())
         number = {id(material): k for k, material in enumerate(alike)}
-        used = np.array([number[id(material)] for material in materials])[self._piece[triangle[on]]]
+        used = np.array([number[id(material)] for material in materials])[self._piece[triangle]]
         for index in np.unique(used):
             own = np.flatnonzero(used == index)
             yield alike[index], on[own], uv[own]
@@ -122,12 +127,14 @@ class Surface:
 
     def _weights(self, triangle: IntArray, point_body_m: FloatArray) -> FloatArray:
         """(n, 3) barycentric coordinates of points on triangles."""
-        a, b, c = np.moveaxis(self._corners_m[triangle], 1, 0)
-        ab, ac, ap = b - a, c - a, point_body_m - a
-        normal = np.cross(ab, ac)
-        area = np.sum(normal * normal, axis=-1)
-        weight_b = np.sum(np.cross(ap, ac) * normal, axis=-1) / area
-        weight_c = np.sum(np.cross(ab, ap) * normal, axis=-1) / area
+        a_m, ab_m, ac_m, across_m2 = (
+            np.take(of_all, triangle, axis=1)
+            for of_all in (self._a_m, self._ab_m, self._ac_m, self._across_m2)
+        )
+        ap_m = point_body_m.T - a_m
+        square_m4 = dot(across_m2, across_m2)
+        weight_b = dot(cross(ap_m, ac_m), across_m2) / square_m4
+        weight_c = dot(cross(ab_m, ap_m), across_m2) / square_m4
         return np.stack([1 - weight_b - weight_c, weight_b, weight_c], axis=-1)
 
     def _tangents(
@@ -135,12 +142,12 @@ class Surface:
     ) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Unit vectors (n, 3) across the normals along which u and v grow, and whether they are defined
         (n,)."""
-        a, b, c = np.moveaxis(self._corners_m[triangle], 1, 0)
+        ab_m, ac_m = self._ab_m[:, triangle].T, self._ac_m[:, triangle].T
         from_b, from_c = np.moveaxis(self._uv[triangle][:, 1:] - self._uv[triangle][:, :1], 1, 0)
         det = from_b[:, 0] * from_c[:, 1] - from_b[:, 1] * from_c[:, 0]
         side = np.sign(det)[:, None]
-        along_u = side * ((b - a) * from_c[:, 1:] - (c - a) * from_b[:, 1:])
-        along_v = side * ((c - a) * from_b[:, :1] - (b - a) * from_c[:, :1])
+        along_u = side * (ab_m * from_c[:, 1:] - ac_m * from_b[:, 1:])
+        along_v = side * (ac_m * from_b[:, :1] - ab_m * from_c[:, :1])
         across = [d - normal * np.sum(d * normal, axis=-1, keepdims=True) for d in (along_u, along_v)]
         length = [np.linalg.norm(d, axis=-1, keepdims=True) for d in across]
         known = (det != 0) & (length[0] > 0)[:, 0] & (length[1] > 0)[:, 0]
@@ -150,7 +157,8 @@ class Surface:
 
 def _between(weights: FloatArray, corners: FloatArray) -> FloatArray:
     """Interpolate values (n, 3 corners, c) by barycentric coordinates (n, 3) → (n, c)."""
-    return np.asarray(np.sum(weights[..., None] * corners, axis=1))
+    a, b, c = (weights[:, corner, None] * corners[:, corner] for corner in range(3))
+    return np.asarray(a + b + c)
 
 
 def _base_color(material: Material, uv: FloatArray) -> FloatArray:

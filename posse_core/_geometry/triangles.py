@@ -26,6 +26,12 @@ def dot(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
+def cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """a × b over the first axis, of length 3."""
+    (ax, ay, az), (bx, by, bz) = a, b
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
+
+
 def rotated(R: FloatArray, x: FloatArray) -> FloatArray:
     """R x for (3, 3) and (3, N) → (3, N), elementwise as in :func:`dot`."""
     return np.stack([dot(row, x) for row in R])

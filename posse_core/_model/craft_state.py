@@ -105,7 +105,8 @@ class BodyState:
         rates = self.rates
         if not self.is_carried:
             x_body_m = turned(x_body_m, rates.omega_body_rad_s, after_s)
-        x_m = np.stack([np.sum(row * x_body_m, axis=-1) for row in R], axis=-1) + t
+        x, y, z = np.moveaxis(x_body_m, -1, 0)
+        x_m = np.stack([row[0] * x + row[1] * y + row[2] * z for row in R], axis=-1) + t
         if self.is_carried:
             return x_m
         x_m = x_m + np.asarray(after_s)[..., None] * rates.v_body_cam_m_s

@@ -14,5 +14,7 @@ def hull_points(points_m: FloatArray) -> FloatArray:
 
     ("QJ" makes the hull of flat sets possible.)
     """
+    if len(points_m) < 5:
+        return points_m
     on_hull = ConvexHull(points_m, qhull_options="QJ").vertices
     return np.asarray(points_m[on_hull])

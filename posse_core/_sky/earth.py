@@ -75,6 +75,7 @@ class EarthRays:
         ahead_m: (n,) distance along the ray to its point nearest to the Earth's centre; negative behind
             the camera.
         nearest_m: (n,) distance of that point from the centre.
+        pixel_rad: () or (n,) angular width of the pixel.
         width_m: (n,) width of the pixel there.
         on_ground: (n,) float32 share of the pixel that is below the limb.
         through_air: (n,) whether the rest of the pixel sees the atmosphere above the limb.
@@ -83,6 +84,7 @@ class EarthRays:
     directions: FloatArray
     ahead_m: FloatArray
     nearest_m: FloatArray
+    pixel_rad: FloatArray
     width_m: FloatArray
     on_ground: Float32Array
     through_air: BoolArray
@@ -114,25 +116,30 @@ class EarthView:
     def _air(self) -> AirTables:
         return air_tables(self._distance_m, self._sun_zenith_cosine)
 
-    def light(self, directions_cam: FloatArray, pixel_rad: float) -> Float32Array:
+    def light(self, directions_cam: FloatArray, pixel_rad: float | FloatArray) -> Float32Array:
         """Radiance of ground, clouds and air.
 
         Args:
             directions_cam: (..., 3) of any length, camera axes.
-            pixel_rad: angular width of the pixel that each direction represents.
+            pixel_rad: angular width of the pixel that a direction represents: one for all n, or (n,).
 
         Returns:
             (..., 3) W m⁻² sr⁻¹.
         """
         rays = self.rays(directions_cam, pixel_rad)
-        radiance = self.air_light(rays, pixel_rad)
+        radiance = self.air_light(rays)
         ground = np.flatnonzero(rays.on_ground > 0)
         if len(ground):
-            seen = self.ground_light(Surface(self.surface(rays, ground, pixel_rad)))
+            surface = Surface(self.surface(rays, ground))
+            seen = surface.airlight.copy()
+            # At night there is only the air's light, whatever is on the ground.
+            lit = np.flatnonzero(surface.is_lit())
+            if len(lit):
+                seen[:, lit] = self.ground_light(Surface(np.take(surface.fields, lit, axis=1)))
             radiance[ground] += rays.on_ground[ground, None] * seen.T
         return radiance.reshape(directions_cam.shape)
 
-    def air_light(self, rays: EarthRays, pixel_rad: float) -> Float32Array:
+    def air_light(self, rays: EarthRays) -> Float32Array:
         """(n, 3) radiance of the air beyond the limb, W m⁻² sr⁻¹."""
         radiance = np.zeros((rays.ahead_m.size, 3), dtype=np.float32)
         air = np.flatnonzero(rays.through_air)
@@ -141,7 +148,7 @@ class EarthView:
             # to each other at the bottom, where the air is densest.
             high_m = rays.nearest_m[air] + rays.width_m[air] / 2 - RADIUS_M
             low_m = np.maximum(0, high_m - rays.width_m[air])
-            at_limb_m = np.sqrt(max(0.0, self._distance_m**2 - RADIUS_M**2)) * pixel_rad
+            at_limb_m = np.sqrt(max(0.0, self._distance_m**2 - RADIUS_M**2)) * np.max(rays.pixel_rad)
             count = int(np.clip(np.ceil(at_limb_m / _AIR_STEP_M), 1, _MOST_AIR_STEPS))
             at = ((np.arange(count) + 0.5) / count)[:, None]
             height_m = low_m + at**2 * (high_m - low_m)
@@ -162,8 +169,9 @@ class EarthView:
             share[air] *= self._air.transmission(limb_row(rays.nearest_m[air] - RADIUS_M))
         return share.reshape(directions_cam.shape)
 
-    def rays(self, directions_cam: FloatArray, pixel_rad: float) -> EarthRays:
-        """Rays in directions (..., 3) of any length, camera axes; n is the number of them."""
+    def rays(self, directions_cam: FloatArray, pixel_rad: float | FloatArray) -> EarthRays:
+        """Rays in directions (..., 3) of any length, camera axes; n is the number of them. The width of
+        their pixels is one for all or (n,)."""
         d = (_STRETCH[:, None] * self._R_ecef_from_cam) @ directions_cam.reshape(-1, 3).T
         d /= np.sqrt(np.einsum("in,in->n", d, d))
         ahead_m = -(self._origin_m @ d)
@@ -173,7 +181,7 @@ class EarthView:
         on_ground = np.where(ahead_m > 0, share, 0).astype(np.float32)
         lowest_m = nearest_m - width_m / 2
         through_air = (on_ground < 1) & (ahead_m > 0) & (lowest_m < RADIUS_M + TOP_M)
-        return EarthRays(d, ahead_m, nearest_m, width_m, on_ground, through_air)
+        return EarthRays(d, ahead_m, nearest_m, np.asarray(pixel_rad), width_m, on_ground, through_air)
 
     def touches(self, directions_cam: FloatArray, reach_rad: float) -> BoolArray:
         """(..., 3) unit vectors, camera axes → (...): whether the Earth or its air is within an angle of
@@ -204,7 +212,7 @@ class EarthView:
         x, y = self._azimuth_axes @ d
         return np.asarray(np.arctan2(np.abs(y), x), dtype=np.float32)
 
-    def surface(self, rays: EarthRays, which: IntArray, pixel_rad: float) -> Float32Array:
+    def surface(self, rays: EarthRays, which: IntArray) -> Float32Array:
         """(Surface.COUNT, k) angles, light and weather where the rays ``which`` (k,) meet the ground.
 
         For pixels on the limb they are those in the middle of the part that is below it.
@@ -228,6 +236,7 @@ class EarthView:
         latitude_rad = np.arcsin(np.clip(surface.normal[2], -1, 1))
         surface.longitude[:] = longitude_turns(surface.normal)
         surface.latitude[:] = np.float32(0.5) - latitude_rad * np.float32(1 / np.pi)
+        pixel_rad = rays.pixel_rad[which] if rays.pixel_rad.ndim else rays.pixel_rad
         footprint_m = np.maximum(way_m, 1) * pixel_rad / np.sqrt(np.maximum(view_cosine, 0.02))
         surface.log_footprint[:] = np.log2(footprint_m)
         if self._earth.clouds is not None:

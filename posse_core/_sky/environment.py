@@ -11,11 +11,12 @@ from posse_core._sky.laboratory import Room
 
 SHAPE = (64, 128)
 """Rows and columns."""
-_LEAST_SAMPLES = 4
-_INSIDE_SAMPLES = 2
 _LIMB_PX = 3
+_LIMB_SAMPLES = 4
+_INSIDE_SAMPLES = 2
 """The fewest samples, in each direction, of a pixel near the limb, and of one that is farther than so
 many pixels within it."""
+_ROOM_SAMPLES = 4
 
 
 def environment_map(earth: EarthView) -> EnvironmentMap:
@@ -29,16 +30,19 @@ def environment_map(earth: EarthView) -> EnvironmentMap:
         np.cos(np.pi * (np.arange(rows)[:, None] + 0.5) / rows), np.arange(0.5, columns)
     )
     inside = earth.fills(middles, _LIMB_PX * pixel_rad)
-    radiance_rgb = np.zeros((rows, columns, 3), dtype=np.float32)
-    for which, least in (
-        (inside, _INSIDE_SAMPLES),
-        (earth.touches(middles, pixel_rad) & ~inside, _LEAST_SAMPLES),
-    ):
+    near_limb = earth.touches(middles, pixel_rad) & ~inside
+    directions, widths_rad = [], []
+    for which, least in ((inside, _INSIDE_SAMPLES), (near_limb, _LIMB_SAMPLES)):
+        n = max(least, earth.samples(pixel_rad))
         row, column = np.nonzero(which)
-        if len(row):
-            n = max(least, earth.samples(pixel_rad))
-            within = _directions_within(row, column, n)
-            radiance_rgb[row, column] = earth.light(within, pixel_rad / n).mean(axis=(1, 2))
+        directions.append(_directions_within(row, column, n).reshape(-1, 3))
+        widths_rad.append(np.full(len(directions[-1]), pixel_rad / n))
+    # All are asked for at once, since a few take nearly as long as many.
+    light = earth.light(np.concatenate(directions), np.concatenate(widths_rad))
+    radiance_rgb = np.zeros((rows, columns, 3), dtype=np.float32)
+    for which, seen in zip((inside, near_limb), np.split(light, [len(directions[0])]), strict=True):
+        if len(seen):
+            radiance_rgb[which] = seen.reshape(np.count_nonzero(which), -1, 3).mean(axis=1)
     return EnvironmentMap(radiance_rgb)
 
 
@@ -46,7 +50,7 @@ def room_map(room: Room) -> EnvironmentMap:
     """A laboratory's radiance in all directions, as :func:`environment_map`."""
     rows, columns = SHAPE
     row, column = (index.ravel() for index in np.indices(SHAPE))
-    light = room.radiance_rgb(_directions_within(row, column, _LEAST_SAMPLES))
+    light = room.radiance_rgb(_directions_within(row, column, _ROOM_SAMPLES))
     return EnvironmentMap(light.mean(axis=(1, 2), dtype=np.float32).reshape(rows, columns, 3))
 
 

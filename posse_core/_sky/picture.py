@@ -104,12 +104,14 @@ class _Nodes:
         known = np.isfinite(nodes_cam).all(axis=-1)
         nodes_cam[~known] = [0, 0, 1]
         rays = earth.rays(nodes_cam, pixel_rad)
-        fields = earth.surface(rays, np.arange(rays.ahead_m.size), pixel_rad)
+        fields = earth.surface(rays, np.arange(rays.ahead_m.size))
         fields = fields.reshape(Surface.COUNT, *shape)
         whole = (rays.on_ground == 1).reshape(shape)
         gap_m = 1.5 * apart_px * pixel_rad * np.abs(rays.ahead_m)
         away = ((rays.nearest_m > RADIUS_M + TOP_M + gap_m) | (rays.ahead_m < 0)).reshape(shape)
-        usable = known & whole & _smooth(fields, earth.sun_rgb_w_m2)
+        rising = np.sqrt(np.clip(1 - np.square(rays.nearest_m / RADIUS_M), 0.02**2, 1))
+        smooth = _smooth(fields, rising.reshape(shape).astype(np.float32), earth.sun_rgb_w_m2)
+        usable = known & whole & smooth
         return cls(fields, usable, known & away)
 
 
@@ -203,15 +205,22 @@ def _tiles(camera: Camera, earth: EarthView, first_row: int, rows: int) -> list[
     return [boxes[i] for i in np.flatnonzero(earth.touches(rays, reach_rad))]
 
 
-def _smooth(fields: Float32Array, sun_w_m2: Float32Array) -> BoolArray:
-    """(Surface.COUNT, m, n) at nodes, and (3,) sunlight → (m, n): whether what is around a node may be
-    interpolated.
+def _smooth(fields: Float32Array, rising: Float32Array, sun_w_m2: Float32Array) -> BoolArray:
+    """Whether what is around nodes may be interpolated: (m, n).
 
     The error of linear interpolation is at most an eighth of the second difference, for each axis.
+
+    Args:
+        fields: (Surface.COUNT, m, n) at nodes.
+        rising: (m, n) cosine of the angle between the ground's normal and the way to the camera.
+        sun_w_m2: (3,) sunlight.
     """
     surface, off = Surface(fields), Surface(_off(fields))
     turn = 2 * np.pi * np.sqrt(np.maximum(0, 1 - np.square(surface.normal[2])))
+    # What is seen of a sphere is the same at every azimuth about its centre, so that positions are off
+    # along the line of sight alone. There a pixel is longer than in the mean, of which the logarithm is.
     ground_radians = np.float32(TOLERANCE_PX / RADIUS_M) * np.exp2(surface.log_footprint)
+    ground_radians /= np.sqrt(rising)
     fine = turn * off.fields[Surface.LONGITUDES].max(axis=0) <= ground_radians
     fine &= np.float32(np.pi) * off.latitude <= ground_radians
     fine &= off.fields[Surface.NORMALS].max(axis=0) <= ground_radians
@@ -221,6 +230,8 @@ def _smooth(fields: Float32Array, sun_w_m2: Float32Array) -> BoolArray:
     light = np.maximum(np.maximum(off.daylight, off.sea), off.airlight)
     for band, sun in zip(light, sun_w_m2, strict=True):
         fine &= band <= TOLERANCE * sun
+    # In the dark nobody sees where the ground is.
+    fine |= ~(surface.fields[Surface.LIGHT].any(axis=0) | off.fields[Surface.LIGHT].any(axis=0))
     return np.asarray(fine)
 
 

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from posse_core._arrays import Float32Array
+from posse_core._arrays import BoolArray, Float32Array
 
 
 @dataclass(frozen=True)
@@ -89,6 +89,10 @@ class Surface:
     def airlight(self) -> Float32Array:
         """(3, ...) radiance of the air."""
         return self._part(18, 21)
+
+    def is_lit(self) -> BoolArray:
+        """(...) whether the Sun or the sky lights the ground, of points without weights."""
+        return np.asarray(self.daylight.any(axis=0) | self.sea.any(axis=0))
 
     def _part(self, first: int, end: int) -> Float32Array:
         """(end − first, ...) some of the fields."""

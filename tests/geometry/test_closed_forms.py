@@ -84,6 +84,28 @@ def test_a_box_covers_the_hull_of_its_corners(make_scene, make_state, seed):
     assert (np.array(end) == np.floor(high + 0.5) + 1).all()
 
 
+SHAPES = {
+    "a triangle": trimesh.Trimesh([[0, 0, 0], [1, 0.2, 0], [0.3, 0.9, 0.1]], [[0, 1, 2]]),
+    "a flat grid": trimesh.Trimesh(
+        [[x, y, 0] for x in range(4) for y in range(4)],
+        [[4 * x + y, 4 * x + y + 1, 4 * x + y + 5] for x in range(3) for y in range(3)],
+    ),
+    "a ball": trimesh.creation.icosphere(subdivisions=3),
+    "a hollow star": trimesh.creation.annulus(0.4, 1.3, 0.5, sections=7),
+}
+
+
+@given(seeds)
+@pytest.mark.parametrize("shape", SHAPES)
+def test_the_whole_box_is_around_all_vertices(make_scene, make_state, shape, seed):
+    scene = make_scene({"part": SHAPES[shape]})
+    R, t = random_rotation(seed), np.array([0.2, 0.1, 7.0])
+    view = RayCaster(scene).view(make_state(t, R))
+    px = scene.camera.project(SHAPES[shape].vertices @ R.T + t)
+    low, high = px.min(axis=0), px.max(axis=0)
+    np.testing.assert_allclose(view.whole_box_px, [*low, *(high - low)], rtol=0, atol=1e-10)
+
+
 @pytest.mark.parametrize("distance_m", [2.5, 40.0, 20e3])
 def test_a_faceted_sphere_lies_between_its_inscribed_and_circumscribed_spheres(
     make_scene, make_state, distance_m

@@ -220,6 +220,12 @@ def test_from_image_to_pose_by_the_command(tmp_path):
     assert np.linalg.eigvalsh(found["pose"]["covariance"]).min() > 0
     _, words, _ = run_posse("detect", tmp_path / "image.png", *options)
     assert f"{np.linalg.norm(t):.2f} m away" in words
+    # What was found before an image that cannot be read is not lost.
+    (tmp_path / "no image.png").write_bytes(b"PNG")
+    both = tmp_path / "image.png", tmp_path / "no image.png"
+    code, told, error = run_posse("detect", *both, *options, "--json")
+    assert (code, json.loads(told)) == (2, json.loads(out)), error
+    assert "no image.png" in error
     _, words, _ = run_posse("detect", tmp_path / "image.png", *options, "--target", "brick")
     assert words == f"{tmp_path / 'image.png'}: nothing\n"
     for name in ("a.png", "b.png", "c.png"):

@@ -185,7 +185,7 @@ def free_folder(stem: str) -> str:
 
 def echo_json(value: Any) -> None:
     """Print a value as JSON."""
-    click.echo(json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False))
+    click.echo(_as_json(value))
 
 
 @contextlib.contextmanager
@@ -196,8 +196,7 @@ def json_list() -> Iterator[Callable[[Any], None]]:
 
     def echo(value: Any) -> None:
         nonlocal count
-        text = json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False)
-        click.echo((",\n" if count else "[\n") + textwrap.indent(text, "  "), nl=False)
+        click.echo((",\n" if count else "[\n") + textwrap.indent(_as_json(value), "  "), nl=False)
         count += 1
 
     try:
@@ -207,6 +206,10 @@ def json_list() -> Iterator[Callable[[Any], None]]:
             click.echo("\n]")
     if not count:
         click.echo("[]")
+
+
+def _as_json(value: Any) -> str:
+    return json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False)
 
 
 def echo_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from posse_core._arrays import FloatArray, IntArray
-from posse_core._geometry.triangles import dot
+from posse_core._geometry.triangles import rotated
 from posse_core._model.camera import Camera
 from posse_core._model.craft_state import BodyState, CraftState
 from posse_core._model.labels import View
@@ -74,8 +74,8 @@ def surface_points(
         R, t = craft.bodies[body].link_poses_after(link, rows_s)
         of_row = row[points] if rows > 1 else slice(0, 1)
         from_origin_m = (x_cam_m[points] - t[of_row]).T
-        # R's transpose, elementwise, so that the result does not depend on the BLAS library.
-        x_link_m[points] = np.stack([dot(R[of_row, :, k].T, from_origin_m) for k in range(3)], axis=-1)
+        # R's transposes, as (3, 3, N).
+        x_link_m[points] = rotated(R[of_row].T, from_origin_m).T
     return uv_px, x_cam_m, x_link_m
 
 

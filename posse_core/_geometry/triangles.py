@@ -33,7 +33,7 @@ def cross(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def rotated(R: FloatArray, x: FloatArray) -> FloatArray:
-    """R x for (3, 3) and (3, N) → (3, N), elementwise as in :func:`dot`."""
+    """R x for (3, 3), or (3, 3, N), and (3, N) → (3, N), elementwise as in :func:`dot`."""
     return np.stack([dot(row, x) for row in R])
 
 

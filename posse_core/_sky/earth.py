@@ -38,6 +38,10 @@ _MOST_AIR_STEPS = 16
 """How wide a pixel is for which the air above the limb is sampled once, and the most samples of a wider
 one."""
 
+LEAST_VIEW_COSINE = 0.02
+"""Of the angle between the ground's normal and the way to the camera: what is seen more obliquely counts
+as seen so."""
+
 _SAMPLES_ACROSS = 64
 """The fewest samples in the Earth's diameter."""
 
@@ -75,7 +79,7 @@ class EarthRays:
         ahead_m: (n,) distance along the ray to its point nearest to the Earth's centre; negative behind
             the camera.
         nearest_m: (n,) distance of that point from the centre.
-        pixel_rad: () or (n,) angular width of the pixel.
+        pixel_rad: (n,) angular width of the pixel.
         width_m: (n,) width of the pixel there.
         on_ground: (n,) float32 share of the pixel that is below the limb.
         through_air: (n,) whether the rest of the pixel sees the atmosphere above the limb.
@@ -176,12 +180,13 @@ class EarthView:
         d /= np.sqrt(np.einsum("in,in->n", d, d))
         ahead_m = -(self._origin_m @ d)
         nearest_m = np.sqrt(np.maximum(0, self._distance_m**2 - ahead_m**2))
+        pixel_rad = np.broadcast_to(pixel_rad, ahead_m.shape)
         width_m = np.maximum(ahead_m, 1) * pixel_rad
         share = np.clip(0.5 - (nearest_m - RADIUS_M) / width_m, 0, 1)
         on_ground = np.where(ahead_m > 0, share, 0).astype(np.float32)
         lowest_m = nearest_m - width_m / 2
         through_air = (on_ground < 1) & (ahead_m > 0) & (lowest_m < RADIUS_M + TOP_M)
-        return EarthRays(d, ahead_m, nearest_m, np.asarray(pixel_rad), width_m, on_ground, through_air)
+        return EarthRays(d, ahead_m, nearest_m, pixel_rad, width_m, on_ground, through_air)
 
     def touches(self, directions_cam: FloatArray, reach_rad: float) -> BoolArray:
         """(..., 3) unit vectors, camera axes → (...): whether the Earth or its air is within an angle of
@@ -236,8 +241,8 @@ class EarthView:
         latitude_rad = np.arcsin(np.clip(surface.normal[2], -1, 1))
         surface.longitude[:] = longitude_turns(surface.normal)
         surface.latitude[:] = np.float32(0.5) - latitude_rad * np.float32(1 / np.pi)
-        pixel_rad = rays.pixel_rad[which] if rays.pixel_rad.ndim else rays.pixel_rad
-        footprint_m = np.maximum(way_m, 1) * pixel_rad / np.sqrt(np.maximum(view_cosine, 0.02))
+        across_m = np.maximum(way_m, 1) * rays.pixel_rad[which]
+        footprint_m = across_m / np.sqrt(np.maximum(view_cosine, LEAST_VIEW_COSINE))
         surface.log_footprint[:] = np.log2(footprint_m)
         if self._earth.clouds is not None:
             aridity = self._earth.ground.aridity(surface.longitude, surface.latitude)

@@ -12,7 +12,7 @@ import numpy as np
 from posse_core._arrays import BoolArray, Float32Array, FloatArray, IntArray
 from posse_core._model.camera import Camera, PixelBox
 from posse_core._sky.atmosphere import RADIUS_M, TOP_M
-from posse_core._sky.earth import EarthView
+from posse_core._sky.earth import LEAST_VIEW_COSINE, EarthView
 from posse_core._sky.surface import Surface
 
 TOLERANCE = 3e-4
@@ -109,9 +109,9 @@ class _Nodes:
         whole = (rays.on_ground == 1).reshape(shape)
         gap_m = 1.5 * apart_px * pixel_rad * np.abs(rays.ahead_m)
         away = ((rays.nearest_m > RADIUS_M + TOP_M + gap_m) | (rays.ahead_m < 0)).reshape(shape)
-        rising = np.sqrt(np.clip(1 - np.square(rays.nearest_m / RADIUS_M), 0.02**2, 1))
-        smooth = _smooth(fields, rising.reshape(shape).astype(np.float32), earth.sun_rgb_w_m2)
-        usable = known & whole & smooth
+        cosine = np.sqrt(np.clip(1 - np.square(rays.nearest_m / RADIUS_M), LEAST_VIEW_COSINE**2, 1))
+        view_cosine = cosine.reshape(shape).astype(np.float32)
+        usable = known & whole & _smooth(fields, view_cosine, earth.sun_rgb_w_m2)
         return cls(fields, usable, known & away)
 
 
@@ -205,14 +205,14 @@ def _tiles(camera: Camera, earth: EarthView, first_row: int, rows: int) -> list[
     return [boxes[i] for i in np.flatnonzero(earth.touches(rays, reach_rad))]
 
 
-def _smooth(fields: Float32Array, rising: Float32Array, sun_w_m2: Float32Array) -> BoolArray:
+def _smooth(fields: Float32Array, view_cosine: Float32Array, sun_w_m2: Float32Array) -> BoolArray:
     """Whether what is around nodes may be interpolated: (m, n).
 
     The error of linear interpolation is at most an eighth of the second difference, for each axis.
 
     Args:
         fields: (Surface.COUNT, m, n) at nodes.
-        rising: (m, n) cosine of the angle between the ground's normal and the way to the camera.
+        view_cosine: (m, n) cosine of the angle between the ground's normal and the way to the camera.
         sun_w_m2: (3,) sunlight.
     """
     surface, off = Surface(fields), Surface(_off(fields))
@@ -220,7 +220,7 @@ def _smooth(fields: Float32Array, rising: Float32Array, sun_w_m2: Float32Array) 
     # What is seen of a sphere is the same at every azimuth about its centre, so that positions are off
     # along the line of sight alone. There a pixel is longer than in the mean, of which the logarithm is.
     ground_radians = np.float32(TOLERANCE_PX / RADIUS_M) * np.exp2(surface.log_footprint)
-    ground_radians /= np.sqrt(rising)
+    ground_radians /= np.sqrt(view_cosine)
     fine = turn * off.fields[Surface.LONGITUDES].max(axis=0) <= ground_radians
     fine &= np.float32(np.pi) * off.latitude <= ground_radians
     fine &= off.fields[Surface.NORMALS].max(axis=0) <= ground_radians

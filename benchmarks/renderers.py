@@ -12,15 +12,22 @@ Brighter pixels are a few glints, which hardly change the image but would make u
 The reference is Cycles with equally many samples in every pixel of the whole image. Its noise falls with
 the square root of its time, so its cost is scaled to the noise that another renderer has with its own
 options, pose by pose; the ratios of the poses are averaged as logarithms.
+
+With ``--blenderproc PYTHON`` the reference is BlenderProc, as ``blenderproc_worker.py`` runs it in that
+Python, of the same scene: its whole image with depth, normals and segments.
 """
 
 from __future__ import annotations
 
+import json
 import os
+import subprocess
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from io import FileIO
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
@@ -53,6 +60,7 @@ CANDIDATES: tuple[tuple[str, str, dict[str, Any]], ...] = (
     ("raster", "raster", {}),
 )
 SAMPLED = ("mitsuba", "blender")
+BLENDERPROC_WORKER = Path(__file__).with_name("blenderproc_worker.py")
 
 
 @dataclass(frozen=True)
@@ -164,6 +172,46 @@ class Bench:
                     annotator.annotate(look)
         return Cost(*(value / len(self._boxes) for value in (cost().cpu_s, cost().wall_s)))
 
+    def blenderproc(
+        self, python: str, spp: int, threads: int, seeds: Sequence[int]
+    ) -> tuple[list[Cost], list[float]]:
+        """The cost of each frame by BlenderProc, the least of the seeds, and its noise.
+
+        Raises:
+            PosseError: BlenderProc failed.
+        """
+        import posse_render_blender
+        from posse_render_blender.options import BlenderOptions
+        from posse_render_blender.renderer import frame_message, scene_message
+        from posse_render_blender.worker import wire
+
+        scene, frames = self._setting.scene, self._setting.frames
+        options = BlenderOptions(spp=spp, threads=threads)
+        messages = {"scene": scene_message(scene, options)}
+        for i, (frame, box) in enumerate(zip(frames, self._boxes, strict=True)):
+            request = RenderRequest(frame.craft, box, self._skies[i], 0)
+            messages[f"frame{i}"] = frame_message(request, scene, 0.0)
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            for key, message in messages.items():
+                with FileIO(str(folder / key), "w") as file:
+                    wire.send(file, message)
+            worker = Path(posse_render_blender.__file__).parent / "worker"
+            words = [python, str(BLENDERPROC_WORKER), str(worker), name, str(spp), *map(str, seeds)]
+            done = subprocess.run(words, capture_output=True, text=True, check=False)
+            if done.returncode:
+                told = f"{done.stdout[-1000:]}{done.stderr[-1000:]}".strip()
+                raise PosseError(f"{python}: BlenderProc ended with {done.returncode}: {told}")
+            costs: list[Cost] = []
+            for rows in json.loads((folder / "costs.json").read_text(encoding="utf-8")).values():
+                costs = _least(costs, [Cost(*row) for row in rows])
+            noise = []
+            for i, (frame, box) in enumerate(zip(frames, self._boxes, strict=True)):
+                images = [np.load(folder / f"{seed}-{i}.npy")[box.slices] for seed in seeds]
+                radiance = [Radiance(box, image[..., :3], image[..., 3]) for image in images]
+                noise.append(_noise(radiance, frame.craft.sun_irradiance_rgb_w_m2 / np.pi))
+        return costs, noise
+
     def close(self) -> None:
         """Free the renderer."""
         if self._renderer is not None:
@@ -260,6 +308,15 @@ class Entry:
         return fifth_and_last
 
 
+@dataclass(frozen=True)
+class Reference:
+    """What the renderers are compared with: costs of whole images and their noise, per frame."""
+
+    title: str
+    wholes: Sequence[Cost]
+    noise: Sequence[float]
+
+
 def _least(before: Sequence[Cost], now: Sequence[Cost]) -> list[Cost]:
     if not before:
         return list(now)
@@ -284,7 +341,16 @@ def enter(case: ScenarioCase, title: str, name: str, options: dict[str, Any]) ->
 @click.option("--memory-frames", default=50, show_default=True, type=click.IntRange(min=1))
 @click.option("--spp", default=64, show_default=True, help="Samples a pixel of the reference.")
 @click.option("--threads", default=1, show_default=True, help="Of each path tracer.")
-def main(scenario: str, frames: int, rounds: int, memory_frames: int, spp: int, threads: int) -> None:
+@click.option("--blenderproc", help="Python with BlenderProc, which becomes the reference.")
+def main(
+    scenario: str,
+    frames: int,
+    rounds: int,
+    memory_frames: int,
+    spp: int,
+    threads: int,
+    blenderproc: str | None,
+) -> None:
     """Measure all installed renderers, with Cycles on the whole frame as the reference."""
     registry = load_plugins().registry
     checked = load_scenario(scenario, registry, {"renderer.name": "blender"})
@@ -312,33 +378,41 @@ def main(scenario: str, frames: int, rounds: int, memory_frames: int, spp: int, 
             entry.take_turn(seed=turn)
     for entry in entries:
         entry.noise = entry.remote.ask("noise")
+    reference = Reference("Cycles", entries[0].wholes, entries[0].noise)
+    if blenderproc is not None:
+        costs, noise = entries[0].remote.ask("blenderproc", blenderproc, spp, threads, range(rounds))
+        reference = Reference("BlenderProc", costs, noise)
+        cpu_s, wall_s = fmean(cost.cpu_s for cost in costs), fmean(cost.wall_s for cost in costs)
+        click.echo(
+            f"BlenderProc: noise {fmean(noise):.3f}, frame {cpu_s:.2f} ({wall_s:.2f} s of wall)\n"
+        )
     click.echo(
-        f"{'':<15}{'noise':>8}{'box':>8}{'whole':>8}{'Cycles then':>13}{'ratio':>8}"
+        f"{'':<15}{'noise':>8}{'box':>8}{'whole':>8}{f'{reference.title} then':>18}{'ratio':>8}"
         f"{'box, wall s':>13}{'start':>8}{'MB, frame 5':>13}{f'frame {memory_frames}':>10}"
         "   ratio of each pose"
     )
     for entry in entries:
-        _tell(entry, entries[0], labels, memory_frames)
+        _tell(entry, reference, labels, memory_frames)
         entry.remote.close()
 
 
-def _tell(entry: Entry, reference: Entry, labels: Cost, memory_frames: int) -> None:
+def _tell(entry: Entry, reference: Reference, labels: Cost, memory_frames: int) -> None:
     """A line of the table. ``Cycles then``: the cost of the reference's whole image at this renderer's
     noise; ``ratio``: that over box and labels, the geometric mean over the poses. A renderer without
     noise is compared at the reference's own."""
     noise = entry.noise if entry.sampled else reference.noise
-    cycles_s = [
+    reference_s = [
         whole.cpu_s * (theirs / mine) ** 2
         for whole, theirs, mine in zip(reference.wholes, reference.noise, noise, strict=True)
     ]
     ratios = [
-        cost_s / (box.cpu_s + labels.cpu_s) for cost_s, box in zip(cycles_s, entry.boxes, strict=True)
+        cost_s / (box.cpu_s + labels.cpu_s) for cost_s, box in zip(reference_s, entry.boxes, strict=True)
     ]
     told = f"{fmean(noise):>8.3f}" if entry.sampled else f"{'-':>8}"
     memory_mb = entry.memory_mb(memory_frames)
     click.echo(
         f"{entry.title:<15}{told}{fmean(box.cpu_s for box in entry.boxes):>8.2f}"
-        f"{fmean(whole.cpu_s for whole in entry.wholes):>8.2f}{fmean(cycles_s):>13.2f}"
+        f"{fmean(whole.cpu_s for whole in entry.wholes):>8.2f}{fmean(reference_s):>18.2f}"
         f"{geometric_mean(ratios):>7.1f}x{fmean(box.wall_s for box in entry.boxes):>13.2f}"
         f"{entry.start.cpu_s:>8.1f}{memory_mb[0]:>13.0f}{memory_mb[1]:>10.0f}   "
         + " ".join(f"{ratio:.1f}" for ratio in ratios)

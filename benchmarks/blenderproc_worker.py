@@ -45,7 +45,7 @@ def imported() -> Any:
             sys.path.extend(site.getsitepackages())
 
     stand_in = ModuleType("SetupUtility")
-    stand_in.SetupUtility = Installed  # type: ignore[attr-defined]
+    vars(stand_in)["SetupUtility"] = Installed
     sys.modules["blenderproc.python.utility.SetupUtility"] = stand_in
     os.environ["INSIDE_OF_THE_INTERNAL_BLENDER_PYTHON_ENVIRONMENT"] = "1"
     import blenderproc
@@ -60,7 +60,7 @@ def main() -> None:
     import bpy  # before BlenderProc, which looks for it in a Blender application
     import numpy as np
     import wire
-    from cycles_scene import BLENDER_FROM_CV, CyclesScene
+    from cycles_scene import CyclesScene
 
     bproc = imported()
     from blenderproc.python.utility.Utility import Utility, reset_keyframes
@@ -82,21 +82,13 @@ def main() -> None:
     bproc.renderer.enable_segmentation_output(map_by=["instance"])
 
     def rendered(frame: Any, seed: int) -> Any:
-        arrays = frame.arrays
-        camera_from_world = np.eye(4)
-        camera_from_world[:3, :3] = BLENDER_FROM_CV @ arrays["R_cam_from_world"]
-        camera_from_world[:3, 3] = BLENDER_FROM_CV @ arrays["t_world_cam_m"]
-        data = bpy.context.scene.camera.data
-        data.clip_start, data.clip_end = frame.values["clip_m"]
-        sun = arrays["sun_direction_world"], arrays["sun_irradiance_rgb_w_m2"]
-        scene._point_sun(*sun, frame.values)
-        scene._set_sky(arrays.get("environment"), arrays["R_cam_from_world"])
+        scene.place(frame.values, frame.arrays)
         bpy.context.scene.cycles.seed = seed
         reset_keyframes()
-        bproc.camera.add_camera_pose(np.linalg.inv(camera_from_world))
+        bproc.camera.add_camera_pose(bpy.context.scene.camera.matrix_world)
         return bproc.renderer.render()["colors"][0]
 
-    frames = [message(path) for path in sorted(folder.glob("frame*"))]
+    frames = [message(folder / f"frame{i}") for i in range(len(list(folder.glob("frame*"))))]
     rendered(frames[0], 0)
     costs: dict[int, list[tuple[float, float]]] = {}
     for seed in map(int, sys.argv[4:]):

@@ -397,7 +397,7 @@ def main(
 
 
 def _tell(entry: Entry, reference: Reference, labels: Cost, memory_frames: int) -> None:
-    """A line of the table. ``Cycles then``: the cost of the reference's whole image at this renderer's
+    """A line of the table. ``… then``: the cost of the reference's whole image at this renderer's
     noise; ``ratio``: that over box and labels, the geometric mean over the poses. A renderer without
     noise is compared at the reference's own."""
     noise = entry.noise if entry.sampled else reference.noise

@@ -119,20 +119,7 @@ class CyclesScene:
         Returns:
             Of the message's box: ``radiance_rgb`` (h, w, 3), ``coverage`` (h, w) and ``depth_m`` (h, w).
         """
-        R_cam_from_world = arrays["R_cam_from_world"]
-        camera_from_world = np.eye(4)
-        camera_from_world[:3, :3] = BLENDER_FROM_CV @ R_cam_from_world
-        camera_from_world[:3, 3] = BLENDER_FROM_CV @ arrays["t_world_cam_m"]
-        self._camera.matrix_world = Matrix(np.linalg.inv(camera_from_world).tolist())
-        self._camera.data.clip_start, self._camera.data.clip_end = values["clip_m"]
-        self._move(arrays["R_world_from_link"], arrays["t_link_world_m"])
-        for i, finish in enumerate(values["materials"]):
-            if finish != self._finishes[i]:
-                self._finishes[i] = finish
-                *color, roughness, pattern = finish
-                _finish(self._materials[i], color, roughness, self._images[i][pattern])
-        self._point_sun(arrays["sun_direction_world"], arrays["sun_irradiance_rgb_w_m2"], values)
-        self._set_sky(arrays.get("environment"), R_cam_from_world)
+        self.place(values, arrays)
         self._crop(*values["box"])
         settings = self._scene.cycles
         settings.seed = values["seed"]
@@ -150,6 +137,23 @@ class CyclesScene:
             "coverage": combined[..., 3],
             "depth_m": np.where(depth_m < BACKGROUND_DEPTH_M, depth_m, np.float32(np.nan)),
         }
+
+    def place(self, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+        """Put camera, bodies, materials and light as they are in the frame of the message ``render``."""
+        R_cam_from_world = arrays["R_cam_from_world"]
+        camera_from_world = np.eye(4)
+        camera_from_world[:3, :3] = BLENDER_FROM_CV @ R_cam_from_world
+        camera_from_world[:3, 3] = BLENDER_FROM_CV @ arrays["t_world_cam_m"]
+        self._camera.matrix_world = Matrix(np.linalg.inv(camera_from_world).tolist())
+        self._camera.data.clip_start, self._camera.data.clip_end = values["clip_m"]
+        self._move(arrays["R_world_from_link"], arrays["t_link_world_m"])
+        for i, finish in enumerate(values["materials"]):
+            if finish != self._finishes[i]:
+                self._finishes[i] = finish
+                *color, roughness, pattern = finish
+                _finish(self._materials[i], color, roughness, self._images[i][pattern])
+        self._point_sun(arrays["sun_direction_world"], arrays["sun_irradiance_rgb_w_m2"], values)
+        self._set_sky(arrays.get("environment"), R_cam_from_world)
 
     def _move(self, R_world_from_link: np.ndarray, t_link_world_m: np.ndarray) -> None:
         """Put the pieces where their links are. A rigid target stays where it is built."""

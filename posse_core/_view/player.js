@@ -11,7 +11,13 @@ function keep(kept) {
   byId("belt").style.width = `${kept.length * THUMB + 6}px`;
   for (const thumb of [...byId("belt").children]) thumb.remove();
   if (kept.length && !kept.includes(state.current)) select(kept.find((p) => p > state.current) ?? kept.at(-1));
-  else drawAll();
+  else moveSlider();
+}
+
+// The slider is right in a page that is not drawn too, such as one in a hidden tab.
+function moveSlider() {
+  byId("scrub").value = Math.max(state.kept.indexOf(state.current), 0);
+  drawAll();
 }
 
 function select(position, at = 0) {
@@ -22,7 +28,7 @@ function select(position, at = 0) {
   for (const overlay of OVERLAYS) overlay.label.classList.toggle("off", !overlay.has(frame));
   byId("go").value = columns.index[position];
   showFrame(frame);
-  drawAll();
+  moveSlider();
 }
 
 // The address leads to the frame, and to a later instant of its readings.
@@ -46,7 +52,6 @@ function drawAll() {
     picture.draw();
     sensors.draw();
     drawPlots();
-    byId("scrub").value = Math.max(at, 0);
     const strip = byId("strip"), left = at * THUMB;
     if (left < strip.scrollLeft || left + THUMB > strip.scrollLeft + strip.clientWidth)
       strip.scrollLeft = left - strip.clientWidth / 2;

@@ -159,6 +159,7 @@ def test_a_long_list_holds_only_what_is_seen(browse, view, tmp_path):
         folder / "view.html",
         """
         told.kept = state.kept.length;
+        drawStrip();
         told.small = byId("belt").children.length;
         byId("strip").scrollLeft = 1e9;
         drawStrip();

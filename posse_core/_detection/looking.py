@@ -31,7 +31,8 @@ _ENOUGH_OF_SCORE = 1 / 3
 """Share of the least score that is enough where the pose is trusted, or the likeliest."""
 _POSSIBLE, _LIKELY = 0.05, 0.25
 """Where no pose is trusted, the likeliest is told, whatever the score of its detection, if it is trusted
-by the first, and by the second once it was to be refined: the image has been compared with it then."""
+by the first. Once it was to be refined, the image has been compared with it: where nothing else is told,
+it must be trusted by the second then."""
 _CLOSEST = 12
 """So many detections of a closer search are looked at, the best. Where there is no spacecraft, there are
 many with low scores, and the looks at one may take a second."""
@@ -106,17 +107,23 @@ def sightings_of(
                 dropped.append(detection)
                 continue
             sighting = shapes.seen(image, found, poses, camera, sun_direction_cam, detection.box_px)
-        least_trust = _POSSIBLE if sighting.refinement is None else _LIKELY
-        is_unlikely = detection.score < least_score and _trust(sighting.pose) < least_trust
+        is_unlikely = detection.score < least_score and _trust(sighting.pose) < _POSSIBLE
         if is_unlikely or _is_there(sighting.detection, seen):
             dropped.append(detection)
         else:
             seen.append(sighting)
     # Refinement has told which poses the image agrees with. What is hardly trusted goes by its score.
     seen.sort(key=lambda sighting: -_trust(sighting.pose, _POSSIBLE))  # stable
+
+    def is_doubtful(sighting: Sighting) -> bool:
+        is_told = sighting.detection.score >= least_score or sighting.refinement is None
+        return not is_told and _trust(sighting.pose) < _LIKELY
+
     whole: list[Sighting] = []
-    for sighting in seen:
-        if _is_part(sighting.detection, whole):
+    for number, sighting in enumerate(seen):
+        is_first_of_several = number == 0 and len(seen) > 1
+        is_out = is_doubtful(sighting) and not is_first_of_several
+        if is_out or _is_part(sighting.detection, whole):
             dropped.append(sighting.detection)
         else:
             whole.append(sighting)

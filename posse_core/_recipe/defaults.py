@@ -18,10 +18,6 @@ _DETECTORS: Final[Mapping[str, Mapping[str, Any]]] = {
     "boxes": {"name": "nano", "input_px": 256, "batch": 16},
     "keypoints": {"name": "heatmap", "input_px": 192, "batch": 16},
 }
-_SHORT_HOURS: Final = 1.5
-_SHORT_PX: Final = 128
-"""In so many hours or fewer, keypoints are learned from smaller squares, which take less than half the
-time: to have learned from each picture more often is worth more then."""
 _START: Final = "aqua"
 """The shipped nets that trainings start from, where they are installed."""
 _EPOCHS: Final = ("2022-01-10T00:00:00", "2022-05-01T00:00:00", "2022-08-20T00:00:00")
@@ -117,16 +113,12 @@ def default_recipe(craft: Mapping[str, Any], hours: float, workers: int, registr
         "renderer": fast,
         "variation": {"per": "frame", "materials": {**vary, "*": dict(_VARIED)}},
     }
-    keypoints = dict(_DETECTORS["keypoints"])
-    if hours <= _SHORT_HOURS:
-        keypoints["input_px"] = _SHORT_PX
     keys = {
         "craft": craft,
         "hours": hours,
         "workers": workers,
         "data": {"scenario": scenario, "sources": sources},
-        "boxes": _DETECTORS["boxes"],
-        "keypoints": keypoints,
+        **_DETECTORS,
         "start": _start(registry),
         "refiner": {"name": "render-compare"} if "raster" in registry.names("renderer") else None,
     }

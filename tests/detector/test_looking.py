@@ -183,13 +183,24 @@ class Certain(posse.Refiner):
         return posse.Refinement(pose, True, 0.5, 0.9)
 
 
-@pytest.mark.parametrize(("certainty", "expected"), [(0.4, [0.15, 0.8]), (0.2, [0.8]), (0.01, [0.8])])
-def test_the_likeliest_pose_is_refined_first_and_dropped_where_that_disproves_it(certainty, expected):
+@pytest.mark.parametrize(
+    ("certainty", "others", "expected"),
+    [
+        (0.4, [0.8], [0.15, 0.8]),
+        (0.2, [0.8], [0.15, 0.8]),  # likelier than what is told anyway
+        (0.01, [0.8], [0.8]),
+        (0.4, [], [0.15]),
+        (0.2, [], []),
+    ],
+)
+def test_the_likeliest_pose_is_refined_first_and_dropped_where_that_disproves_it(
+    certainty, others, expected
+):
     """Of a detection whose score is too low."""
     Certain.starts.clear()
     Certain.certainty = certainty
     boxes = [
-        posse.Detection("brick", 0.8, ELSEWHERE_PX),
+        *(posse.Detection("brick", score, ELSEWHERE_PX) for score in others),
         posse.Detection("brick", 0.15, TRUE_PX + 1.0),
     ]
     shapes = Shapes({"brick": cuboid.cuboid()}, lambda craft, camera: Certain(posse.NoOptions()))
@@ -198,7 +209,7 @@ def test_the_likeliest_pose_is_refined_first_and_dropped_where_that_disproves_it
     np.testing.assert_allclose(Certain.starts[0].R_cam_from_body, R, atol=1e-5)
     assert 0.05 < Certain.starts[0].trust < 0.5
     assert [each.detection.score for each in found] == expected
-    assert len(found) + len(dropped) == 2
+    assert len(found) + len(dropped) == len(boxes)
 
 
 @pytest.mark.parametrize(("before", "is_found"), [(11, True), (12, False)])

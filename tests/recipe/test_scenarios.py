@@ -219,13 +219,6 @@ def test_a_recipe_is_read_as_it_was_written(tmp_path: Path) -> None:
     assert yaml.safe_load((tmp_path / "recipe.yaml").read_text())["hours"] == 2.0
 
 
-def test_short_recipes_learn_keypoints_from_smaller_squares() -> None:
-    short, long = (default_recipe({"name": "cubesat"}, hours, 2, REGISTRY) for hours in (1.0, 2.0))
-    sizes = [each.keypoints.options["input_px"] for each in (short, long)]
-    assert sizes[0] < sizes[1]
-    assert short.boxes == long.boxes
-
-
 def test_the_default_recipe_can_be_followed_for_built_in_spacecraft() -> None:
     for name in ("aqua", "cubesat"):
         found = Scenarios.of(default_recipe({"name": name}, 2.0, 1, REGISTRY), Path(), REGISTRY)

@@ -139,6 +139,11 @@ class ModelCard:
             for name, points in self.keypoints_body_m.items()
         }
 
+    @property
+    def knows_any_roll(self) -> bool:
+        """Whether the network learned from pictures that were turned by any angle."""
+        return bool(self.options.get("augment") and self.options.get("turn"))
+
     def metadata(self) -> dict[str, str]:
         """Return the card as metadata of a model file."""
         return {KEY: json.dumps({"format": _FORMAT, **asdict(self)})}

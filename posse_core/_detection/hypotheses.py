@@ -154,19 +154,19 @@ class _Mixture:
         return np.asarray(np.log(inside + self._elsewhere())[:, known].sum(axis=1))
 
     def fitted(self, R: FloatArray, t: FloatArray, found: Detection) -> list[PoseEstimate]:
-        """The poses near some (N, 3, 3) and (N, 3), in their order, fitted to the places near their
-        projections. Those on which too few keypoints agree are left out."""
+        """The poses near some (N, 3, 3) and (N, 3), in their order, fitted to the means of the places
+        near their projections. Those on which too few keypoints agree are left out."""
         assert found.keypoints_px is not None
         assert found.keypoints_sigma_px is not None
         poses: list[PoseEstimate] = []
         for number in range(_ROUNDS):
             near = self._densities(R, t, 0.0 if number else _WIDER * self._extent_px)
-            best = near.argmax(axis=2)
-            each = np.arange(best.shape[1])
-            highest = np.take_along_axis(near, best[..., None], axis=2)[..., 0]
-            agree = highest > self._elsewhere()
-            px = np.where(agree[..., None], self._px[each, best], found.keypoints_px)
-            sigma_px = np.where(agree, self._sigma_px[each, best], found.keypoints_sigma_px)
+            agree = near.max(axis=2) > self._elsewhere()
+            weight = near / np.maximum(near.sum(axis=2, keepdims=True), np.finfo(float).tiny)
+            mean_px = np.einsum("nkm,kmi->nki", weight, self._px)
+            mean_sigma_px = np.sqrt(np.einsum("nkm,km->nk", weight, self._sigma_px**2))
+            px = np.where(agree[..., None], mean_px, found.keypoints_px)
+            sigma_px = np.where(agree, mean_sigma_px, found.keypoints_sigma_px)
             chosen = agree.sum(axis=1) >= MIN_POINTS
             points = Points(self._points_body_m, px, sigma_px, agree).of(chosen)
             made = fitted_poses(R[chosen], t[chosen], points, self._camera)

@@ -12,6 +12,7 @@ from posse_core._arrays import AnyArray, FloatArray
 from posse_core._detection.hypotheses import is_known, poses_of, weighed
 from posse_core._detection.parts import is_one
 from posse_core._detection.shapes import Shapes, Sighting
+from posse_core._detection.turned import seen_turned
 from posse_core._evaluation.metrics import box_iou, box_share
 from posse_core._interfaces.detector import Detection, KeypointFinder, PoseEstimate
 from posse_core._interfaces.trust import TRUSTED
@@ -24,7 +25,7 @@ _WIDER = (1.6, 2.5)
 _LOOKS = 2
 """How often the mesh's box is followed at most."""
 _SURE = 0.9
-"""Trust of a pose from which no wider box is looked at."""
+"""Trust of a pose from which neither a turned image nor a wider box is looked at."""
 _MOST = 16
 """So many poses are told at most: each is one from which refinement starts."""
 _ENOUGH_OF_SCORE = 1 / 3
@@ -174,8 +175,9 @@ def look(
     """Find the keypoints of a detection, and the poses that they may agree on.
 
     Keypoints are found in a square around the box. Where the mesh at the pose has another box, they are
-    found again around that one. Unless the pose is then almost sure, wider squares are looked at in the
-    same way: of a spacecraft that is lit in part, detectors often find that part.
+    found again around that one. Unless the pose is then almost sure, that square is looked at in the
+    image turned by quarter turns too, and then wider squares in the same way as the first: of a
+    spacecraft that is lit in part, detectors often find that part.
 
     Args:
         finder: of the keypoints.
@@ -190,8 +192,13 @@ def look(
     """
     looks = _followed(finder, image, detection, camera, shapes)
     seen = [pose for _, poses in looks for pose in poses]
+    if not _has_sure(seen):
+        turned = seen_turned(finder, image, looks[-1][0])
+        if turned is not None:
+            looks[-1] = turned, poses_of(finder.keypoints_body_m[turned.label], turned, camera)
+            seen = [pose for _, poses in looks for pose in poses]
     for wider in _WIDER:
-        if any(pose.trust >= _SURE for pose in seen):
+        if _has_sure(seen):
             break
         wide = replace(detection, box_px=_wider(detection, wider))
         (first, poses), *others = _followed(finder, image, wide, camera, shapes)
@@ -235,6 +242,10 @@ def _followed(
             break
         detection = replace(detection, box_px=mesh_px)
     return looks
+
+
+def _has_sure(poses: Sequence[PoseEstimate]) -> bool:
+    return any(pose.trust >= _SURE for pose in poses)
 
 
 def _with_box_of(detection: Detection, pose: PoseEstimate) -> Detection:

@@ -190,6 +190,10 @@ class KeypointFinder(Model[OptionsT]):
     It is available after :meth:`load`.
     """
 
+    knows_any_roll: bool = False
+    """Whether it finds keypoints as well in an image that is turned by any angle. Where a pose is not
+    sure, the image is looked at turned by quarter turns too then. It is available after :meth:`load`."""
+
     @abstractmethod
     def find(self, image: AnyArray, detections: Sequence[Detection]) -> Sequence[Detection]:
         """Return the detections with their keypoints."""

@@ -57,6 +57,7 @@ class CheckedKeypointFinder(KeypointFinder):
     def _take_card(self) -> None:
         self.classes = self._finder.classes
         self.keypoints_body_m = getattr(self._finder, "keypoints_body_m", {})
+        self.knows_any_roll = self._finder.knows_any_roll
 
     def load(self, path: Path) -> None:
         self._finder.load(path)

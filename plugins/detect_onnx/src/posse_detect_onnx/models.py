@@ -121,6 +121,7 @@ class OnnxKeypoints(KeypointFinder[OnnxOptions]):
         self._outputs = [*_KEYPOINTS, *(name for name in [_SHARE] if name in given)]
         self.classes = self._card.classes
         self.keypoints_body_m: Mapping[str, FloatArray] = self._card.keypoint_arrays_m
+        self.knows_any_roll = self._card.knows_any_roll
 
     def find(self, image: AnyArray, detections: Sequence[Detection]) -> list[Detection]:
         found = []

@@ -247,6 +247,7 @@ class HeatmapFinder(KeypointFinder[HeatmapOptions]):
             raise InputError(f"{path}: is a model of {self._card.net!r}, not of 'heatmap'")
         self.classes = self._card.classes
         self.keypoints_body_m = self._card.keypoint_arrays_m
+        self.knows_any_roll = self._card.knows_any_roll
         try:
             size = trained_with(self._card, HeatmapOptions).size
         except InputError as error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from posse_core._frames import turn_rad
+from posse_core._interfaces.detector import PoseEstimate
 from posse_core._refinement.placement import Placement
 
 _LEFT = 0.9
@@ -19,14 +20,23 @@ of the range."""
 _LEAST_CONFIRMED = 0.5
 """Least agreement at which a start is confirmed near which the search ends."""
 _LEAST_CERTAINTY, _SHARE_OF_TRUST = 0.2, 0.5
-"""A pose far from its start is accepted if it is at least so certain, and by at least so much of the
-greatest trust of a start; and a start is confirmed if what is found near it is at least so certain."""
+"""A pose is accepted if it is near a start that is trusted by at least this share of the greatest trust
+of a start, or else at least so certain, and trusted by as large a share itself. A start is confirmed if
+what is found near it is at least so certain."""
 
 
-def is_likely(certainty: float, trust: float) -> bool:
-    """Whether a pose that is so certain may be accepted far from its start, where the start that is
-    trusted most has this trust."""
-    return certainty >= max(_LEAST_CERTAINTY, _SHARE_OF_TRUST * trust)
+def is_likely(pose: PoseEstimate, certainty: float, near: PoseEstimate | None, most: float) -> bool:
+    """Whether a pose may be accepted.
+
+    Args:
+        pose: that was found.
+        certainty: of the pose, by the search.
+        near: the start from which it was found, if it is near that.
+        most: trust of the start that is trusted most.
+    """
+    enough = _SHARE_OF_TRUST * most
+    is_near = near is not None and near.trust >= enough
+    return is_near or (certainty >= _LEAST_CERTAINTY and pose.trust >= enough)
 
 
 def is_confirming(agreement: float, certainty: float) -> bool:

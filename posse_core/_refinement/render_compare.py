@@ -77,10 +77,15 @@ class RenderCompare(Refiner[RenderCompareOptions]):
         search = Search(self._setting, follower, self._sides)
         lit = search.lit(starts, from_all_sides=True)
         if lit is not None and lit.agreement >= self.options.least_agreement:
+            refined = self._refined(lit, starts)
             most = max(start.trust for start in starts)
-            is_possible = self._is_near(lit, starts) or is_likely(lit.certainty, most)
-            is_better = is_possible and has_fallen(lit.before, lit.agreement)
-            return self._made(lit, starts, is_better=is_better)
+            near = starts[lit.start] if self._is_near(lit, starts) else None
+            is_better = (
+                refined is not None
+                and is_likely(refined, lit.certainty, near, most)
+                and has_fallen(lit.before, lit.agreement)
+            )
+            return self._made(lit, starts, refined if is_better else None)
         # Where the Sun is known, a right pose agrees in brightness.
         shape = follower.shape(starts[0]) if sun_direction_cam is None else None
         if shape is not None:
@@ -96,27 +101,34 @@ class RenderCompare(Refiner[RenderCompareOptions]):
                     before = lit.before if lit is not None else 0.0
                     shape = replace(again, start=0, before=before)
                     is_better = has_fallen(before, again.agreement)
-                return self._made(shape, starts, is_better=is_better)
+                return self._made(shape, starts, self._refined(shape, starts) if is_better else None)
         if lit is None:
             return Refinement(starts[0], False, 0.0, 0.0)
-        return self._made(lit, starts, is_better=False)
+        return self._made(lit, starts, None)
 
-    def _made(self, outcome: Outcome, starts: Sequence[PoseEstimate], *, is_better: bool) -> Refinement:
-        """The outcome as it is returned."""
+    def _refined(self, outcome: Outcome, starts: Sequence[PoseEstimate]) -> PoseEstimate | None:
+        """The pose that was found; None where the image does not determine it."""
         assert self._setting is not None
-        pose, is_near = starts[outcome.start], self._is_near(outcome, starts)
-        agreements = float(outcome.agreement), float(outcome.before)
-        found, radius_m = outcome.found, self._setting.spacecraft.radius_m
-        C = covariance(found, radius_m) if is_better else None
+        C = covariance(outcome.found, self._setting.spacecraft.radius_m)
         if C is None:
-            is_first = pose.trust == max(start.trust for start in starts)
-            is_sure = is_confirming(outcome.agreement, outcome.certainty)
-            is_confirmed = is_near and is_first and is_sure
-            return Refinement(pose, False, *agreements, is_confirmed)
-        R, t = found.placement
-        certainty = max(outcome.certainty, pose.trust) if is_near else outcome.certainty
-        pose = replace(pose, R_cam_from_body=R, t_body_cam_m=t, covariance=C, certainty=certainty)
-        return Refinement(pose, True, *agreements)
+            return None
+        (R, t), start = outcome.found.placement, starts[outcome.start]
+        is_near = self._is_near(outcome, starts)
+        certainty = max(outcome.certainty, start.trust) if is_near else outcome.certainty
+        return replace(start, R_cam_from_body=R, t_body_cam_m=t, covariance=C, certainty=certainty)
+
+    def _made(
+        self, outcome: Outcome, starts: Sequence[PoseEstimate], accepted: PoseEstimate | None
+    ) -> Refinement:
+        """The outcome as it is returned, with the pose that was found if it was accepted."""
+        agreements = float(outcome.agreement), float(outcome.before)
+        if accepted is not None:
+            return Refinement(accepted, True, *agreements)
+        start = starts[outcome.start]
+        is_first = start.trust == max(each.trust for each in starts)
+        is_sure = is_confirming(outcome.agreement, outcome.certainty)
+        is_confirmed = self._is_near(outcome, starts) and is_first and is_sure
+        return Refinement(start, False, *agreements, is_confirmed)
 
     def _is_near(self, outcome: Outcome, starts: Sequence[PoseEstimate]) -> bool:
         """Whether the pose that was found is where it would be if its start were right."""

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from posse_core._interfaces.detector import PoseEstimate
 from posse_core._refinement.acceptance import has_fallen, is_confirming, is_likely, is_plausible
 from posse_core._refinement.placement import Placement
 
@@ -15,11 +16,33 @@ SHARES = st.floats(0, 1)
 FIRST = Placement(np.eye(3), np.array([0.0, 0.0, 10.0]))
 
 
+def pose(certainty: float, sigma_m: float = 1e-4) -> PoseEstimate:
+    """At 10 m; by its covariance it is sure, or hardly known."""
+    C = np.diag([1e-3] * 3 + [sigma_m] * 3) ** 2
+    R, t_m = FIRST
+    return PoseEstimate(R, t_m, C, np.ones(6, np.bool_), 1.0, certainty=certainty)
+
+
 @given(SHARES, SHARES)
 def test_far_from_a_start_a_pose_needs_a_fifth_and_half_of_the_trust(
     certainty: float, trust: float
 ) -> None:
-    assert is_likely(certainty, trust) == (certainty >= 0.2 and 2 * certainty >= trust)
+    expected = certainty >= 0.2 and 2 * pose(certainty).trust >= trust
+    assert is_likely(pose(certainty), certainty, None, trust) == expected
+    assert pose(certainty).trust == pytest.approx(certainty)
+
+
+def test_far_from_a_start_a_certain_pose_of_which_little_is_known_is_not_accepted() -> None:
+    assert is_likely(pose(0.4), 0.4, None, 0.3)
+    assert not is_likely(pose(0.4, sigma_m=100.0), 0.4, None, 0.3)
+
+
+@given(SHARES, SHARES)
+def test_near_a_start_a_pose_needs_half_of_the_trust_of_the_best_start(
+    start: float, most: float
+) -> None:
+    near = pose(start)
+    assert is_likely(pose(0.0), 0.0, near, most) == (2 * near.trust >= most)
 
 
 @given(SHARES, SHARES)

@@ -25,18 +25,23 @@ def places(points_px, sigma_px):
     return posse.KeypointPlaces(points_px[:, None], np.full(shape, sigma_px), np.full(shape, 0.9))
 
 
-class Reads(posse.KeypointFinder):
-    """Finds keypoint number n at the pixel of value n + 1, if that is in the box."""
+class Finder(posse.KeypointFinder):
+    """Knows the corners of a brick without a file."""
 
     classes = ("brick",)
     keypoints_body_m: ClassVar = {"brick": CORNERS}
+
+    def load(self, path):
+        """There is none."""
+
+
+class Reads(Finder):
+    """Finds keypoint number n at the pixel of value n + 1, if that is in the box."""
+
     knows_any_roll = True
 
     def __init__(self):
         self.shapes = []
-
-    def load(self, path):
-        raise NotImplementedError  # it knows without a file
 
     def find(self, image, detections):
         (detection,) = detections
@@ -67,18 +72,13 @@ def test_keypoints_of_a_turned_image_are_told_where_they_are_in_the_image_as_it_
     np.testing.assert_allclose(turned.places.share.sum(axis=1), 0.9)
 
 
-class Drawn(posse.KeypointFinder):
+class Drawn(Finder):
     """Finds each corner, to the right of where it is in the image that it is shown."""
 
-    classes = ("brick",)
-    keypoints_body_m: ClassVar = {"brick": CORNERS}
     off_px = np.array([3.0, 0.0])
 
     def __init__(self, knows_any_roll, sigma_px):
         self.knows_any_roll, self.sigma_px, self.looks = knows_any_roll, sigma_px, 0
-
-    def load(self, path):
-        raise NotImplementedError  # it knows without a file
 
     def find(self, image, detections):
         (detection,) = detections

@@ -105,6 +105,16 @@ def test_a_killed_run_is_resumed(workers, undisturbed, posse, start_posse, small
     assert files_of(out) == files_of(undisturbed)
 
 
+@pytest.fixture
+def interruptible():
+    """Processes that are started take SIGINT, even where a shell has started the tests in the
+    background, which makes them and what they start ignore it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("interruptible")
 def test_a_run_that_is_stopped_says_how_to_continue(posse, start_posse, small_scenario, tmp_path):
     slow = ("-o", "renderer.seconds=1")
     with start_posse("run", small_scenario, *slow) as process:

@@ -12,6 +12,7 @@ import numpy as np
 from posse_core._arrays import Float32Array, FloatArray
 from posse_core._interfaces.detector import PoseEstimate
 from posse_core._interfaces.refiner import RefinerSetting
+from posse_core._refinement.acceptance import has_fallen
 from posse_core._refinement.compare import Comparer, Comparison, LitComparer, ShapeComparer, sharpest
 from posse_core._refinement.crop import Crop, Picture, Scale, scales
 from posse_core._refinement.descent import Found, descended
@@ -46,6 +47,9 @@ _LOOSE = 4.0
 """In the first of these rounds residuals may be so many times as large before they count no more."""
 _SHAPE_STEPS = 10
 _COARSE_PX = (48.0, 96.0)
+_CLOSER = 2.0
+"""The pose that is found is followed once more where the spacecraft is so many times as large as in the
+finest crops, if the image shows it so."""
 _FOUND_PX = 1.0
 """By how many of a crop's pixels what is drawn may be beside what is seen, after steps."""
 _BLUR_PX = 0.7
@@ -204,6 +208,22 @@ class Follower:
             trail = finer
         return trail
 
+    def closer(self, trail: Trail) -> Trail:
+        """A trail followed once more in a crop of more of the image's pixels, where it has more, if that
+        crop agrees clearly more with where it leads: of photographs, it often shows nothing more."""
+        here = trail.found.placement
+        finest, closer = (
+            scales(self.picture.extent_px(here, self._studio.hull_m), (size_px,))[0]
+            for size_px in (self.sizes_px[-1], _CLOSER * self.sizes_px[-1])
+        )
+        if closer.binned == finest.binned or trail.agreement < self.followable or not self.has_time():
+            return trail
+        there = self._followed(trail, closer)
+        if there is None:
+            return trail
+        before = there.comparer.compare(here).agreement
+        return there if has_fallen(before, there.agreement) else trail
+
     def shape(self, start: PoseEstimate) -> Outcome | None:
         """The pose by outlines and creases, whatever the light; None where the start does not show the
         spacecraft in the image.
@@ -221,7 +241,8 @@ class Follower:
             here = found.placement
         if found is None or comparer is None:
             return None
-        return Outcome(found, comparer.compare(first).agreement, 0, start.trust)
+        agreement = found.comparison.agreement
+        return Outcome(found, agreement, comparer.compare(first).agreement, 0, start.trust)
 
     def scales(self, placement: Placement) -> list[Scale]:
         return scales(self.picture.extent_px(placement, self._studio.hull_m), self.sizes_px)

@@ -22,7 +22,11 @@ class RenderCompareOptions(Options):
         " depends on the machine. Without it the result is the same everywhere",
     )
     size_px: int = Field(
-        192, ge=32, le=1024, description="extent of the spacecraft in the finest images, about"
+        192,
+        ge=32,
+        le=1024,
+        description="extent of the spacecraft where poses are compared with each other, about; the pose"
+        " that is found is followed once more where it is twice as large",
     )
     least_agreement: float = Field(
         0.8, ge=0, le=1, description="a pose whose agreement with the image is lower is not accepted"

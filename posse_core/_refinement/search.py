@@ -105,7 +105,9 @@ class Search:
         before = best.comparer.compare(firsts[best.start]).agreement
         unseen = UNSEEN_FROM_ALL_SIDES if looks else UNSEEN
         others = unseen + self._follower.chance_of_nothing(best)
-        return Outcome(best.found, before, best.start, certainty(found, self._symmetries, others))
+        sure = certainty(found, self._symmetries, others)
+        found_closer = self._follower.closer(best).found
+        return Outcome(found_closer, best.agreement, before, best.start, sure)
 
     def _first_looks(self, best: Trail, firsts: Sequence[Placement]) -> list[Trail]:
         """Trails from poses that resemble the likeliest."""

@@ -132,19 +132,17 @@ class Outcome:
 
     Attributes:
         found: the pose and the comparison at it.
-        before: agreement at the start, compared alike.
+        agreement: of the image with it, at the scale at which poses were compared.
+        before: the same at the start.
         start: index of the start.
         certainty: probability that no other pose is the right one, 0 … 1.
     """
 
     found: Found
+    agreement: float
     before: float
     start: int
     certainty: float
-
-    @property
-    def agreement(self) -> float:
-        return self.found.comparison.agreement
 
 
 def weighed(trails: Sequence[Trail]) -> list[Trail]:

@@ -38,8 +38,14 @@ NOISE_DN = 1.5
 SUN = np.array([0.4, -0.5, -0.77]) / np.linalg.norm([0.4, -0.5, -0.77])
 
 
-def image(R: np.ndarray, t: np.ndarray, seed: int, craft: Spacecraft | None = None) -> np.ndarray:
-    """(48, 64) uint8, linear, with noise."""
+def image(
+    R: np.ndarray,
+    t: np.ndarray,
+    seed: int,
+    craft: Spacecraft | None = None,
+    camera: Camera = CAMERA,
+) -> np.ndarray:
+    """(H, W) uint8, linear, with noise."""
     state = CraftState(
         R,
         t,
@@ -47,8 +53,8 @@ def image(R: np.ndarray, t: np.ndarray, seed: int, craft: Spacecraft | None = No
         sun_irradiance_rgb_w_m2=np.full(3, np.pi),
         sun_angular_radius_rad=0.0047,
     )
-    box = PixelBox(0, 0, CAMERA.width_px, CAMERA.height_px)
-    light = refiners._renderer("", {}, Scene(craft or refiners._craft(), CAMERA)).render(
+    box = PixelBox(0, 0, camera.width_px, camera.height_px)
+    light = refiners._renderer("", {}, Scene(craft or refiners._craft(), camera)).render(
         RenderRequest(state, box, None, 0)
     )
     dn = 220 * light.radiance_rgb.mean(axis=-1) + 6
@@ -99,6 +105,17 @@ def test_from_a_start_nearby_it_comes_to_the_truth(degrees: float, share: float)
         assert made.is_better
         assert np.degrees(np.linalg.norm(off[:3])) < 0.6
         assert np.linalg.norm(off[3:]) < 0.006 * t[2]
+
+
+def test_the_pose_is_as_exact_as_the_image_where_rivals_are_compared_in_fewer_pixels() -> None:
+    """The spacecraft is some 110 pixels wide, and rivals are compared where it has some 30 of them."""
+    camera = scenes.camera(256, 192, np.radians(30))
+    R, t = TRUTHS[2]
+    given = start(R, t, 3, 0.01, 2)
+    made = opened(camera, size_px=32).refine(image(R, t, 2, camera=camera), [given], SUN)
+    off = errors(R, t, made.pose)
+    assert np.linalg.norm(off[3:]) < 0.0012 * t[2]
+    assert np.degrees(np.linalg.norm(off[:3])) < 0.1
 
 
 def test_from_a_start_far_away_it_walks_to_the_truth() -> None:

@@ -12,7 +12,6 @@ import numpy as np
 from posse_core._arrays import Float32Array, FloatArray
 from posse_core._interfaces.detector import PoseEstimate
 from posse_core._interfaces.refiner import RefinerSetting
-from posse_core._refinement.acceptance import has_fallen
 from posse_core._refinement.compare import Comparer, Comparison, LitComparer, ShapeComparer, sharpest
 from posse_core._refinement.crop import Crop, Picture, Scale, scales
 from posse_core._refinement.descent import Found, descended
@@ -210,7 +209,7 @@ class Follower:
 
     def closer(self, trail: Trail) -> Trail:
         """A trail followed once more in a crop of more of the image's pixels, where it has more, if that
-        crop agrees clearly more with where it leads: of photographs, it often shows nothing more."""
+        crop agrees more with where it leads: of a photograph, it often shows nothing more."""
         here = trail.found.placement
         finest, closer = (
             scales(self.picture.extent_px(here, self._studio.hull_m), (size_px,))[0]
@@ -221,8 +220,7 @@ class Follower:
         there = self._followed(trail, closer)
         if there is None:
             return trail
-        before = there.comparer.compare(here).agreement
-        return there if has_fallen(before, there.agreement) else trail
+        return there if there.agreement > there.comparer.compare(here).agreement else trail
 
     def shape(self, start: PoseEstimate) -> Outcome | None:
         """The pose by outlines and creases, whatever the light; None where the start does not show the

@@ -21,8 +21,8 @@ _LEAST_CONFIRMED = 0.5
 """Least agreement at which a start is confirmed near which the search ends."""
 _LEAST_CERTAINTY, _SHARE_OF_TRUST = 0.2, 0.5
 """A pose is accepted if it is near a start that is trusted by at least this share of the greatest trust
-of a start, or else at least so certain, and trusted by as large a share itself. A start is confirmed if
-what is found near it is at least so certain."""
+of a start, or else at least so certain, and trusted by as large a share itself of the trust that its
+certainty leaves to starts. A start is confirmed if what is found near it is at least so certain."""
 
 
 def is_likely(pose: PoseEstimate, certainty: float, near: PoseEstimate | None, most: float) -> bool:
@@ -34,9 +34,11 @@ def is_likely(pose: PoseEstimate, certainty: float, near: PoseEstimate | None, m
         near: the start from which it was found, if it is near that.
         most: trust of the start that is trusted most.
     """
-    enough = _SHARE_OF_TRUST * most
-    is_near = near is not None and near.trust >= enough
-    return is_near or (certainty >= _LEAST_CERTAINTY and pose.trust >= enough)
+    if near is not None and near.trust >= _SHARE_OF_TRUST * most:
+        return True
+    # If the pose is right, no start is right that it is not near.
+    left = min(most, 1 - certainty)
+    return certainty >= _LEAST_CERTAINTY and pose.trust >= _SHARE_OF_TRUST * left
 
 
 def is_confirming(agreement: float, certainty: float) -> bool:

@@ -80,7 +80,8 @@ class Follower:
     Args:
         sun_direction_cam, box_px: as of :meth:`posse_core.Refiner.refine`.
         size_px: extent of the spacecraft in the finest crops.
-        least_agreement: what is far below it at the coarsest scale is not followed.
+        least_agreement: of a pose that is enough; what is far below it at the coarsest scale is not
+            followed.
         has_time: whether anything new may be begun.
 
     Attributes:
@@ -106,7 +107,7 @@ class Follower:
     ) -> None:
         self.starts: Sequence[PoseEstimate] = ()
         self.sun_direction_cam, self.has_time = sun_direction_cam, has_time
-        self.followable = least_agreement - _HOPE
+        self._least_agreement, self.followable = least_agreement, least_agreement - _HOPE
         self.sizes_px = (*_COARSE_PX, size_px)
         self._studio, self.box_px = studio, box_px
         self._radius_m = setting.spacecraft.radius_m
@@ -208,14 +209,16 @@ class Follower:
         return trail
 
     def closer(self, trail: Trail) -> Trail:
-        """A trail followed once more in a crop of more of the image's pixels, where it has more, if that
-        crop agrees more with where it leads: of a photograph, it often shows nothing more."""
+        """A trail that agrees enough, followed once more in a crop of more of the image's pixels, where
+        it has more, if that crop agrees more with where it leads: of a photograph, it often shows
+        nothing more."""
         here = trail.found.placement
         finest, closer = (
             scales(self.picture.extent_px(here, self._studio.hull_m), (size_px,))[0]
             for size_px in (self.sizes_px[-1], _CLOSER * self.sizes_px[-1])
         )
-        if closer.binned == finest.binned or trail.agreement < self.followable or not self.has_time():
+        is_enough = trail.agreement >= self._least_agreement
+        if closer.binned == finest.binned or not is_enough or not self.has_time():
             return trail
         there = self._followed(trail, closer)
         if there is None:

@@ -93,6 +93,9 @@ class Search:
             looks = self._from_all_sides(found[0])
             if looks:
                 found = self._compared([*found, *self._followed_to_the_finest(looks)])
+        if looks and self._is_doubtful(found, _SOUGHT):
+            turned = self._followed_to_the_finest(self._half_turned(found[0], _TURNED_LATER))
+            found = self._compared([*found, *turned])
         is_hopeful = self._is_sun_known and found[0].agreement > self._follower.followable
         if is_hopeful and self._is_doubtful(found):
             found = self._compared([*found, *self._slightly_turned(found)])

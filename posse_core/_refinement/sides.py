@@ -3,7 +3,7 @@ light: what is tried where the starts lead nowhere."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import takewhile
 from typing import NamedTuple
 
@@ -28,9 +28,11 @@ _ASPECT = 0.25
 """By how much the logarithm of each side of a pose's box may differ from the detected one's, once both
 are of the same area."""
 _COMPARED = 600
-"""So many that are explained best by light that is the same everywhere are compared in windows."""
-_BY_LIGHT, _BY_EDGES = 14, 5
-"""How many poses are found by light, and by edges for each size."""
+"""So many that are explained best by light that is the same everywhere, or whose edges lie best, are
+compared in windows."""
+_BY_LIGHT, _BY_EDGES, _BY_BOTH = 14, 5, 14
+"""How many poses are found by light, by edges for each size, and by light where edges lie for each
+size."""
 _LARGER = (1.0, 1.25, 1.6)
 """The length of the spacecraft's box over that of the detected one: detectors often find a part that is
 lit, or stands out."""
@@ -52,8 +54,9 @@ class Resembling(NamedTuple):
     """Poses that look as an image does.
 
     Attributes:
-        by_light: whose outlines and creases explain most of the image.
-        by_edges: whose edges lie most as those of the image do; none twice.
+        by_light: whose outlines and creases explain most of the image where the spacecraft was detected.
+        by_edges: whose edges lie most as those of the image do, and, of many whose edges do, whose
+            outlines and creases explain most; none twice.
     """
 
     by_light: list[Placement]
@@ -99,7 +102,9 @@ class Sides:
                 continue
             if larger == 1:
                 found.by_light.extend(self.by_light(crop, box_px, t_body_cam_m, _BY_LIGHT, has_time))
-            for each in self.by_edges(crop, box_px, larger, _BY_EDGES, has_time):
+            moved = self.by_edges(crop, box_px, larger, has_time)
+            both = by_light_in_windows(crop, box_px, moved[:_COMPARED], has_time)
+            for each in first_apart(moved, crop, _BY_EDGES) + first_apart(both, crop, _BY_BOTH):
                 if not any(_is_same(each, other) for other in found.by_edges):
                     found.by_edges.append(each)
         return found
@@ -140,25 +145,18 @@ class Sides:
         drawn = (each.halved().channels(half.shape) for each in _while(has_time, tried))
         left = _unexplained(half, drawn)
         best = [tried[k] for k in np.argsort(left)[:_COMPARED]]
-        shares = [_share(own, each.channels(own.shape), crop) for each in _while(has_time, best)]
-        return _first_apart([best[k] for k in np.argsort(shares)[::-1]], crop, count)
+        return first_apart(by_light_in_windows(crop, box_px, best, has_time), crop, count)
 
     def by_edges(
-        self,
-        crop: Crop,
-        box_px: FloatArray,
-        larger: float,
-        count: int,
-        has_time: Callable[[], bool],
-    ) -> list[Placement]:
-        """The poses whose edges lie most as those of a crop do, each of another attitude than those
-        before.
+        self, crop: Crop, box_px: FloatArray, larger: float, has_time: Callable[[], bool]
+    ) -> list[Laid]:
+        """All views in all turns, moved to where their edges lie most as those of a crop do, the
+        likeliest first.
 
         Args:
             box_px: (4,) in which the spacecraft was detected.
             larger: the length of the spacecraft's own box over that of the detected one, which may be
                 anywhere in it.
-            count: most poses that are returned.
             has_time: whether more may be tried.
         """
         middle, size = _box_in(crop, box_px)
@@ -167,8 +165,32 @@ class Sides:
         area = float(np.prod(larger * size))
         views = _while(has_time, self._views.of_area(area, middle))
         placed = [_placed(each, seen, reach) for each in views]
-        likely = sorted(placed, key=lambda each: -each[0])
-        return _first_apart((laid for _, laid in likely), crop, count)
+        return [laid for _, laid in sorted(placed, key=lambda each: -each[0])]
+
+
+def by_light_in_windows(
+    crop: Crop, box_px: FloatArray, laid: Sequence[Laid], has_time: Callable[[], bool]
+) -> list[Laid]:
+    """Views by how much of what varies in a crop's windows they explain, that which explains most first;
+    none where the crop shows nothing beside the detected box (4,)."""
+    own = _without_background(crop, *_box_in(crop, box_px))
+    if own is None:
+        return []
+    shares = [_share(own, each.channels(own.shape), crop) for each in _while(has_time, laid)]
+    return [laid[k] for k in np.argsort(shares)[::-1]]
+
+
+def first_apart(laid: Iterable[Laid], crop: Crop, count: int) -> list[Placement]:
+    """The first poses of views, each of another attitude than those before."""
+    found: list[Placement] = []
+    for each in laid:
+        place = each.placement(crop)
+        turns = [turn_rad(place.R_cam_from_body, other.R_cam_from_body) for other in found]
+        if all(turn > _APART_RAD for turn in turns):
+            found.append(place)
+        if len(found) == count:
+            break
+    return found
 
 
 def _while(has_time: Callable[[], bool], laid: Iterable[Laid]) -> Iterator[Laid]:
@@ -184,19 +206,6 @@ def _box_in(crop: Crop, box_px: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The middle and the size (2,) of a box of the image (4,), in a crop's pixels."""
     middle = crop.own_px((box_px[:2] + box_px[2:] / 2) * crop.scale.drawn - 0.5)
     return middle, box_px[2:] / crop.scale.binned
-
-
-def _first_apart(laid: Iterable[Laid], crop: Crop, count: int) -> list[Placement]:
-    """The first poses of views, each of another attitude than those before."""
-    found: list[Placement] = []
-    for each in laid:
-        place = each.placement(crop)
-        turns = [turn_rad(place.R_cam_from_body, other.R_cam_from_body) for other in found]
-        if all(turn > _APART_RAD for turn in turns):
-            found.append(place)
-        if len(found) == count:
-            break
-    return found
 
 
 def _placed(laid: Laid, seen: Float32Array, reach: FloatArray) -> tuple[float, Laid]:

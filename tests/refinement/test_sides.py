@@ -17,7 +17,7 @@ from posse_core._refinement.crop import Crop, Picture, scales
 from posse_core._refinement.opening import open_refiner
 from posse_core._refinement.options import RenderCompareOptions
 from posse_core._refinement.placement import Placement
-from posse_core._refinement.sides import Sides
+from posse_core._refinement.sides import Sides, by_light_in_windows, first_apart
 from posse_core._refinement.studio import Studio
 from posse_core._scenario.component import ComponentChoice
 from posse_core.testing import refiners
@@ -145,7 +145,8 @@ def test_a_pose_like_the_true_one_is_among_the_first_by_edges_wherever_its_box_l
     true, bright, coverage = case(seed)
     whole = box_of(coverage > 0.5)
     box_px = np.concatenate([whole[:2] + 0.3 * (1 - 1 / larger) * whole[2:], whole[2:] / larger])
-    found = sides.by_edges(crop_of(bright, box_px, larger), box_px, larger, 3, always)
+    crop = crop_of(bright, box_px, larger)
+    found = first_apart(sides.by_edges(crop, box_px, larger, always), crop, 3)
     assert any(is_like(place, true) for place in found)
 
 
@@ -156,9 +157,35 @@ def test_in_front_of_clouds_a_pose_like_the_true_one_is_among_the_first_by_edges
         true, bright, coverage = case(seed)
         box_px = box_of(coverage > 0.5)
         crop = crop_of(bright + (1 - coverage) * clouds(seed), box_px)
-        found = sides.by_edges(crop, box_px, 1.0, 5, always)
+        found = first_apart(sides.by_edges(crop, box_px, 1.0, always), crop, 5)
         hits.append(any(is_like(place, true) for place in found))
     assert sum(hits) >= 3
+
+
+def solar_cells(seed: int) -> np.ndarray:
+    """(H, W) factors of brightness: patches of dark cells, whose edges the mesh does not have."""
+    random = np.random.default_rng(seed)
+    row, column = np.mgrid[: CAMERA.height_px, : CAMERA.width_px]
+    angle = random.uniform(0, np.pi)
+    along = np.cos(angle) * column + np.sin(angle) * row
+    across = np.cos(angle) * row - np.sin(angle) * column
+    is_cell = (np.abs(along / 10 % 1 - 0.5) < 0.35) & (np.abs(across / 10 % 1 - 0.5) < 0.35)
+    patches = cv2.GaussianBlur(random.normal(size=row.shape), (0, 0), 12) > 0
+    return np.where(is_cell & patches, 0.05, 1.0)
+
+
+@pytest.mark.parametrize("seed", [18, 19])
+def test_where_edges_are_those_of_cells_light_tells_which_of_many_poses_is_like_the_true_one(
+    sides: Sides, seed: int
+) -> None:
+    """In these two of twenty cases the poses whose edges lie best are all wrong."""
+    true, bright, coverage = case(seed)
+    box_px = box_of(coverage > 0.5)
+    crop = crop_of(bright * solar_cells(100 + seed), box_px)
+    by_edges = sides.by_edges(crop, box_px, 1.0, always)
+    assert not any(is_like(place, true) for place in first_apart(by_edges, crop, 5))
+    by_light = by_light_in_windows(crop, box_px, by_edges[:600], always)
+    assert any(is_like(place, true) for place in first_apart(by_light, crop, 14))
 
 
 def test_what_resembles_an_image_is_found_both_ways_and_told_once(sides: Sides) -> None:

@@ -21,11 +21,18 @@ _LEAST_CONFIRMED = 0.5
 """Least agreement at which a start is confirmed near which the search ends."""
 _LEAST_CERTAINTY, _SHARE_OF_TRUST = 0.2, 0.5
 """A pose is accepted if it is near a start that is trusted by at least this share of the greatest trust
-of a start, or else at least so certain, and trusted by as large a share itself of the trust that its
-certainty leaves to starts. A start is confirmed if what is found near it is at least so certain."""
+of a start, or else at least so certain, and trusted by as large a share itself. A start is confirmed if
+what is found near it is at least so certain."""
 
 
-def is_likely(pose: PoseEstimate, certainty: float, near: PoseEstimate | None, most: float) -> bool:
+def is_likely(
+    pose: PoseEstimate,
+    certainty: float,
+    near: PoseEstimate | None,
+    most: float,
+    *,
+    from_all_sides: bool,
+) -> bool:
     """Whether a pose may be accepted.
 
     Args:
@@ -33,11 +40,12 @@ def is_likely(pose: PoseEstimate, certainty: float, near: PoseEstimate | None, m
         certainty: of the pose, by the search.
         near: the start from which it was found, if it is near that.
         most: trust of the start that is trusted most.
+        from_all_sides: whether it was compared with poses from all sides. Then its certainty is among
+            all poses, and a start that it is not near is right by no more than what this leaves.
     """
     if near is not None and near.trust >= _SHARE_OF_TRUST * most:
         return True
-    # If the pose is right, no start is right that it is not near.
-    left = min(most, 1 - certainty)
+    left = min(most, 1 - certainty) if from_all_sides else most
     return certainty >= _LEAST_CERTAINTY and pose.trust >= _SHARE_OF_TRUST * left
 
 

@@ -82,7 +82,9 @@ class RenderCompare(Refiner[RenderCompareOptions]):
             near = starts[lit.start] if self._is_near(lit, starts) else None
             is_better = (
                 refined is not None
-                and is_likely(refined, lit.certainty, near, most)
+                and is_likely(
+                    refined, lit.certainty, near, most, from_all_sides=sun_direction_cam is None
+                )
                 and has_fallen(lit.before, lit.agreement)
             )
             return self._made(lit, starts, refined if is_better else None)

@@ -24,24 +24,35 @@ def pose(certainty: float, sigma_m: float = 1e-4) -> PoseEstimate:
 
 
 @given(SHARES, SHARES)
-def test_far_from_a_start_a_pose_needs_a_fifth_and_half_of_the_trust_that_it_leaves_to_starts(
+def test_far_from_a_start_a_pose_needs_a_fifth_and_half_of_the_trust(
     certainty: float, trust: float
 ) -> None:
-    expected = certainty >= 0.2 and 2 * pose(certainty).trust >= min(trust, 1 - certainty)
-    assert is_likely(pose(certainty), certainty, None, trust) == expected
-    assert pose(certainty).trust == pytest.approx(certainty)
+    found, is_enough = pose(certainty), certainty >= 0.2
+    expected = is_enough and 2 * found.trust >= trust
+    assert is_likely(found, certainty, None, trust, from_all_sides=False) == expected
+    assert found.trust == pytest.approx(certainty)
+
+
+@given(SHARES, SHARES)
+def test_seen_from_all_sides_it_needs_half_of_the_trust_that_it_leaves_to_starts(
+    certainty: float, trust: float
+) -> None:
+    found, is_enough = pose(certainty), certainty >= 0.2
+    expected = is_enough and 2 * found.trust >= min(trust, 1 - certainty)
+    assert is_likely(found, certainty, None, trust, from_all_sides=True) == expected
 
 
 def test_far_from_a_start_a_certain_pose_of_which_little_is_known_is_not_accepted() -> None:
-    assert is_likely(pose(0.4), 0.4, None, 0.3)
-    assert not is_likely(pose(0.4, sigma_m=100.0), 0.4, None, 0.3)
+    assert is_likely(pose(0.4), 0.4, None, 0.3, from_all_sides=False)
+    assert not is_likely(pose(0.4, sigma_m=100.0), 0.4, None, 0.3, from_all_sides=False)
 
 
 def test_what_is_likely_to_be_right_takes_the_place_of_a_start_that_is_trusted_more() -> None:
     """Either may be right, not both: a start trusted by 0.9 is left 0.6 where a pose far from it is
-    certain by 0.4."""
-    assert is_likely(pose(0.4), 0.4, None, 0.9)
-    assert not is_likely(pose(0.3), 0.3, None, 0.9)
+    certain by 0.4 among all sides."""
+    assert is_likely(pose(0.4), 0.4, None, 0.9, from_all_sides=True)
+    assert not is_likely(pose(0.4), 0.4, None, 0.9, from_all_sides=False)
+    assert not is_likely(pose(0.3), 0.3, None, 0.9, from_all_sides=True)
 
 
 @given(SHARES, SHARES)
@@ -49,7 +60,8 @@ def test_near_a_start_a_pose_needs_half_of_the_trust_of_the_best_start(
     start: float, most: float
 ) -> None:
     near = pose(start)
-    assert is_likely(pose(0.0), 0.0, near, most) == (2 * near.trust >= most)
+    accepted = is_likely(pose(0.0), 0.0, near, most, from_all_sides=False)
+    assert accepted == (2 * near.trust >= most)
 
 
 @given(SHARES, SHARES)

@@ -25,7 +25,7 @@ class TimeConfig(Options):
 
     frames: Share = Field(0.25, description="share of the time for making frames")
     boxes: Share = Field(0.19, description="share for training the model that finds boxes")
-    keypoints: Share = Field(0.42, description="share for training the model that finds keypoints")
+    keypoints: Share = Field(0.48, description="share for training the model that finds keypoints")
 
     @model_validator(mode="after")
     def _leave_something(self) -> TimeConfig:

@@ -20,12 +20,14 @@ _SMALLEST = 0.02
 _TRIES = 3
 _LEAST_DISTANCE = 0.3
 """Poses nearer than this share of the spacecraft's radius are not tried."""
-_LEAST_EXCESS, _EXCESS, _LARGEST_EXCESS = 6.0, 200.0, 34.0
-"""By how much the covariance is larger than the residuals alone say: always, with what is left of the
-disagreement, and at most."""
-_LEAST_ERROR_PX = 0.03
-"""By how much of a crop's pixel the spacecraft's rim may be off, by each of the unknowns, whatever the
-residuals say."""
+_ALIKE = 6.0
+"""By so many variances of a residual the Hessian's inverse counts beside what the blocks say."""
+_EXCESS, _POWER = 11.0, 1 / 3
+"""By so much the covariance is larger than both, times this power of what is left of the disagreement,
+which counts at least so much:"""
+_LEAST_OFF = 1e-3
+_ROUNDED = 1 / 255**2 / 12
+"""Variance of a residual by the eight bits of an image."""
 _OPEN = 1e-6
 """A direction is open if what the image says of it is below this share of what it says of the clearest:
 pictures are of single precision."""
@@ -107,10 +109,11 @@ def covariance(found: Found, radius_m: float) -> FloatArray | None:
     None where the image leaves a direction open, as a few pixels do.
 
     The inverse of the Hessian, with the residuals as they are: they are correlated within blocks, which
-    count as independent of each other (the sandwich of Huber 1967, by clusters). Where the drawing
-    itself is wrong, all blocks are pulled alike; so the covariance is several times larger, and grows
-    with what is left of the disagreement, and has a part that residuals do not make smaller, as errors
-    were measured to do (docs/refining.md).
+    count as independent of each other (the sandwich of Huber 1967, by clusters). Some directions are
+    pulled by few blocks, which happen to agree: so the Hessian's inverse alone is added, as of residuals
+    that are alike everywhere. Where the drawing itself is wrong, all blocks are pulled alike; so the
+    covariance is several times larger, and grows with what is left of the disagreement, as errors were
+    measured to do (docs/refining_measured.md).
     """
     comparison = found.comparison
     unit = units(found.placement, radius_m, found.radius_px)
@@ -130,9 +133,10 @@ def covariance(found: Found, radius_m: float) -> FloatArray | None:
     if eigenvalues[0] <= _OPEN * eigenvalues[-1]:
         return None
     inverse = np.linalg.inv(H)
-    correction *= min(_LARGEST_EXCESS, _LEAST_EXCESS * (1 + _EXCESS * (1 - comparison.agreement)))
     by_residuals = correction * (inverse @ (sums.T @ sums) @ inverse)
-    C = (by_residuals + _LEAST_ERROR_PX**2 * np.eye(6)) * np.outer(unit, unit)
+    variance = _ROUNDED + float(np.mean(weight * comparison.residual[comparison.compared] ** 2))
+    excess = _EXCESS * max(1 - comparison.agreement, _LEAST_OFF) ** _POWER
+    C = excess * (by_residuals + _ALIKE * variance * inverse) * np.outer(unit, unit)
     return np.asarray((C + C.T) / 2)
 
 

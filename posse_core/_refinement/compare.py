@@ -21,7 +21,9 @@ from posse_core._refinement.windows import Windows, smooth
 WINDOW_PX = 6.0
 """Standard deviation of the windows in which gains are fitted."""
 _DETAIL_PX = 3.0
-"""The same for windows of which the detail is judged."""
+"""The same for windows of which the detail is judged,"""
+_BLOCK_PX = 8
+"""and the side of the blocks in which it is compared."""
 _GAINS = (0.0, 3.0)
 """Least and greatest gain."""
 _NOISE = 4 / 255
@@ -84,10 +86,32 @@ class LitComparer(Comparer):
         modelled = binned(self._scene(drawn), finer)
         return registered(self._crop, modelled, near_pixels(drawn, finer), placement)
 
-    def detail(self, placement: Placement) -> float:
-        """0 … 1, how much is explained of what varies within a few pixels."""
-        drawn, finer = self._drawn(placement), self._crop.scale.finer
-        return self._explained(binned(self._scene(drawn), finer), near_pixels(drawn, finer), _DETAIL_PX)
+    def lead(self, placement: Placement, other: LitComparer, others: Placement) -> float:
+        """By how many standard deviations the drawing of another comparer, at its pose, leaves more of
+        what varies within a few pixels than this one's does at a pose.
+
+        What is left squared is compared in blocks of pixels, whose differences count as independent of
+        each other (the test of Vuong, Econometrica 57, 1989, for models that are not nested). The block
+        that says most for the lead is left out: where all but the noise is explained by both, a few
+        blocks make up the difference.
+        """
+        crop, finer = self._crop, self._crop.scale.finer
+        there = LitComparer(crop, other._studio, other._light)
+        drawn = self._drawn(placement), there._drawn(others)
+        near = near_pixels(drawn[0], finer) | near_pixels(drawn[1], finer)
+        windows = Windows(near.astype(np.float32), _DETAIL_PX)
+        scenes = (binned(scene, finer) for scene in (self._scene(drawn[0]), there._scene(drawn[1])))
+        mine, theirs = (
+            windows.explained(crop.seen, scene[..., None], _NOISE, _GAINS).residual for scene in scenes
+        )
+        more = (theirs**2 - mine**2)[near].astype(np.float64)
+        rows, columns = (np.arange(side) // _BLOCK_PX for side in near.shape)
+        blocks = (rows[:, None] * (len(columns) + 1) + columns)[near]
+        by_block = np.bincount(blocks, more)
+        deviation, sign = float(np.sqrt(np.sum(by_block**2))), float(np.sign(by_block.sum()))
+        towards = sign * by_block
+        others_say = max(0.0, float(towards.sum() - towards.max()))
+        return sign * others_say / deviation if deviation > 0 else 0.0
 
     def edge_correlation(self, placement: Placement) -> float:
         """0 … 1, how far the edges of the crop lie as those that are drawn: the geometric mean of the

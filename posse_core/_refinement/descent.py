@@ -26,8 +26,9 @@ _EXCESS, _POWER = 11.0, 1 / 3
 """By so much the covariance is larger than both, times this power of what is left of the disagreement,
 which counts at least so much:"""
 _LEAST_OFF = 1e-3
-_ROUNDED = 1 / 255**2 / 12
-"""Variance of a residual by the eight bits of an image."""
+_LEAST_ERROR_PX = 0.01
+"""By how much of a crop's pixel the spacecraft's rim may be off, by each of the unknowns, whatever the
+residuals say."""
 _OPEN = 1e-6
 """A direction is open if what the image says of it is below this share of what it says of the clearest:
 pictures are of single precision."""
@@ -113,7 +114,7 @@ def covariance(found: Found, radius_m: float) -> FloatArray | None:
     pulled by few blocks, which happen to agree: so the Hessian's inverse alone is added, as of residuals
     that are alike everywhere. Where the drawing itself is wrong, all blocks are pulled alike; so the
     covariance is several times larger, and grows with what is left of the disagreement, as errors were
-    measured to do (docs/refining_measured.md).
+    measured to do (docs/refining_measured.md). No pose is exact.
     """
     comparison = found.comparison
     unit = units(found.placement, radius_m, found.radius_px)
@@ -134,9 +135,10 @@ def covariance(found: Found, radius_m: float) -> FloatArray | None:
         return None
     inverse = np.linalg.inv(H)
     by_residuals = correction * (inverse @ (sums.T @ sums) @ inverse)
-    variance = _ROUNDED + float(np.mean(weight * comparison.residual[comparison.compared] ** 2))
+    variance = float(np.mean(weight * comparison.residual[comparison.compared] ** 2))
     excess = _EXCESS * max(1 - comparison.agreement, _LEAST_OFF) ** _POWER
-    C = excess * (by_residuals + _ALIKE * variance * inverse) * np.outer(unit, unit)
+    by_image = excess * (by_residuals + _ALIKE * variance * inverse)
+    C = (by_image + _LEAST_ERROR_PX**2 * np.eye(6)) * np.outer(unit, unit)
     return np.asarray((C + C.T) / 2)
 
 

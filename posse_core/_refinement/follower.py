@@ -29,8 +29,10 @@ from posse_core._refinement.prior import prior
 from posse_core._refinement.studio import EVEN, Drawn, Studio
 from posse_core._refinement.sunlight import brightest_direction, likely_direction
 from posse_core._refinement.trail import (
+    AS_DRAWN,
     MATERIALS_KNOWN,
     MATERIALS_UNKNOWN,
+    ROUGHLY,
     Outcome,
     Trail,
     by_chance,
@@ -92,6 +94,7 @@ class Follower:
         has_time: as given.
         picture: the image, coded as was found last, and by sRGB until then.
         sizes_px: extents of the spacecraft in the crops, the coarsest first.
+        telling: what the image tells of poses.
     """
 
     def __init__(
@@ -113,6 +116,8 @@ class Follower:
         self._radius_m = setting.spacecraft.radius_m
         self._symmetries = setting.spacecraft.symmetries
         self._weight = MATERIALS_KNOWN if studio.knows_materials else MATERIALS_UNKNOWN
+        is_as_drawn = studio.knows_materials and sun_direction_cam is not None
+        self.telling = AS_DRAWN if is_as_drawn else ROUGHLY
         self._by_coding = {
             linear: Picture(grey, setting.camera, box_px, is_linear=linear) for linear in (False, True)
         }

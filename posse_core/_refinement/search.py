@@ -17,7 +17,6 @@ from posse_core._refinement.sides import Sides
 from posse_core._refinement.trail import (
     RIVAL,
     SAME,
-    UNSEEN,
     UNSEEN_FROM_ALL_SIDES,
     Outcome,
     Trail,
@@ -93,10 +92,12 @@ class Search:
             looks = self._from_all_sides(found[0])
             if looks:
                 found = self._compared([*found, *self._followed_to_the_finest(looks)])
-        if looks and self._is_doubtful(found, _SOUGHT):
+        is_hopeful = self._is_sun_known and found[0].agreement > self._follower.followable
+        is_open = is_hopeful and found[0].agreement < _CLEAR
+        # Where one half-turn was followed to its end and the other was not, detail tells nothing.
+        if is_open or (looks and self._is_doubtful(found, _SOUGHT)):
             turned = self._followed_to_the_finest(self._half_turned(found[0], _TURNED_LATER))
             found = self._compared([*found, *turned])
-        is_hopeful = self._is_sun_known and found[0].agreement > self._follower.followable
         if is_hopeful and self._is_doubtful(found):
             found = self._compared([*found, *self._slightly_turned(found)])
             if self._is_doubtful(found) and found[0].agreement < _CLEAR:
@@ -106,7 +107,7 @@ class Search:
         best = found[0]
         self._follower.take_as(is_linear=best.is_linear)
         before = best.comparer.compare(firsts[best.start]).agreement
-        unseen = UNSEEN_FROM_ALL_SIDES if looks else UNSEEN
+        unseen = UNSEEN_FROM_ALL_SIDES if looks else self._follower.telling.unseen
         others = unseen + self._follower.chance_of_nothing(best)
         sure = certainty(found, self._symmetries, others)
         found_closer = self._follower.closer(best).found
@@ -168,7 +169,8 @@ class Search:
         start, pose = self._follower.starts[found[0].start], found[0].found.placement
         is_sure = start.trust > _SURE_START and is_near(pose, start, self._symmetries)
         is_possible = any(each.trust > _LEAST_START for each in self._follower.starts)
-        return certainty(found, self._symmetries, UNSEEN) < least and is_possible and not is_sure
+        sure = certainty(found, self._symmetries, self._follower.telling.unseen)
+        return sure < least and is_possible and not is_sure
 
     def _slightly_turned(self, found: Sequence[Trail]) -> list[Trail]:
         """Trails from poses slightly turned from the likeliest at the finest scale, as steps end at any
@@ -194,7 +196,7 @@ class Search:
     def _compared(self, finest: Sequence[Trail]) -> list[Trail]:
         """Trails that differ at the finest scale, weighed against each other, the likeliest first."""
         alone = [replace(trail, share=1.0) for trail in finest]
-        return by_chance(weighed(self._different(alone)))
+        return by_chance(weighed(self._different(alone), self._follower.telling.odds))
 
     def _different(self, trails: Sequence[Trail]) -> list[Trail]:
         """Those that differ, most likely first; of several that are the same pose, the likeliest."""

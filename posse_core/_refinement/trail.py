@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol, TypeVar
@@ -13,16 +14,17 @@ from posse_core._evaluation.poses import pose_errors
 from posse_core._refinement.compare import LitComparer
 from posse_core._refinement.descent import Found
 
-_LEFT_OVER = 1e-3
-"""What no drawing explains of the detail."""
+_LEAST_OFF = 1e-3
+"""Edges never correlate more than by this less than 1."""
 _COARSE_OFF = 0.02
 """The disagreement of the likeliest pose counts at least so much among others at the coarsest scale,
 where different ones may agree nearly as much."""
 RIVAL = 50.0
 """Poses whose chance is less by at most this factor may be the right one."""
-UNSEEN, UNSEEN_FROM_ALL_SIDES = 8.0, 2.0
-"""The chance of all poses that were not tried, and of those that are left once looks from all sides were
-compared."""
+UNSEEN_FROM_ALL_SIDES = 2.0
+"""The chance of all poses that are left once looks from all sides were compared."""
+_SCALE = 8.0
+"""A pose of prior 1 that agrees by 0.65 has this chance, whatever the image's weight."""
 _BOX_SIGMA = 0.2
 """Spread of the logarithm of the length of a pose's box over that of the detected one."""
 _LARGER, _SMALLER = 0.1, 0.01
@@ -65,20 +67,37 @@ class Weight(NamedTuple):
     def chance(self, agreement: float, prior: float, least: float = 0.0) -> float:
         """How likely a pose is, among others, by how an image agrees with it and its prior.
 
-        With the power 2, what is left of the disagreement counts as variance would. A pose of prior 1
-        that agrees by 0.65 has the chance :data:`UNSEEN` with any.
+        With the power 2, what is left of the disagreement counts as variance would.
 
         Args:
             least: what of the disagreement counts at least, where that is more.
         """
         off = max(1 - agreement, self.least, least)
-        return float(prior * UNSEEN ** (1 - self.power / 2) / off**self.power)
+        return float(prior * _SCALE ** (1 - self.power / 2) / off**self.power)
 
 
 MATERIALS_KNOWN, MATERIALS_UNKNOWN = Weight(2, 1e-3), Weight(4, 0.05)
 """Where materials are not known, the true pose explains 0.7 to 0.9 and wrong ones 0.4 to 0.65, as
 patterns that the mesh does not have are left at all poses alike. What explains more than 0.95 is no
 likelier for it: a limb of the Earth is so plain that a panel explains it."""
+
+
+class Telling(NamedTuple):
+    """What an image tells of poses that were compared, and of those that were not.
+
+    Attributes:
+        odds: logarithm of the odds, where the lead is one standard deviation, that the pose which leaves
+            less of the detail is the right one; it grows with the square of the lead.
+        unseen: the chance of all poses that were not tried.
+    """
+
+    odds: float
+    unseen: float
+
+
+AS_DRAWN, ROUGHLY = Telling(0.85, 16.0), Telling(0.3, 8.0)
+"""Where light and materials are known, or else. Where they are, a right pose agrees so much that it is
+likely to have been left out if none does."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +114,6 @@ class Trail:
         prior: how likely the pose is before the image is compared.
         fit: what is left of its chance by the detected box and by edges.
         weight: of what the image disagrees with.
-        detail: how much of the image's detail it explains, 0 … 1; None until it was weighed.
         share: of its chance that is left since others explain detail better.
     """
 
@@ -108,7 +126,6 @@ class Trail:
     prior: float
     fit: float
     weight: Weight
-    detail: float | None = None
     share: float = 1.0
 
     @property
@@ -145,27 +162,24 @@ class Outcome:
     certainty: float
 
 
-def weighed(trails: Sequence[Trail]) -> list[Trail]:
+def weighed(trails: Sequence[Trail], odds: float) -> list[Trail]:
     """Trails whose chance falls as others explain the image's detail better: brightness as a whole
-    hardly tells poses that look alike, while edges and marks do."""
+    hardly tells poses that look alike, while edges and marks do.
+
+    Args:
+        odds: of :class:`Telling`.
+    """
     if len(trails) < 2:
         return list(trails)
-    details = [_detail(trail) for trail in trails]
-    left = [1 - detail + _LEFT_OVER for detail in details]
-    rivals = [
-        each for each, trail in zip(left, trails, strict=True) if trail.chance > trails[0].chance / RIVAL
-    ]
+    first = trails[0]
+    behind = [0.0]
+    for each in trails[1:]:
+        lead = first.comparer.lead(first.found.placement, each.comparer, each.found.placement)
+        behind.append(odds * lead * abs(lead))
     return [
-        replace(trail, detail=detail, share=min(1.0, min(rivals) / each))
-        for trail, detail, each in zip(trails, details, left, strict=True)
+        replace(trail, share=math.exp(min(behind) - own))
+        for trail, own in zip(trails, behind, strict=True)
     ]
-
-
-def _detail(trail: Trail) -> float:
-    """How much of the image's detail a trail explains; its drawing is spared if that is known."""
-    if trail.detail is not None:
-        return trail.detail
-    return trail.comparer.detail(trail.found.placement)
 
 
 class Likely(Protocol):
@@ -217,4 +231,4 @@ def size_fit(share: float) -> float:
 def edge_fit(correlation: float) -> float:
     """What is left of the chance of a pose whose edges correlate so much, -1 … 1, with those of the
     image: gains and offsets explain clouds by whatever is drawn there, but their edges lie otherwise."""
-    return float(min(1.0, (1 - _EDGES) / max(1 - correlation, _LEFT_OVER)) ** _POWER_OF_EDGES)
+    return float(min(1.0, (1 - _EDGES) / max(1 - correlation, _LEAST_OFF)) ** _POWER_OF_EDGES)

@@ -21,6 +21,7 @@ from posse_core import (
     Scene,
     Spacecraft,
 )
+from posse_core._evaluation.poses import pose_errors
 from posse_core._interfaces.refiner import RefinerSetting
 from posse_core._randomness import random_generator
 from posse_core._refinement.compare import Comparison, LitComparer
@@ -229,6 +230,35 @@ def test_of_a_bar_that_looks_alike_both_ways_neither_is_certain() -> None:
         certainties.append(made.pose.certainty)
     assert certainties[0] < 0.6
     assert certainties[1] > 0.9
+
+
+def test_faint_marks_tell_that_a_start_is_upside_down_though_the_net_is_sure() -> None:
+    """Four rings about one half of a bar, darker by a tenth, make the agreement hardly differ. Of the
+    start, which is turned by half a turn, the net is sure by 0.98."""
+    turn = Rotation.from_rotvec([0, 0, np.pi]).as_matrix()
+    crafts = refiners._craft()
+    rings = [
+        refiners._cuboid(f"ring_{k}", (x, -0.2, -0.102), (x + 0.05, 0.2, 0.102), "grey")
+        for k, x in enumerate((0.2, 0.4, 0.6, 0.8))
+    ]
+    white = crafts.materials["white"]
+    grey = replace(white, base_color=tuple(0.9 * share for share in white.base_color))
+    marked = replace(
+        crafts,
+        parts=(refiners._cuboid("bar", (-1, -0.2, -0.1), (1, 0.2, 0.1), "white"), *rings),
+        materials={"white": white, "grey": grey},
+        symmetries=(np.diag([1.0, -1.0, -1.0]),),
+    )
+    refiner = RenderCompare(RenderCompareOptions())
+    refiner.open(RefinerSetting(marked, CAMERA, refiners._renderer))
+    for seed, (R, t) in enumerate(TRUTHS[:2]):
+        given = replace(start(R @ turn, t, 2, 0.005, seed), certainty=0.98)
+        made = refiner.refine(image(R, t, seed, marked), [given], SUN)
+        assert made.is_better
+        pose = made.pose
+        e_t, e_q = pose_errors(R, t, pose.R_cam_from_body, pose.t_body_cam_m, marked.symmetries)
+        assert e_t < 0.005
+        assert np.degrees(e_q) < 1
 
 
 @pytest.mark.parametrize("number", [1, 2])

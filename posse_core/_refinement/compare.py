@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posse_core._arrays import BoolArray, Float32Array
+from posse_core._arrays import BoolArray, Float32Array, IntArray
 from posse_core._refinement.background import behind, near_pixels, with_background
 from posse_core._refinement.crop import Crop, binned
 from posse_core._refinement.edges import EDGE_BLUR_PX, correlation, edges, evened
@@ -105,13 +105,13 @@ class LitComparer(Comparer):
             windows.explained(crop.seen, scene[..., None], _NOISE, _GAINS).residual for scene in scenes
         )
         more = (theirs**2 - mine**2)[near].astype(np.float64)
-        rows, columns = (np.arange(side) // _BLOCK_PX for side in near.shape)
-        blocks = (rows[:, None] * (len(columns) + 1) + columns)[near]
-        by_block = np.bincount(blocks, more)
-        deviation, sign = float(np.sqrt(np.sum(by_block**2))), float(np.sign(by_block.sum()))
+        by_block = np.bincount(blocks(near.shape, _BLOCK_PX)[near], more)
+        deviation = float(np.sqrt(np.sum(by_block**2)))
+        if deviation == 0:
+            return 0.0
+        sign = float(np.sign(by_block.sum()))
         towards = sign * by_block
-        others_say = max(0.0, float(towards.sum() - towards.max()))
-        return sign * others_say / deviation if deviation > 0 else 0.0
+        return sign * max(0.0, float(towards.sum() - towards.max())) / deviation
 
     def edge_correlation(self, placement: Placement) -> float:
         """0 … 1, how far the edges of the crop lie as those that are drawn: the geometric mean of the
@@ -228,6 +228,12 @@ def sharpest(drawn: Drawn, crop: Crop) -> float:
         blurred = crop.coded(smooth(scene, blur_px * crop.scale.drawn))
         agreements.append(_correlation(crop.seen, binned(blurred, crop.scale.finer), near))
     return _BLURS_PX[int(np.argmax(agreements))]
+
+
+def blocks(shape: tuple[int, ...], side_px: int) -> IntArray:
+    """(h, w) the number of the square block in which each pixel of an image of a shape is."""
+    rows, columns = (np.arange(side) // side_px for side in shape)
+    return np.asarray(rows[:, None] * (shape[1] // side_px + 1) + columns)
 
 
 def share_explained(

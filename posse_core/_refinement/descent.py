@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from posse_core._arrays import Float32Array, FloatArray
-from posse_core._refinement.compare import Comparer, Comparison
+from posse_core._refinement.compare import Comparer, Comparison, blocks
 from posse_core._refinement.placement import Placement
 
 _TUKEY = 4.0
@@ -121,10 +121,8 @@ def covariance(found: Found, radius_m: float) -> FloatArray | None:
     spread = _spread(comparison)
     weight = _weight(comparison, spread)
     H, _ = _normal_equations(comparison, spread, unit)
-    rows, columns = comparison.residual.shape
-    side = max(_BLOCK_PX, max(rows, columns) // _BLOCKS)
-    block = (np.arange(rows)[:, None] // side) * (columns // side + 1)
-    block = (block + np.arange(columns) // side)[comparison.compared]
+    shape = comparison.residual.shape
+    block = blocks(shape, max(_BLOCK_PX, max(shape) // _BLOCKS))[comparison.compared]
     pulls = comparison.by_pose[comparison.compared].astype(np.float64) * unit
     pulls *= (weight * comparison.residual[comparison.compared])[:, None]
     sums = np.stack([np.bincount(block, pulls[:, k]) for k in range(6)], axis=1)

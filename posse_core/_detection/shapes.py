@@ -23,9 +23,6 @@ _LEAST_OVERLAP = 0.6
 """The mesh's box takes the place of the net's if they overlap by more: intersection over union."""
 _CERTAIN = 0.5
 """So it does where they overlap at all, if the pose was refined and is certain by so much."""
-_UNREFINED = 0.7
-"""A pose that the refiner neither improved nor confirmed is certain by so much of what it was."""
-
 _TOUCHING = 1e-3
 """A camera touches a mesh that is so near, as a share of the mesh's size."""
 
@@ -89,9 +86,8 @@ class Shapes:
         if refinement is not None:
             if refinement.is_better:
                 pose = refinement.pose
-            elif not refinement.is_confirmed:
-                # A start that the refiner chose and could not improve says nothing for itself.
-                pose = replace(start, certainty=_UNREFINED * start.certainty)
+            else:
+                pose = replace(start, certainty=refinement.certainty_left * start.certainty)
         mesh_px = self.box_px(detection.label, pose, camera)
         is_sure = refinement is not None and refinement.is_better and pose.certainty >= _CERTAIN
         least = 0.0 if is_sure else _LEAST_OVERLAP

@@ -42,15 +42,15 @@ class Refinement:
         is_better: whether the test says so.
         agreement: of the image with what would be seen at the pose, 0 … 1.
         agreement_before: the same at the start that the pose came from.
-        is_confirmed: whether the search found nothing better, and ended near the most trusted start, as
-            it would from a right one.
+        certainty_left: share of its certainty, 0 … 1, that is left to the likeliest start, if nothing
+            was better: 1 if the search ended near it, as it would from a right one.
     """
 
     pose: PoseEstimate
     is_better: bool
     agreement: float
     agreement_before: float
-    is_confirmed: bool = False
+    certainty_left: float = 0.7
 
 
 class Refiner(Component[OptionsT]):

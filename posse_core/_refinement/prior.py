@@ -19,7 +19,7 @@ _FREEDOM, _FREEDOM_OF_PLACE = 12.0, 6.0
 has them."""
 _OTHER_SIDE, _SURE = 0.33, 0.9
 """Keypoints may have been found on another side, which leaves the place right: how likely any other
-attitude is there, and how much less where the start is sure."""
+attitude is there, and how much less where a start is sure."""
 _WITHIN = 16.8
 """99 % of poses are nearer to the truth, by a right covariance (χ² of 6 unknowns)."""
 
@@ -33,14 +33,18 @@ def prior(
     heavy tails do; where the place is the start's, other attitudes keep some of it
     (docs/refining.md#how-certain-a-refined-pose-is).
     """
-    return max(_by_one(placement, start, symmetries) for start in starts)
+    # All are of one detection: where one is sure, the others' sides are less likely too.
+    other_side = _OTHER_SIDE * (1 - _SURE * max(start.trust for start in starts))
+    return max(_by_one(placement, start, other_side, symmetries) for start in starts)
 
 
-def _by_one(placement: Placement, start: PoseEstimate, symmetries: Sequence[FloatArray]) -> float:
+def _by_one(
+    placement: Placement, start: PoseEstimate, other_side: float, symmetries: Sequence[FloatArray]
+) -> float:
     alike = 1 / (1 + squared_distance(placement, start, symmetries) / _FREEDOM)
     away_m = placement.t_body_cam_m - start.t_body_cam_m
     off = float(away_m @ np.linalg.pinv(start.covariance[3:, 3:]) @ away_m)
-    turned = _OTHER_SIDE * (1 - _SURE * start.trust) / (1 + off / _FREEDOM_OF_PLACE)
+    turned = other_side / (1 + off / _FREEDOM_OF_PLACE)
     return float((start.trust + _LEAST_TRUST) ** _POWER * alike + turned)
 
 

@@ -87,7 +87,9 @@ class RenderCompare(Refiner[RenderCompareOptions]):
                 )
                 and has_fallen(lit.before, lit.agreement)
             )
-            return self._made(lit, starts, refined if is_better else None)
+            if refined is not None and is_better:
+                return Refinement(refined, True, lit.agreement, lit.before)
+            return self._refused(lit, starts, lit.certainty, follower.telling.refused)
         # Where the Sun is known, a right pose agrees in brightness.
         shape = follower.shape(starts[0]) if sun_direction_cam is None else None
         if shape is not None:
@@ -103,10 +105,13 @@ class RenderCompare(Refiner[RenderCompareOptions]):
                     before = lit.before if lit is not None else 0.0
                     shape = replace(again, start=0, before=before)
                     is_better = has_fallen(before, again.agreement)
-                return self._made(shape, starts, self._refined(shape, starts) if is_better else None)
+                refined = self._refined(shape, starts) if is_better else None
+                if refined is not None:
+                    return Refinement(refined, True, shape.agreement, shape.before)
+                return self._refused(shape, starts, 0.0, follower.telling.refused)
         if lit is None:
-            return Refinement(starts[0], False, 0.0, 0.0)
-        return self._made(lit, starts, None)
+            return Refinement(starts[0], False, 0.0, 0.0, follower.telling.refused)
+        return self._refused(lit, starts, lit.certainty, follower.telling.refused)
 
     def _refined(self, outcome: Outcome, starts: Sequence[PoseEstimate]) -> PoseEstimate | None:
         """The pose that was found; None where the image does not determine it."""
@@ -119,18 +124,26 @@ class RenderCompare(Refiner[RenderCompareOptions]):
         certainty = max(outcome.certainty, start.trust) if is_near else outcome.certainty
         return replace(start, R_cam_from_body=R, t_body_cam_m=t, covariance=C, certainty=certainty)
 
-    def _made(
-        self, outcome: Outcome, starts: Sequence[PoseEstimate], accepted: PoseEstimate | None
+    def _refused(
+        self, outcome: Outcome, starts: Sequence[PoseEstimate], certainty: float, least: float
     ) -> Refinement:
-        """The outcome as it is returned, with the pose that was found if it was accepted."""
-        agreements = float(outcome.agreement), float(outcome.before)
-        if accepted is not None:
-            return Refinement(accepted, True, *agreements)
-        start = starts[outcome.start]
+        """The start, of which an outcome was not accepted.
+
+        Args:
+            certainty: of the pose that was found, which counts against a start that is far from it.
+            least: what is left of the certainty of a start that was not confirmed, without that.
+        """
+        assert self._setting is not None
+        start, symmetries = starts[outcome.start], self._setting.spacecraft.symmetries
         is_first = start.trust == max(each.trust for each in starts)
         is_sure = is_confirming(outcome.agreement, outcome.certainty)
-        is_confirmed = self._is_near(outcome, starts) and is_first and is_sure
-        return Refinement(start, False, *agreements, is_confirmed)
+        if is_first and is_sure and self._is_near(outcome, starts):
+            left = 1.0
+        elif is_near(outcome.found.placement, starts[0], symmetries):
+            left = least
+        else:
+            left = least * (1 - certainty)
+        return Refinement(start, False, outcome.agreement, outcome.before, left)
 
     def _is_near(self, outcome: Outcome, starts: Sequence[PoseEstimate]) -> bool:
         """Whether the pose that was found is where it would be if its start were right."""

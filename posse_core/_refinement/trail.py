@@ -19,6 +19,8 @@ _LEAST_OFF = 1e-3
 _COARSE_OFF = 0.02
 """The disagreement of the likeliest pose counts at least so much among others at the coarsest scale,
 where different ones may agree nearly as much."""
+_BY_CHANCE = 0.5
+"""So much of a lead, in standard deviations, tells nothing: poses that look alike differ by more."""
 RIVAL = 50.0
 """Poses whose chance is less by at most this factor may be the right one."""
 UNSEEN_FROM_ALL_SIDES = 2.0
@@ -86,18 +88,20 @@ class Telling(NamedTuple):
     """What an image tells of poses that were compared, and of those that were not.
 
     Attributes:
-        odds: logarithm of the odds, where the lead is one standard deviation, that the pose which leaves
-            less of the detail is the right one; it grows with the square of the lead.
+        odds: logarithm of the odds, for each standard deviation of the lead after the first half one,
+            that the pose which leaves less of the detail is the right one.
         unseen: the chance of all poses that were not tried.
+        refused: what is left of a start's certainty if nothing near it agrees enough.
     """
 
     odds: float
     unseen: float
+    refused: float
 
 
-AS_DRAWN, ROUGHLY = Telling(0.85, 16.0), Telling(0.3, 8.0)
+AS_DRAWN, ROUGHLY = Telling(2.5, 16.0, 0.3), Telling(1.0, 8.0, 0.7)
 """Where light and materials are known, or else. Where they are, a right pose agrees so much that it is
-likely to have been left out if none does."""
+likely to have been left out if none does, and that it is hardly a start near which none does."""
 
 
 @dataclass(frozen=True)
@@ -175,7 +179,7 @@ def weighed(trails: Sequence[Trail], odds: float) -> list[Trail]:
     behind = [0.0]
     for each in trails[1:]:
         lead = first.comparer.lead(first.found.placement, each.comparer, each.found.placement)
-        behind.append(odds * lead * abs(lead))
+        behind.append(odds * math.copysign(max(0.0, abs(lead) - _BY_CHANCE), lead))
     return [
         replace(trail, share=math.exp(min(behind) - own))
         for trail, own in zip(trails, behind, strict=True)

@@ -128,13 +128,13 @@ def test_the_meshs_box_counts_where_it_agrees_with_the_nets() -> None:
 
 
 class Exact(posse.Refiner):
-    """Knows the pose, and accepts it or does not; or it confirms the start."""
+    """Knows the pose, and accepts it, or leaves a share of its certainty to the start."""
 
     opened: list[posse.Camera]
 
-    def __init__(self, truth: posse.PoseEstimate, *, accepts: bool, confirms: bool = False) -> None:
+    def __init__(self, truth: posse.PoseEstimate, *, accepts: bool, left: float = 0.7) -> None:
         super().__init__(posse.NoOptions())
-        self.truth, self.accepts, self.confirms, self.is_closed = truth, accepts, confirms, False
+        self.truth, self.accepts, self.left, self.is_closed = truth, accepts, left, False
         self.suns: list[np.ndarray | None] = []
 
     def open(self, setting: RefinerSetting) -> None:
@@ -149,7 +149,7 @@ class Exact(posse.Refiner):
     ) -> posse.Refinement:
         self.suns.append(sun_direction_cam)
         pose = self.truth if self.accepts else starts[0]
-        return posse.Refinement(pose, self.accepts, 0.9, 0.5, self.confirms)
+        return posse.Refinement(pose, self.accepts, 0.9, 0.5, self.left)
 
     def close(self) -> None:
         self.is_closed = True
@@ -176,19 +176,14 @@ def test_a_refined_pose_counts_if_it_was_accepted(*, accepts: bool) -> None:
     assert refiner.is_closed
 
 
-def test_a_pose_that_the_refiner_refused_is_less_certain_unless_it_was_confirmed() -> None:
+def test_a_pose_that_the_refiner_refused_is_as_certain_as_it_leaves_it() -> None:
     R, t = np.eye(3), np.array([0.0, 0.0, 9.0])
     off = replace(pose(R, t + np.array([0.1, 0.0, 0.0])), certainty=0.8)
     net = posse.Detection("brick", 0.9, true_box(R, t))
-    refiner = Exact(pose(R, t), accepts=False)
-    seen = Shapes(CRAFTS, lambda craft, camera: refiner).seen(IMAGE, net, [off], cuboid.CAMERA)
-    assert seen.pose is not None
-    assert 0.4 < seen.pose.certainty < 0.8
-    confirming = Exact(pose(R, t), accepts=False, confirms=True)
-    for kept in (Shapes(CRAFTS), Shapes(CRAFTS, lambda craft, camera: confirming)):
-        as_before = kept.seen(IMAGE, net, [off], cuboid.CAMERA)
-        assert as_before.pose is not None
-        assert as_before.pose.certainty == 0.8
+    refiners = [Exact(pose(R, t), accepts=False, left=left) for left in (1.0, 0.3)]
+    shapes = [Shapes(CRAFTS), *(Shapes(CRAFTS, lambda craft, camera, r=r: r) for r in refiners)]
+    seen = [each.seen(IMAGE, net, [off], cuboid.CAMERA).pose for each in shapes]
+    assert [None if each is None else each.certainty for each in seen] == [0.8, 0.8, 0.3 * 0.8]
 
 
 def test_a_refined_pose_that_is_not_certain_moves_no_box_far() -> None:

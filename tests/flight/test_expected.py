@@ -127,7 +127,7 @@ def test_a_pose_is_refined_from_the_expected_one_and_from_those_that_were_found(
     "made",
     [
         None,
-        posse.Refinement(pose_at(20.0), False, 0.5, 0.5, is_confirmed=True),
+        posse.Refinement(pose_at(20.0), False, 0.5, 0.5, certainty_left=1.0),
         posse.Refinement(pose_at(20.0, sigma_m=5.0), True, 0.9, 0.5),
     ],
     ids=["nothing", "a start", "not trusted"],

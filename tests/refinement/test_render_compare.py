@@ -180,12 +180,30 @@ def test_a_right_start_is_confirmed_and_one_that_is_off_is_not() -> None:
         found = opened().refine(seen, [start(R, t, 3, 0.01, seed)], SUN).pose
         again = opened().refine(seen, [found], SUN)
         assert not again.is_better
-        assert again.is_confirmed
+        assert again.certainty_left == 1
         assert again.pose is found
         none = opened().refine(np.zeros_like(seen), [found], SUN)
-        assert not none.is_confirmed
+        assert none.certainty_left < 1
         hidden = opened().refine(seen, [start(R, t + np.array([9.0, 0.0, 0.0]), 3, 0.01, seed)], SUN)
-        assert not hidden.is_confirmed
+        assert hidden.certainty_left < 1
+
+
+def test_what_is_found_far_from_a_start_counts_against_it_though_it_is_not_accepted() -> None:
+    """Of a bar that looks alike in four attitudes each is certain by a quarter to a half, and the start
+    is 25° from the nearest one. Where nothing is found, only a share is left for the reason that a right
+    start would agree."""
+    R, t = TRUTHS[0]
+    bar = replace(
+        refiners._craft(), parts=(refiners._cuboid("bar", (-1, -0.2, -0.1), (1, 0.2, 0.1), "white"),)
+    )
+    refiner = RenderCompare(RenderCompareOptions(size_px=96))
+    refiner.open(RefinerSetting(bar, CAMERA, refiners._renderer))
+    given = replace(start(R, t, 25, 0.01, 0), certainty=0.98, covariance=np.eye(6) * 1e-5)
+    found = refiner.refine(image(R, t, 0, bar), [given], SUN)
+    nothing = refiner.refine(np.zeros((CAMERA.height_px, CAMERA.width_px), np.uint8), [given], SUN)
+    assert found.pose is nothing.pose is given
+    assert 0.5 * 0.3 < found.certainty_left < 0.75 * 0.3
+    assert nothing.certainty_left == pytest.approx(0.3, abs=0.01)
 
 
 def test_agreement_with_a_trusted_start_makes_a_pose_as_certain_as_that() -> None:

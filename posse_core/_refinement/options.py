@@ -26,7 +26,7 @@ class RenderCompareOptions(Options):
         ge=32,
         le=1024,
         description="extent of the spacecraft where poses are compared with each other, about; the pose"
-        " that is found is followed once more where it is twice as large",
+        " that is found and its rivals are followed once more where it is twice as large",
     )
     least_agreement: float = Field(
         0.8, ge=0, le=1, description="a pose whose agreement with the image is lower is not accepted"

@@ -10,6 +10,7 @@ import numpy as np
 
 from posse_core._interfaces.detector import PoseEstimate
 from posse_core._interfaces.refiner import RefinerSetting
+from posse_core._refinement.descent import Found
 from posse_core._refinement.follower import Follower
 from posse_core._refinement.placement import Placement
 from posse_core._refinement.prior import is_near
@@ -104,13 +105,13 @@ class Search:
                 found += self._followed_to_the_finest(self._elsewhere(found, trails, firsts))
                 found = self._compared(found)
                 found = self._compared([*found, *self._slightly_turned(found)])
+        found, found_closer = self._compared_closer(found)
         best = found[0]
         self._follower.take_as(is_linear=best.is_linear)
         before = best.comparer.compare(firsts[best.start]).agreement
         unseen = UNSEEN_FROM_ALL_SIDES if looks else self._follower.telling.unseen
         others = unseen + self._follower.chance_of_nothing(best)
         sure = certainty(found, self._symmetries, others)
-        found_closer = self._follower.closer(best).found
         return Outcome(found_closer, best.agreement, before, best.start, sure)
 
     def _first_looks(self, best: Trail, firsts: Sequence[Placement]) -> list[Trail]:
@@ -197,6 +198,17 @@ class Search:
         """Trails that differ at the finest scale, weighed against each other, the likeliest first."""
         alone = [replace(trail, share=1.0) for trail in finest]
         return by_chance(weighed(self._different(alone), self._follower.telling.odds))
+
+    def _compared_closer(self, found: Sequence[Trail]) -> tuple[list[Trail], Found]:
+        """Trails of which those that rival the likeliest are weighed anew by detail, where the image
+        shows more of it, and where the likeliest leads there."""
+        rivals = [trail for trail in found if trail.chance >= found[0].chance / RIVAL]
+        closer = [self._follower.closer(trail) for trail in rivals]
+        if len(rivals) > 1:
+            told = weighed(closer, self._follower.telling.odds)
+            rivals = [replace(trail, share=each.share) for trail, each in zip(rivals, told, strict=True)]
+        best = max(range(len(rivals)), key=lambda place: rivals[place].chance)
+        return by_chance([*rivals, *found[len(rivals) :]]), closer[best].found
 
     def _different(self, trails: Sequence[Trail]) -> list[Trail]:
         """Those that differ, most likely first; of several that are the same pose, the likeliest."""

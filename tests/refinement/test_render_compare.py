@@ -190,7 +190,7 @@ def test_a_right_start_is_confirmed_and_one_that_is_off_is_not() -> None:
 
 def test_what_is_found_far_from_a_start_counts_against_it_though_it_is_not_accepted() -> None:
     """Of a bar that looks alike in four attitudes each is certain by a quarter to a half, and the start
-    is 25° from the nearest one. Where nothing is found, only a share is left for the reason that a right
+    is 35° from the nearest one. Where nothing is found, only a share is left for the reason that a right
     start would agree."""
     R, t = TRUTHS[0]
     bar = replace(
@@ -198,7 +198,7 @@ def test_what_is_found_far_from_a_start_counts_against_it_though_it_is_not_accep
     )
     refiner = RenderCompare(RenderCompareOptions(size_px=96))
     refiner.open(RefinerSetting(bar, CAMERA, refiners._renderer))
-    given = replace(start(R, t, 25, 0.01, 0), certainty=0.98, covariance=np.eye(6) * 1e-5)
+    given = replace(start(R, t, 35, 0.01, 0), certainty=0.98, covariance=np.eye(6) * 1e-5)
     found = refiner.refine(image(R, t, 0, bar), [given], SUN)
     nothing = refiner.refine(np.zeros((CAMERA.height_px, CAMERA.width_px), np.uint8), [given], SUN)
     assert found.pose is nothing.pose is given

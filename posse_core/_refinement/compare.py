@@ -78,7 +78,9 @@ class LitComparer(Comparer):
         it (h, w)."""
         if self._studio.knows_materials:
             return _correlation(self._crop.seen, modelled, near)
-        return self._explained(modelled, near, WINDOW_PX)
+        windows = Windows(near.astype(np.float32), WINDOW_PX)
+        left = windows.explained(self._crop.seen, modelled[..., None], _NOISE, _GAINS).residual
+        return share_explained(left, windows.variance(self._crop.seen), near, self._crop.beside(near))
 
     def registered(self, drawn: Drawn, placement: Placement) -> Registered:
         """Where what is drawn at a pose lies in the crop."""
@@ -134,12 +136,6 @@ class LitComparer(Comparer):
     def _drawn(self, placement: Placement) -> Drawn:
         crop = self._crop
         return self._studio.draw(crop.scale.drawn, crop.drawn_box, placement, self._light.lights)
-
-    def _explained(self, modelled: Float32Array, near: BoolArray, window_px: float) -> float:
-        """0 … 1, how much is explained of what varies within windows."""
-        windows = Windows(near.astype(np.float32), window_px)
-        left = windows.explained(self._crop.seen, modelled[..., None], _NOISE, _GAINS).residual
-        return share_explained(left, windows.variance(self._crop.seen), near, self._crop.beside(near))
 
     def _scene(self, drawn: Drawn) -> Float32Array:
         """What is drawn before its background, as sharp and as coded as the crop."""

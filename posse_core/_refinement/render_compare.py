@@ -80,14 +80,13 @@ class RenderCompare(Refiner[RenderCompareOptions]):
             refined = self._refined(lit, starts)
             most = max(start.trust for start in starts)
             near = starts[lit.start] if self._is_near(lit, starts) else None
-            is_better = (
+            if (
                 refined is not None
                 and is_likely(
                     refined, lit.certainty, near, most, from_all_sides=sun_direction_cam is None
                 )
                 and has_fallen(lit.before, lit.agreement)
-            )
-            if refined is not None and is_better:
+            ):
                 return Refinement(refined, True, lit.agreement, lit.before)
             return self._refused(lit, starts, lit.certainty, follower.telling.refused)
         # Where the Sun is known, a right pose agrees in brightness.

@@ -38,9 +38,9 @@ def test_another_side_is_as_likely_as_the_surest_start_leaves_it(one: float, oth
 
 @given(CERTAINTIES)
 def test_at_a_start_a_pose_is_as_likely_as_its_trust_says(certainty: float) -> None:
-    given = start(0, certainty)
-    trust = given.trust
-    at = prior(Placement(given.R_cam_from_body, HERE), [given], ())
+    first = start(0, certainty)
+    trust = first.trust
+    at = prior(Placement(first.R_cam_from_body, HERE), [first], ())
     assert at == pytest.approx((trust + 0.01) ** 0.5 + 0.33 * (1 - 0.9 * trust))
 
 

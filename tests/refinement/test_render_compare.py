@@ -95,6 +95,12 @@ TRUTHS = [
 ]
 
 
+BAR = replace(
+    refiners._craft(), parts=(refiners._cuboid("bar", (-1, -0.2, -0.1), (1, 0.2, 0.1), "white"),)
+)
+"""It looks alike in four attitudes."""
+
+
 @pytest.mark.parametrize(("degrees", "share"), [(2, 0.01), (5, 0.02), (10, 0.04)])
 def test_from_a_start_nearby_it_comes_to_the_truth(degrees: float, share: float) -> None:
     """Its rim is some 30 pixels from its middle, so 0.6° are 0.3 pixels towards the camera or away, and
@@ -193,13 +199,10 @@ def test_what_is_found_far_from_a_start_counts_against_it_though_it_is_not_accep
     is 35° from the nearest one. Where nothing is found, only a share is left for the reason that a right
     start would agree."""
     R, t = TRUTHS[0]
-    bar = replace(
-        refiners._craft(), parts=(refiners._cuboid("bar", (-1, -0.2, -0.1), (1, 0.2, 0.1), "white"),)
-    )
     refiner = RenderCompare(RenderCompareOptions(size_px=96))
-    refiner.open(RefinerSetting(bar, CAMERA, refiners._renderer))
+    refiner.open(RefinerSetting(BAR, CAMERA, refiners._renderer))
     given = replace(start(R, t, 35, 0.01, 0), certainty=0.98, covariance=np.eye(6) * 1e-5)
-    found = refiner.refine(image(R, t, 0, bar), [given], SUN)
+    found = refiner.refine(image(R, t, 0, BAR), [given], SUN)
     nothing = refiner.refine(np.zeros((CAMERA.height_px, CAMERA.width_px), np.uint8), [given], SUN)
     assert found.pose is nothing.pose is given
     assert 0.5 * 0.3 < found.certainty_left < 0.75 * 0.3
@@ -234,15 +237,12 @@ def test_a_start_turned_by_half_a_turn_is_put_right(axis: int) -> None:
 def test_of_a_bar_that_looks_alike_both_ways_neither_is_certain() -> None:
     """From a start that is not either, unless its symmetry is told, when they are one pose."""
     R, t = TRUTHS[0]
-    bar = replace(
-        refiners._craft(), parts=(refiners._cuboid("bar", (-1, -0.2, -0.1), (1, 0.2, 0.1), "white"),)
-    )
     turns = tuple(Rotation.from_rotvec(np.pi * axis).as_matrix() for axis in np.eye(3))
-    seen, given = image(R, t, 0, bar), replace(start(R, t, 3, 0.01, 0), certainty=0.4)
+    seen, given = image(R, t, 0, BAR), replace(start(R, t, 3, 0.01, 0), certainty=0.4)
     certainties = []
     for symmetries in ((), turns):
         refiner = RenderCompare(RenderCompareOptions(size_px=96))
-        refiner.open(RefinerSetting(replace(bar, symmetries=symmetries), CAMERA, refiners._renderer))
+        refiner.open(RefinerSetting(replace(BAR, symmetries=symmetries), CAMERA, refiners._renderer))
         made = refiner.refine(seen, [given], SUN)
         assert made.is_better
         certainties.append(made.pose.certainty)
@@ -251,17 +251,16 @@ def test_of_a_bar_that_looks_alike_both_ways_neither_is_certain() -> None:
 
 
 def ringed_bar(share: float) -> Spacecraft:
-    """A bar with four rings about one half of it, which have this share of its brightness."""
-    craft = refiners._craft()
+    """The bar with four rings about one half of it, which have this share of its brightness."""
     rings = [
         refiners._cuboid(f"ring_{k}", (x, -0.2, -0.102), (x + 0.05, 0.2, 0.102), "grey")
         for k, x in enumerate((0.2, 0.4, 0.6, 0.8))
     ]
-    white = craft.materials["white"]
+    white = BAR.materials["white"]
     grey = replace(white, base_color=tuple(share * colour for colour in white.base_color))
     return replace(
-        craft,
-        parts=(refiners._cuboid("bar", (-1, -0.2, -0.1), (1, 0.2, 0.1), "white"), *rings),
+        BAR,
+        parts=(*BAR.parts, *rings),
         materials={"white": white, "grey": grey},
         symmetries=(np.diag([1.0, -1.0, -1.0]),),
     )
@@ -326,7 +325,7 @@ def test_detail_tells_poses_that_look_alike_in_uneven_light() -> None:
     light, and the lead of one pose is what the other is behind."""
     R, t = TRUTHS[0]
     parts = (
-        refiners._cuboid("bar", (-1, -0.2, -0.1), (1, 0.2, 0.1), "white"),
+        *BAR.parts,
         refiners._cuboid("spot", (0.6, -0.2, -0.102), (0.7, 0.2, 0.102), "cells"),
     )
     marked = replace(refiners._craft(), parts=parts)

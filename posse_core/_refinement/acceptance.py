@@ -21,17 +21,12 @@ _LEAST_CONFIRMED = 0.5
 """Least agreement at which a start is confirmed near which the search ends."""
 _LEAST_CERTAINTY, _SHARE_OF_TRUST = 0.2, 0.5
 """A pose is accepted if it is near a start that is trusted by at least this share of the greatest trust
-of a start, or else at least so certain, and trusted by as large a share itself. A start is confirmed if
-what is found near it is at least so certain."""
+of a start, or else at least so certain, and trusted more than what it leaves of that trust. A start is
+confirmed if what is found near it is at least so certain."""
 
 
 def is_likely(
-    pose: PoseEstimate,
-    certainty: float,
-    near: PoseEstimate | None,
-    most: float,
-    *,
-    from_all_sides: bool,
+    pose: PoseEstimate, certainty: float, near: PoseEstimate | None, most: float, refused: float
 ) -> bool:
     """Whether a pose may be accepted.
 
@@ -40,13 +35,22 @@ def is_likely(
         certainty: of the pose, by the search.
         near: the start from which it was found, if it is near that.
         most: trust of the start that is trusted most.
-        from_all_sides: whether it was compared with poses from all sides. Then its certainty is among
-            all poses, and a start that it is not near is right by no more than what this leaves.
+        refused: what is left of the certainty of a start that an image does not confirm.
     """
     if near is not None and near.trust >= _SHARE_OF_TRUST * most:
         return True
-    left = min(most, 1 - certainty) if from_all_sides else most
-    return certainty >= _LEAST_CERTAINTY and pose.trust >= _SHARE_OF_TRUST * left
+    left = most * left_of_start(certainty, refused)
+    return certainty >= _LEAST_CERTAINTY and pose.trust >= left
+
+
+def left_of_start(certainty: float, refused: float) -> float:
+    """What is left of the certainty of a start that is not confirmed.
+
+    Args:
+        certainty: of a pose elsewhere that was found by a search from all sides; 0 if there is none.
+        refused: what would be left without that.
+    """
+    return refused * (1 - certainty)
 
 
 def is_confirming(agreement: float, certainty: float) -> bool:

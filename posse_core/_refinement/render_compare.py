@@ -13,7 +13,13 @@ from posse_core._errors import ComponentError, InputError
 from posse_core._imaging.grey import to_grey
 from posse_core._interfaces.detector import PoseEstimate
 from posse_core._interfaces.refiner import Refinement, Refiner, RefinerSetting
-from posse_core._refinement.acceptance import has_fallen, is_confirming, is_likely, is_plausible
+from posse_core._refinement.acceptance import (
+    has_fallen,
+    is_confirming,
+    is_likely,
+    is_plausible,
+    left_of_start,
+)
 from posse_core._refinement.descent import covariance
 from posse_core._refinement.follower import Follower
 from posse_core._refinement.options import RenderCompareOptions
@@ -82,9 +88,7 @@ class RenderCompare(Refiner[RenderCompareOptions]):
             near = starts[lit.start] if self._is_near(lit, starts) else None
             if (
                 refined is not None
-                and is_likely(
-                    refined, lit.certainty, near, most, from_all_sides=sun_direction_cam is None
-                )
+                and is_likely(refined, lit.certainty, near, most, follower.telling.refused)
                 and has_fallen(lit.before, lit.agreement)
             ):
                 return Refinement(refined, True, lit.agreement, lit.before)
@@ -141,7 +145,7 @@ class RenderCompare(Refiner[RenderCompareOptions]):
         elif is_near(outcome.found.placement, starts[0], symmetries):
             left = least
         else:
-            left = least * (1 - certainty)
+            left = left_of_start(certainty, least)
         return Refinement(start, False, outcome.agreement, outcome.before, left)
 
     def _is_near(self, outcome: Outcome, starts: Sequence[PoseEstimate]) -> bool:

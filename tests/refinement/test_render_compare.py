@@ -194,19 +194,24 @@ def test_a_right_start_is_confirmed_and_one_that_is_off_is_not() -> None:
         assert hidden.certainty_left < 1
 
 
-def test_what_is_found_far_from_a_start_counts_against_it_though_it_is_not_accepted() -> None:
+def test_what_is_found_far_from_a_start_counts_against_it_also_where_it_is_not_accepted() -> None:
     """Of a bar that looks alike in four attitudes each is certain by a quarter to a half, and the start
-    is 35° from the nearest one. Where nothing is found, only a share is left for the reason that a right
-    start would agree."""
+    is 35° from the nearest one. What is found takes its place where the Sun is known: with that a right
+    start would agree, so less than a third of its certainty is left. Where the Sun is not known, more is
+    left than what is found has."""
     R, t = TRUTHS[0]
     refiner = RenderCompare(RenderCompareOptions(size_px=96))
     refiner.open(RefinerSetting(BAR, CAMERA, refiners._renderer))
     given = replace(start(R, t, 35, 0.01, 0), certainty=0.98, covariance=np.eye(6) * 1e-5)
-    found = refiner.refine(image(R, t, 0, BAR), [given], SUN)
-    nothing = refiner.refine(np.zeros((CAMERA.height_px, CAMERA.width_px), np.uint8), [given], SUN)
+    seen = image(R, t, 0, BAR)
+    known = refiner.refine(seen, [given], SUN)
+    assert known.is_better
+    assert 0.25 < known.pose.certainty < 0.5
+    assert np.linalg.norm(known.pose.t_body_cam_m - t) < 0.005 * np.linalg.norm(t)
+    found, nothing = (refiner.refine(each, [given], None) for each in (seen, np.zeros_like(seen)))
     assert found.pose is nothing.pose is given
-    assert 0.5 * 0.3 < found.certainty_left < 0.75 * 0.3
-    assert nothing.certainty_left == pytest.approx(0.3, abs=0.01)
+    assert 0.5 * 0.7 < found.certainty_left < 0.75 * 0.7
+    assert nothing.certainty_left == pytest.approx(0.7, abs=0.01)
 
 
 def test_agreement_with_a_trusted_start_makes_a_pose_as_certain_as_that() -> None:

@@ -1,17 +1,16 @@
-"""What varies of a material from frame to frame, as parameters of its Mitsuba BSDF. The variant must be
-set before this module is imported."""
+"""What varies of a material from frame to frame, as parameters of its Mitsuba BSDF, for the scalar
+variant, which must be set before this module is imported."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from typing import Any
 
-import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from posse_core import Finish, Float32Array, Material
-from posse_render_mitsuba.craft import bsdf_of
+from posse_render_mitsuba.bsdfs import bsdf_of
 
 PLAIN = Finish((1.0, 1.0, 1.0), 1.0)
 """The material as it is."""
@@ -32,15 +31,10 @@ class Finishing:
         self._last: Finish | None = None
         self._own: dict[int | None, _Values] = {None: _values(self._parameters)}
 
-    def set(self, finish: Finish) -> bool:
-        """Multiply the material's own values, or those with a pattern. They become opaque, so that
-        kernels are compiled once.
-
-        Returns:
-            Whether the values are others than before.
-        """
+    def set(self, finish: Finish) -> None:
+        """Multiply the material's own values, or those with a pattern."""
         if finish == self._last:
-            return False
+            return
         self._last = finish
         for key, (name, own) in self._with_pattern(finish.pattern).items():
             is_color = name in ("base_color", "reflectance")
@@ -49,10 +43,8 @@ class Finishing:
             if name == "alpha":
                 values = np.maximum(values, LEAST_ALPHA)
             made = mi.TensorXf(values) if key.endswith(".data") else mi.Float(float(values.ravel()[0]))
-            dr.make_opaque(made)
             self._parameters[key] = made
         self._parameters.update()
-        return True
 
     def _with_pattern(self, pattern: int | None) -> _Values:
         if pattern not in self._own:

@@ -12,8 +12,8 @@ are distributed over the tiles accordingly.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.ndimage import maximum_filter
@@ -21,6 +21,7 @@ from scipy.ndimage import maximum_filter
 from posse_core import (
     BoolArray,
     CraftState,
+    EnvironmentMap,
     Float32Array,
     FloatArray,
     PixelBox,
@@ -38,6 +39,9 @@ from posse_render_mitsuba.world import (
     homogeneous,
 )
 
+if TYPE_CHECKING:
+    from posse_render_mitsuba.finishes import Finishing
+
 SAMPLES_PER_PASS = 16
 TILE_PX = 32
 MARGIN_PX = 4
@@ -53,14 +57,15 @@ the sky's weight is 0: only paths that leave the spacecraft by chance find it.""
 class Passes:
     """Renders pixel boxes of one camera's image. The scalar variant must be set beforehand."""
 
-    LAMPS: Mapping[str, Any] = {
-        "sun": {"type": "directional", "irradiance": {"type": "rgb", "value": [1.0, 1.0, 1.0]}}
-    }
-    """Scene entries that :meth:`draw` needs: the Sun as a directional light."""
-
     def __init__(self, scene: Scene, options: MitsubaOptions) -> None:
         import mitsuba as mi
 
+        from posse_render_mitsuba.bsdfs import bsdfs
+
+        self._scene = scene
+        self._bsdfs = bsdfs(scene)
+        self._finishings: dict[int, Finishing] = {}
+        self._worlds: dict[tuple[int, ...] | None, World] = {}
         self._camera = scene.camera
         self._sampler = options.sampler
         self._count = -(-options.spp // SAMPLES_PER_PASS)
@@ -73,11 +78,15 @@ class Passes:
             }
         )
 
-    def draw(self, world: World, place: Place, request: RenderRequest) -> FloatArray:
+    def draw(self, place: Place, request: RenderRequest) -> FloatArray:
         """(h, w, 4) radiance in three bands, W m⁻² sr⁻¹, and coverage of the request's box."""
         craft, box = request.craft, request.box
         sun_w_m2 = float(craft.sun_irradiance_rgb_w_m2.sum())
+        world = self._world(request.environment)
+        world.move(place.poses)
+        self._finish(craft)
         if request.environment is not None:
+            world.set_environment(request.environment, place.poses)
             world.set({"sky.sampling_weight": 0.0 if sun_w_m2 > 0 else SKY_WEIGHT})
         random = random_generator(request.seed, request.index, "mitsuba")
         shift = random.uniform(size=2)
@@ -97,8 +106,31 @@ class Passes:
             index += 1
         return mean_of_samples(total[..., :4], total[..., 4])
 
-    def trace_again(self) -> None:
-        """Nothing is traced by the scalar variant."""
+    def _world(self, environment: EnvironmentMap | None) -> World:
+        """The scene without a sky, or with one of the environment's size."""
+        from posse_render_mitsuba.craft import fixed_shapes
+
+        kind = None if environment is None else environment.radiance_rgb.shape
+        if kind not in self._worlds:
+            sun = {"type": "directional", "irradiance": {"type": "rgb", "value": [1.0, 1.0, 1.0]}}
+            shapes = fixed_shapes(self._scene, lambda piece: self._bsdfs[id(piece.material)])
+            self._worlds[kind] = World(self._scene, shapes, {"sun": sun}, environment)
+        return self._worlds[kind]
+
+    def _finish(self, craft: CraftState) -> None:
+        """Give the materials that vary the factors and patterns of a frame."""
+        from posse_render_mitsuba.finishes import PLAIN, Finishing
+
+        now = {}
+        finishes = self._scene.finishes(craft)
+        for piece, finish in zip(self._scene.pieces, finishes, strict=True):
+            key = id(piece.material)
+            if finish is not None:
+                now[key] = finish
+                if key not in self._finishings:
+                    self._finishings[key] = Finishing(self._bsdfs[key], piece.material)
+        for key, finishing in self._finishings.items():
+            finishing.set(now.get(key, PLAIN))
 
     def _pass(
         self,

@@ -16,6 +16,7 @@ import mitsuba as mi
 import numpy as np
 
 from posse_core import Camera, CraftState, R_with_z
+from posse_render_mitsuba.materials import Table
 from posse_render_mitsuba.world import Place
 
 FAR_M = 1e4
@@ -98,16 +99,24 @@ class CameraRays:
 
 
 def sample_pixels(
-    scene: Any, rays: CameraRays, sun: Sun, white: Any, max_depth: int, sampler: Any, x: Any, y: Any
+    scene: Any,
+    materials: Table,
+    rays: CameraRays,
+    sun: Sun,
+    brightest: Any,
+    max_depth: int,
+    sampler: Any,
+    x: Any,
+    y: Any,
 ) -> list[Any]:
     """Take one sample of each pixel whose corner is at ``x, y`` at depth 1.
 
     Returns:
-        Per sample: radiance in three bands, coverage, 1, the sum of the bands clipped at ``white``, and
-        the square of that sum. All are 0 where the radiance is not finite.
+        Per sample: radiance in three bands, coverage, 1, the sum of the bands clipped at
+        ``brightest``, and the square of that sum. All are 0 where the radiance is not finite.
     """
-    rgb, covered = trace(scene, sun, sampler, rays.ray(x, y, sampler.next_2d()), max_depth)
-    clipped = dr.minimum(rgb.x + rgb.y + rgb.z, white)
+    rgb, covered = trace(scene, materials, sun, sampler, rays.ray(x, y, sampler.next_2d()), max_depth)
+    clipped = dr.minimum(rgb.x + rgb.y + rgb.z, brightest)
     finite = dr.isfinite(rgb.x) & dr.isfinite(rgb.y) & dr.isfinite(rgb.z)
     values = [rgb.x, rgb.y, rgb.z, dr.select(covered, mi.Float(1), mi.Float(0)), mi.Float(1)]
     values += [clipped, dr.square(clipped)]
@@ -115,7 +124,9 @@ def sample_pixels(
 
 
 @dr.syntax
-def trace(scene: Any, sun: Sun, sampler: Any, ray: Any, max_depth: int) -> tuple[Any, Any]:
+def trace(
+    scene: Any, materials: Table, sun: Sun, sampler: Any, ray: Any, max_depth: int
+) -> tuple[Any, Any]:
     """Radiance along camera rays, and whether they hit the spacecraft. The sky lights the spacecraft but
     is not itself seen.
 
@@ -126,7 +137,6 @@ def trace(scene: Any, sun: Sun, sampler: Any, ray: Any, max_depth: int) -> tuple
         max_depth: longest path in segments; 2 gives direct light alone.
     """
     sky = scene.environment()
-    context = mi.BSDFContext()
     radiance, throughput = mi.Color3f(0), mi.Color3f(1)
     depth, scatter_pdf = mi.UInt32(0), mi.Float(0)
     previous, active = dr.zeros(mi.Interaction3f), mi.Bool(True)
@@ -142,11 +152,10 @@ def trace(scene: Any, sun: Sun, sampler: Any, ray: Any, max_depth: int) -> tuple
             radiance += dr.select(escaped, throughput * share * sky.eval(hit, escaped), 0)
         covered |= on_craft & (depth == 0)
         goes_on = on_craft & (depth + 1 < max_depth)
-        bsdf = hit.bsdf(ray)
+        surface = materials.surface(hit, goes_on)
         # The Sun
         to_sun = sun.direction(sampler.next_2d(goes_on))
-        local = hit.to_local(to_sun)
-        sunlight = sun.irradiance * bsdf.eval(context, hit, local, goes_on)
+        sunlight = sun.irradiance * surface.reflected(hit.to_local(to_sun))[0]
         sunlit = goes_on & dr.any(sunlight != 0)
         sunlit &= ~scene.ray_test(hit.spawn_ray_to(hit.p + to_sun * FAR_M), sunlit)
         radiance += dr.select(sunlit, throughput * sunlight, 0)
@@ -155,20 +164,19 @@ def trace(scene: Any, sun: Sun, sampler: Any, ray: Any, max_depth: int) -> tuple
             sky_sampled = goes_on & ~sunlit
             if sky_sampled:
                 to_sky, skylight = sky.sample_direction(hit, sampler.next_2d())
-                value, value_pdf = bsdf.eval_pdf(context, hit, hit.to_local(to_sky.d))
+                value, value_pdf = surface.reflected(hit.to_local(to_sky.d))
                 clear = (to_sky.pdf > 0) & dr.any(value != 0)
                 clear &= ~scene.ray_test(hit.spawn_ray_to(to_sky.p), clear)
                 radiance += dr.select(
                     clear, throughput * value * skylight * _power(to_sky.pdf, value_pdf), 0
                 )
         # The next segment
-        scattered, attenuation = bsdf.sample(
-            context, hit, sampler.next_1d(goes_on), sampler.next_2d(goes_on), goes_on
-        )
-        throughput = dr.select(goes_on, throughput * attenuation, throughput)
-        scatter_pdf = dr.select(goes_on, scattered.pdf, scatter_pdf)
+        scattered = surface.scattered(sampler.next_1d(goes_on), sampler.next_2d(goes_on))
+        value, pdf = surface.reflected(scattered)
+        throughput = dr.select(goes_on & (pdf > 0), throughput * value / pdf, 0)
+        scatter_pdf = dr.select(goes_on, pdf, scatter_pdf)
         previous = mi.Interaction3f(hit)
-        ray = hit.spawn_ray(hit.to_world(scattered.wo))
+        ray = hit.spawn_ray(hit.to_world(scattered))
         depth += 1
         largest = dr.max(throughput)
         survival = dr.minimum(largest, 0.95)

@@ -14,7 +14,7 @@ from posse_render_mitsuba.options import MitsubaOptions
 from posse_render_mitsuba.passes import Passes
 from posse_render_mitsuba.variants import Choice, choose, load_library
 from posse_render_mitsuba.wavefront import Wavefront
-from posse_render_mitsuba.world import Place, World
+from posse_render_mitsuba.world import Place
 
 DARKEST_W_M2_SR = 1e-20
 """A sky that is darker than this everywhere is left out: Mitsuba divides by the map's total light in
@@ -22,14 +22,14 @@ single precision, which would overflow."""
 
 
 class MitsubaRenderer(Renderer[MitsubaOptions]):
-    """Path tracing with Mitsuba 3: see :mod:`posse_render_mitsuba.world`."""
+    """Path tracing with Mitsuba 3: see :mod:`posse_render_mitsuba.passes` for the scalar variant and
+    :mod:`posse_render_mitsuba.wavefront` for the others."""
 
     def __init__(self, options: MitsubaOptions) -> None:
         super().__init__(options)
         self._choice: Choice | None = None
         self._scene: Scene | None = None
         self._painter: Passes | Wavefront | None = None
-        self._worlds: dict[tuple[int, ...] | None, World] = {}
 
     def open(self, scene: Scene) -> None:
         camera = scene.camera
@@ -52,18 +52,8 @@ class MitsubaRenderer(Renderer[MitsubaOptions]):
         self._activate()
         if request.environment is not None and request.environment.radiance_rgb.max() < DARKEST_W_M2_SR:
             request = replace(request, environment=None)
-        environment = request.environment
-        kind = None if environment is None else environment.radiance_rgb.shape
-        if kind not in self._worlds:
-            self._worlds[kind] = World(self._scene, self._painter.LAMPS, environment)
-        world = self._worlds[kind]
         place = Place.of(request.craft, self._scene.link_radii_m)
-        world.move(place.poses)
-        if world.finish(request.craft):
-            self._painter.trace_again()
-        if environment is not None:
-            world.set_environment(environment, place.poses)
-        image = self._painter.draw(world, place, request)
+        image = self._painter.draw(place, request)
         if not np.isfinite(image).all():
             raise ComponentError(
                 f"mitsuba: frame {request.index} has radiance that is not finite, probably because of a"
@@ -76,7 +66,6 @@ class MitsubaRenderer(Renderer[MitsubaOptions]):
         )
 
     def close(self) -> None:
-        self._worlds.clear()
         self._painter = None
         self._scene = None
 

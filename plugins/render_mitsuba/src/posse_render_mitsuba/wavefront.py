@@ -7,21 +7,27 @@ inputs of the kernel.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from posse_core import FloatArray, RenderRequest, Scene, random_generator
+from posse_core import EnvironmentMap, FloatArray, RenderRequest, Scene, random_generator
 from posse_render_mitsuba.options import MitsubaOptions
 from posse_render_mitsuba.samples import further_rounds, mean_of_samples
 from posse_render_mitsuba.world import Place, World
+
+if TYPE_CHECKING:
+    from posse_render_mitsuba.materials import Materials
 
 ROUND_SPP = 32
 SAMPLES_PER_CALL = 1 << 20
 """Enough samples that the fixed cost of a call (0.01 s) is small; four times as many take 0.4 GB
 more."""
+BRIGHTEST = 8.0
+"""Samples that are brighter count as so bright where noise is compared; a white plate that faces the Sun
+has 1."""
 MAX_KERNELS = 8
 """How many traced kernels are kept for replay."""
 NEVER = 2**31 - 1
@@ -31,15 +37,14 @@ NEVER = 2**31 - 1
 class Wavefront:
     """Renders pixel boxes of one camera's image. A compiled variant must be set beforehand."""
 
-    LAMPS: Mapping[str, Any] = {}
-    """Empty: the Sun is not an emitter of the scene, see :mod:`posse_render_mitsuba.paths`."""
-
     def __init__(self, scene: Scene, options: MitsubaOptions) -> None:
         import drjit as dr
         import mitsuba as mi
 
         from posse_render_mitsuba.paths import sample_pixels
 
+        self._scene = scene
+        self._worlds: dict[tuple[int, ...] | None, tuple[World, Materials]] = {}
         self._camera = scene.camera
         # When the samples per pixel allow more than one round, those after the first go to noisy pixels.
         self._rounds = max(1.0, options.spp / ROUND_SPP)
@@ -56,7 +61,7 @@ class Wavefront:
             self._replayed = dr.freeze(sample_pixels, limit=MAX_KERNELS, warn_after=NEVER)
         self._sample_pixels = self._replayed or sample_pixels
 
-    def draw(self, world: World, place: Place, request: RenderRequest) -> FloatArray:
+    def draw(self, place: Place, request: RenderRequest) -> FloatArray:
         """(h, w, 4) radiance in three bands, W m⁻² sr⁻¹, and coverage of the request's box."""
         import drjit as dr
         import mitsuba as mi
@@ -64,15 +69,21 @@ class Wavefront:
         from posse_render_mitsuba.paths import CameraRays, Sun
 
         craft, box = request.craft, request.box
+        world, materials = self._world(request.environment)
+        world.move(place.poses)
+        materials.set(craft)
+        if request.environment is not None:
+            world.set_environment(request.environment, place.poses)
         random = random_generator(request.seed, request.index, "mitsuba")
-        white = float(craft.sun_irradiance_rgb_w_m2.sum()) / np.pi
+        brightest = BRIGHTEST * float(craft.sun_irradiance_rgb_w_m2.sum()) / np.pi
         centres_px = box.pixel_centres_px().reshape(-1, 2)
         sample_pixels = partial(
             self._sample_pixels,
             world.scene,
+            materials.table,
             CameraRays.of(place, self._camera),
             Sun.of(craft),
-            dr.opaque(mi.Float, white),
+            dr.opaque(mi.Float, brightest),
             self._max_depth,
         )
         first = self._round(sample_pixels, centres_px, random)
@@ -85,11 +96,21 @@ class Wavefront:
             np.add.at(sums, pixels, more[:, :5])
         return mean_of_samples(sums[:, :4], sums[:, 4]).reshape(box.height, box.width, 4)
 
-    def trace_again(self) -> None:
-        """Trace the kernel anew for the next image, because other textures are in use. Dr.Jit does not
-        see those of nested BSDFs when it replays a kernel. What is traced is not compiled again."""
-        if self._replayed is not None:
-            self._replayed.clear()
+    def _world(self, environment: EnvironmentMap | None) -> tuple[World, Materials]:
+        """The scene without a sky, or with one of the environment's size, and its materials."""
+        import mitsuba as mi
+
+        from posse_render_mitsuba.craft import fixed_shapes, link_shapes
+        from posse_render_mitsuba.materials import Materials
+
+        kind = None if environment is None else environment.radiance_rgb.shape
+        if kind not in self._worlds:
+            never_called = mi.load_dict({"type": "diffuse"})
+            make = link_shapes if len(self._scene.link_radii_m) > 1 else fixed_shapes
+            shapes = make(self._scene, lambda piece: never_called)
+            world = World(self._scene, shapes, {}, environment)
+            self._worlds[kind] = world, Materials(self._scene, shapes)
+        return self._worlds[kind]
 
     def _round(
         self, sample_pixels: Callable[..., Any], centres_px: FloatArray, random: Any
@@ -113,7 +134,8 @@ class Wavefront:
         Returns:
             (n, 6): the sums of radiance (three bands) and coverage over the samples, the number of
             samples, and the variance of their radiance. The variance is that of the sum over the bands,
-            clipped at white; unclipped, a few pixels with glints would take most of the further samples.
+            clipped at :data:`BRIGHTEST`; unclipped, a few pixels with glints would take most of the
+            further samples.
         """
         import drjit as dr
         import mitsuba as mi

@@ -19,7 +19,7 @@ import numpy as np
 from posse_core import CraftState, EnvironmentMap, Float32Array, FloatArray, Scene, WorldPoses
 
 if TYPE_CHECKING:
-    from posse_render_mitsuba.finishes import Finishing
+    from posse_render_mitsuba.craft import Shapes
 
 MITSUBA_FROM_CAM: FloatArray = np.diag([-1.0, -1.0, 1.0])
 """Rotates OpenCV camera axes to Mitsuba's (x left, y up, z forward); it is its own inverse."""
@@ -53,33 +53,30 @@ class Place:
 
 
 class World:
-    """A Mitsuba scene without a sky, or with a sky map of a fixed size. The variant must be set before
-    each call.
+    """A Mitsuba scene. The variant must be set before each call.
 
     Attributes:
         scene: the ``mitsuba.Scene``.
     """
 
     def __init__(
-        self, scene: Scene, lamps: Mapping[str, Any], environment: EnvironmentMap | None
+        self,
+        scene: Scene,
+        shapes: Shapes,
+        lamps: Mapping[str, Any],
+        environment: EnvironmentMap | None,
     ) -> None:
+        """The pieces of a scene as shapes, entries of lamps, and a sky of the size of a map."""
         import mitsuba as mi
 
-        from posse_render_mitsuba.craft import bsdfs, fixed_shapes, link_shapes
-
-        self._bsdfs = bsdfs(scene)
-        self._finishings: dict[int, Finishing] = {}
-        self._described = scene
         links = len(scene.link_radii_m)
-        instances = links > 1 and mi.variant() != "scalar_rgb"
-        shapes = (link_shapes if instances else fixed_shapes)(scene, self._bsdfs)
-        entries: dict[str, Any] = {"type": "scene", **lamps, **shapes}
+        entries = {"type": "scene", **lamps, **shapes.entries}
         if environment is not None:
             entries["sky"] = {"type": "envmap", "bitmap": mi.Bitmap(environment.radiance_rgb.copy())}
         self.scene = mi.load_dict(entries)
         self._parameters = mi.traverse(self.scene)
-        self._instances = [k for k in range(links) if f"link_{k}" in shapes]
-        self._pieces = () if instances else scene.pieces
+        self._instances = [k for k in range(links) if f"link_{k}" in shapes.entries]
+        self._pieces = () if self._instances else scene.pieces
         self._R_world_from_link = np.tile(np.eye(3), (links, 1, 1))
         self._t_link_world_m = np.zeros((links, 3))
 
@@ -106,25 +103,6 @@ class World:
         if values:
             self.set(values)
         self._R_world_from_link, self._t_link_world_m = R_world_from_link, t_link_world_m
-
-    def finish(self, craft: CraftState) -> bool:
-        """Give the materials that vary the factors and patterns of a frame.
-
-        Returns:
-            Whether any are others than before.
-        """
-        from posse_render_mitsuba.finishes import PLAIN, Finishing
-
-        finishes = self._described.finishes(craft)
-        now = {}
-        for piece, finish in zip(self._described.pieces, finishes, strict=True):
-            key = id(piece.material)
-            if finish is not None:
-                now[key] = finish
-                if key not in self._finishings:
-                    self._finishings[key] = Finishing(self._bsdfs[key], piece.material)
-        changed = [finishing.set(now.get(key, PLAIN)) for key, finishing in self._finishings.items()]
-        return any(changed)
 
     def set(self, values: Mapping[str, Any]) -> None:
         """Set parameters of the scene as opaque values; Dr.Jit would compile constants into the

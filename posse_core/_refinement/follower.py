@@ -248,7 +248,7 @@ class Follower:
         if found is None or comparer is None:
             return None
         agreement = found.comparison.agreement
-        return Outcome(found, agreement, comparer.compare(first).agreement, 0, start.trust)
+        return Outcome(found, agreement, comparer.compare(first).agreement, 0, start.trust, 1.0)
 
     def scales(self, placement: Placement) -> list[Scale]:
         return scales(self.picture.extent_px(placement, self._studio.hull_m), self.sizes_px)

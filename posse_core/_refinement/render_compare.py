@@ -124,7 +124,8 @@ class RenderCompare(Refiner[RenderCompareOptions]):
             return None
         (R, t), start = outcome.found.placement, starts[outcome.start]
         is_near = self._is_near(outcome, starts)
-        certainty = max(outcome.certainty, start.trust) if is_near else outcome.certainty
+        of_start = start.trust * outcome.certainty_among if is_near else 0.0
+        certainty = max(outcome.certainty, of_start)
         return replace(start, R_cam_from_body=R, t_body_cam_m=t, covariance=C, certainty=certainty)
 
     def _refused(

@@ -111,8 +111,8 @@ class Search:
         before = best.comparer.compare(firsts[best.start]).agreement
         unseen = UNSEEN_FROM_ALL_SIDES if looks else self._follower.telling.unseen
         others = unseen + self._follower.chance_of_nothing(best)
-        sure = certainty(found, self._symmetries, others)
-        return Outcome(found_closer, best.agreement, before, best.start, sure)
+        sure, among = (certainty(found, self._symmetries, chance) for chance in (others, 0.0))
+        return Outcome(found_closer, best.agreement, before, best.start, sure, among)
 
     def _first_looks(self, best: Trail, firsts: Sequence[Placement]) -> list[Trail]:
         """Trails from poses that resemble the likeliest."""

@@ -157,6 +157,7 @@ class Outcome:
         before: the same at the start.
         start: index of the start.
         certainty: probability that no other pose is the right one, 0 … 1.
+        certainty_among: the same if one of those that were compared is right.
     """
 
     found: Found
@@ -164,6 +165,7 @@ class Outcome:
     before: float
     start: int
     certainty: float
+    certainty_among: float
 
 
 def weighed(trails: Sequence[Trail], odds: float) -> list[Trail]:

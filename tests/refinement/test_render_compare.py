@@ -225,7 +225,18 @@ def test_agreement_with_a_trusted_start_makes_a_pose_as_certain_as_that() -> Non
     ]
     assert all(each.is_better for each in made)
     assert made[0].pose.certainty < 0.9
-    assert made[1].pose.certainty == pytest.approx(0.99, abs=1e-3)
+    assert made[1].pose.certainty == pytest.approx(0.99, abs=0.02)
+
+
+def test_a_trusted_start_does_not_make_up_for_a_pose_that_looks_alike() -> None:
+    """A bar looks alike in four attitudes."""
+    R, t = TRUTHS[0]
+    refiner = RenderCompare(RenderCompareOptions(size_px=96))
+    refiner.open(RefinerSetting(BAR, CAMERA, refiners._renderer))
+    near = replace(start(R, t, 4, 0.01, 0), certainty=0.99, covariance=np.eye(6) * 1e-5)
+    made = refiner.refine(image(R, t, 0, BAR), [near], SUN)
+    assert made.is_better
+    assert 0.5 < made.pose.certainty < 0.95
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])

@@ -29,6 +29,7 @@ def compiled() -> None:
 
     choice = choose("auto")
     if choice.variant == "scalar_rgb":
+        # These materials are of the compiled variants alone, which need a libLLVM of the system.
         pytest.skip("no libLLVM works on this machine")
     mi.set_variant(choice.variant)
 

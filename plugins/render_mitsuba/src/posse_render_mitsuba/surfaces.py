@@ -36,7 +36,7 @@ class Surface:
     normal: Any
 
     def __post_init__(self) -> None:
-        upper = mi.Vector3f(self.wi.x, self.wi.y, dr.abs(self.wi.z))
+        upper = self._on_side(self.wi)
         normal = dr.normalize(self.normal)
         normal = dr.select(dr.dot(normal, upper) > 0, normal, mi.Vector3f(0, 0, 1))
         self._frame = mi.Frame3f(normal)
@@ -85,12 +85,15 @@ class Surface:
         h: Any = dr.normalize((mi.Vector3f(sine * cos, sine * sin, z) + seen) * stretch)
         mirrored = mi.reflect(self._wi, h)
         wo = dr.select(choice < self._by_facets, mirrored, mi.warp.square_to_cosine_hemisphere(point))
-        wo = self._frame.to_world(wo)
-        return mi.Vector3f(wo.x, wo.y, dr.select(self.wi.z < 0, -wo.z, wo.z))
+        return self._on_side(self._frame.to_world(wo))
+
+    def _on_side(self, vector: Any) -> Any:
+        """A vector of the shading frame as it would be if the surface were seen from above, or back."""
+        return mi.Vector3f(vector.x, vector.y, dr.select(self.wi.z < 0, -vector.z, vector.z))
 
     def _seen(self, wo: Any) -> tuple[Any, Any]:
         """``wo`` in the frame of the normal, and whether it is above the surface."""
-        upper = mi.Vector3f(wo.x, wo.y, dr.select(self.wi.z < 0, -wo.z, wo.z))
+        upper = self._on_side(wo)
         local = self._frame.to_local(upper)
         return local, (upper.z > 0) & (local.z > 0)
 

@@ -56,10 +56,9 @@ class Wavefront:
         # The kernel is traced once and then replayed, because tracing costs 0.1 s. Dr.Jit traces it
         # again if the number of samples equals the length of one of the scene's arrays, which happens
         # often with small boxes. On CUDA devices, Dr.Jit 1.5 ends the process when it replays.
-        self._replayed: Any = None
+        self._sample_pixels: Any = sample_pixels
         if options.variant != "cuda":
-            self._replayed = dr.freeze(sample_pixels, limit=MAX_KERNELS, warn_after=NEVER)
-        self._sample_pixels = self._replayed or sample_pixels
+            self._sample_pixels = dr.freeze(sample_pixels, limit=MAX_KERNELS, warn_after=NEVER)
 
     def draw(self, place: Place, request: RenderRequest) -> FloatArray:
         """(h, w, 4) radiance in three bands, W m⁻² sr⁻¹, and coverage of the request's box."""

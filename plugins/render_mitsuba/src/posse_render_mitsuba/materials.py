@@ -9,31 +9,25 @@ kernel: materials that vary from frame to frame need no other.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from posse_core import AnyArray, CraftState, IntArray, Material, Scene, linear_from_srgb
+from posse_core import AnyArray, CraftState, Material, Scene, linear_from_srgb
 from posse_render_mitsuba.craft import Shapes
 from posse_render_mitsuba.surfaces import Surface
 
 LEAST_ALPHA = 1e-4
 """The least α = roughness² of a surface."""
 FACTORS = 8
-"""Numbers per material: base colour, specular, metallic, roughness, and two that are not used."""
-FULL = 65535
-"""The code of 1 in a texel. Each has three values of 16 bits in two integers."""
-
-_Kind = Literal["base colour", "metallic and roughness", "normals"]
-_NONE: dict[_Kind, tuple[float, ...]] = {
-    "base colour": (1.0, 1.0, 1.0),
-    "metallic and roughness": (1.0, 1.0),
-    "normals": (0.5, 0.5, 1.0),
-}
-"""The kinds of textures, and what one that is not there is everywhere."""
+"""Numbers per material: base colour, specular, metallic, roughness, 1 if it has a normal map or else 0,
+and one that is not used."""
+CODES = (slice(0, 3), slice(3, 5), slice(5, 8))
+"""Which of the eight bytes of a texel are the codes of the base colour, of metallic and roughness, and
+of the normal. They are 255 where there is no such texture."""
 
 
 @dataclass
@@ -43,46 +37,62 @@ class Table:
     Attributes:
         of_shape: index of the material of each shape, by the shape's number in Mitsuba's registry.
         factors: :data:`FACTORS` numbers per material.
-        textures: per material and kind of texture four numbers: first texel, height, width, 0.
+        textures: per material and one of :data:`CODES` four numbers: first texel, height, width, 0.
         texels: two numbers per texel; the first row of a texture is at v = 0.
+        is_of_one_size: whether the textures of each material are of one size, so that their codes are in
+            the same texels.
+        linear: the 256 shares of white for which the codes of the base colour stand.
     """
 
     of_shape: mi.UInt32
     factors: mi.Float
     textures: mi.UInt32
     texels: mi.UInt32
+    is_of_one_size: bool
+    linear: mi.Float
 
     def surface(self, hit: Any, active: Any) -> Surface:
         """What the surface is like that rays hit."""
         shape: Any = dr.reinterpret_array(mi.UInt32, hit.shape)
         index: Any = dr.gather(mi.UInt32, self.of_shape, shape, active)
         red, green, blue, specular = dr.gather(mi.Vector4f, self.factors, 2 * index, active)
-        metallic, roughness, _, _ = dr.gather(mi.Vector4f, self.factors, 2 * index + 1, active)
-        color, shares, normal = (self._looked_up(index, k, hit.uv, active) for k in range(len(_NONE)))
+        metallic, roughness, has_normals, _ = dr.gather(mi.Vector4f, self.factors, 2 * index + 1, active)
+        color, shares, normal = self._looked_up(index, 0, hit.uv, active)
+        if not self.is_of_one_size:
+            _, shares, _ = self._looked_up(index, 1, hit.uv, active)
+            _, _, normal = self._looked_up(index, 2, hit.uv, active)
         return Surface(
             wi=hit.wi,
-            color=mi.Color3f(red, green, blue) * mi.Color3f(color),
+            color=mi.Color3f(red, green, blue) * color,
             specular=specular,
             metallic=metallic * shares.x,
             alpha=dr.maximum(dr.square(roughness * shares.y), LEAST_ALPHA),
-            normal=2 * normal - 1,
+            normal=dr.lerp(mi.Vector3f(0, 0, 1), 2 * normal - 1, has_normals),
         )
 
-    def _looked_up(self, index: Any, kind: int, uv: Any, active: Any) -> Any:
-        """(3,) values of one of the textures of material ``index``, which repeats, between four
-        texels."""
+    def _looked_up(self, index: Any, kind: int, uv: Any, active: Any) -> tuple[Any, Any, Any]:
+        """The base colour, the shares of metallic and roughness, and (n + 1)/2 of the normal n, by the
+        texels in which one of :data:`CODES` of material ``index`` is. A texture repeats, and is linear
+        between four texels."""
         start, height, width, _ = dr.gather(
-            mi.Vector4u, self.textures, len(_NONE) * index + kind, active
+            mi.Vector4u, self.textures, len(CODES) * index + kind, active
         )
         x, left, right = _between(uv.x, width)
         y, low, high = _between(uv.y, height)
 
-        def texel(row: Any, column: Any) -> Any:
-            codes = dr.gather(mi.Vector2u, self.texels, start + row * width + column, active)
-            return mi.Vector3f(codes.x & FULL, codes.x >> 16, codes.y)
+        def texel(row: Any, column: Any) -> list[Any]:
+            words = dr.gather(mi.Vector2u, self.texels, start + row * width + column, active)
+            codes = [(word >> shift) & 255 for word in words for shift in (0, 8, 16, 24)]
+            color = [dr.gather(mi.Float, self.linear, code, active) for code in codes[CODES[0]]]
+            return color + [mi.Float(code) * (1 / 255) for code in codes[CODES[0].stop :]]
 
-        lower, upper = (dr.lerp(texel(row, left), texel(row, right), x) for row in (low, high))
-        return dr.lerp(lower, upper, y) * (1 / FULL)
+        lower, upper = (
+            [dr.lerp(*pair, x) for pair in zip(texel(row, left), texel(row, right), strict=True)]
+            for row in (low, high)
+        )
+        found = [dr.lerp(*pair, y) for pair in zip(lower, upper, strict=True)]
+        color, shares, normal = (found[codes] for codes in CODES)
+        return mi.Color3f(*color), mi.Vector2f(*shares), mi.Vector3f(*normal)
 
 
 def _between(coordinate: Any, count: Any) -> tuple[Any, Any, Any]:
@@ -107,19 +117,26 @@ class Materials:
         """The shapes are those of the scene's pieces."""
         self._scene = scene
         self._pieces = [index for _, index in shapes.meshes]
-        self._blocks: dict[tuple[int, _Kind], tuple[AnyArray | None, tuple[int, int, int]]] = {}
-        self._texels: list[IntArray] = []
+        self._blocks: dict[
+            tuple[int, ...], tuple[tuple[AnyArray | None, ...], tuple[int, int, int]]
+        ] = {}
+        self._texels: list[AnyArray] = []
         materials = [scene.pieces[index].material for index in self._pieces]
-        for material in materials:
-            for pattern in material.patterns:
-                self._block(pattern, "base colour")
+        looks = [
+            replace(material, base_color_texture=texture)
+            for material in materials
+            for texture in (material.base_color_texture, *material.patterns)
+        ]
+        self._is_of_one_size = all(_is_of_one_size(_textures(look)) for look in looks)
+        self._rows(looks)
         pointers: Any = [dr.reinterpret_array(mi.UInt32, mi.ShapePtr(mesh)) for mesh, _ in shapes.meshes]
         numbers = [int(pointer[0]) for pointer in pointers]
         of_shape = np.zeros(max(numbers, default=0) + 1, dtype=np.uint32)
         of_shape[numbers] = np.arange(len(numbers))
         factors, textures = self._rows(materials)
-        texels = mi.UInt32(np.concatenate(self._texels).ravel())
-        self.table = Table(mi.UInt32(of_shape), factors, textures, texels)
+        texels = mi.UInt32(np.concatenate(self._texels).view("<u4").ravel())
+        linear = mi.Float(linear_from_srgb(np.arange(256) / 255))
+        self.table = Table(mi.UInt32(of_shape), factors, textures, texels, self._is_of_one_size, linear)
         dr.make_opaque(self.table)
 
     def set(self, craft: CraftState) -> None:
@@ -129,36 +146,46 @@ class Materials:
         dr.make_opaque(self.table)
 
     def _rows(self, materials: Sequence[Material]) -> tuple[mi.Float, mi.UInt32]:
-        """Factors and textures of the table; all textures but patterns are stored by the first call."""
+        """Factors and textures of the table. Textures that are not stored yet are stored."""
         factors = np.zeros((len(materials), FACTORS), dtype=np.float32)
-        textures = np.zeros((len(materials), len(_NONE), 4), dtype=np.uint32)
+        textures = np.zeros((len(materials), len(CODES), 4), dtype=np.uint32)
         for i, material in enumerate(materials):
             own = (*material.base_color, material.specular, material.metallic, material.roughness)
-            factors[i, :6] = own
-            of_kinds = (
-                material.base_color_texture,
-                material.metallic_roughness_texture,
-                material.normal_texture,
-            )
-            for k, (texture, kind) in enumerate(zip(of_kinds, _NONE, strict=True)):
-                textures[i, k, :3] = self._block(texture, kind)
+            factors[i, :7] = (*own, float(material.normal_texture is not None))
+            kinds = _textures(material)
+            for k in range(len(CODES)):
+                together = kinds if self._is_of_one_size else _alone(kinds, k)
+                textures[i, k, :3] = self._block(together)
         return mi.Float(factors.ravel()), mi.UInt32(textures.ravel())
 
-    def _block(self, texture: AnyArray | None, kind: _Kind) -> tuple[int, int, int]:
-        """First texel, height and width of a texture, which is stored if it is not yet."""
-        key = id(texture), kind
+    def _block(self, textures: tuple[AnyArray | None, ...]) -> tuple[int, int, int]:
+        """First texel, height and width of textures of one size; they are stored if they are not yet."""
+        key = tuple(id(texture) for texture in textures)
         if key not in self._blocks:
-            values = np.array([[_NONE[kind]]]) if texture is None else _decoded(texture, kind)
-            height, width, channels = values.shape
-            codes = np.zeros((height * width, 3), dtype=np.uint32)
-            codes[:, :channels] = np.rint(FULL * values[::-1].reshape(-1, channels))
+            height, width = next((t.shape[:2] for t in textures if t is not None), (1, 1))
+            codes = np.full((height, width, CODES[-1].stop), 255, dtype=np.uint8)
+            for texture, places in zip(textures, CODES, strict=True):
+                if texture is not None:
+                    codes[..., places] = texture[::-1]
             start = sum(len(block) for block in self._texels)
-            self._texels.append(np.stack([codes[:, 0] | codes[:, 1] << 16, codes[:, 2]], axis=-1))
-            self._blocks[key] = texture, (start, height, width)
+            self._texels.append(codes.reshape(-1, CODES[-1].stop))
+            self._blocks[key] = textures, (start, height, width)
         return self._blocks[key][1]
 
 
-def _decoded(texture: AnyArray, kind: _Kind) -> AnyArray:
-    """(h, w, channels) what the codes of a texture stand for; of normals (n + 1)/2."""
-    shares = np.arange(256) / 255
-    return np.asarray((linear_from_srgb(shares) if kind == "base colour" else shares)[texture])
+def _textures(material: Material) -> tuple[AnyArray | None, ...]:
+    """Those of each of :data:`CODES`."""
+    return (
+        material.base_color_texture,
+        material.metallic_roughness_texture,
+        material.normal_texture,
+    )
+
+
+def _alone(textures: tuple[AnyArray | None, ...], kind: int) -> tuple[AnyArray | None, ...]:
+    """One of several textures, without the others."""
+    return tuple(texture if k == kind else None for k, texture in enumerate(textures))
+
+
+def _is_of_one_size(textures: tuple[AnyArray | None, ...]) -> bool:
+    return len({texture.shape[:2] for texture in textures if texture is not None}) < 2

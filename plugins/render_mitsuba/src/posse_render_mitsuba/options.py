@@ -24,9 +24,6 @@ class MitsubaOptions(Options):
     variant: Literal["auto", "llvm", "scalar", "cuda"] = Field(
         "auto", description="Mitsuba variant; auto uses llvm if it works on this machine, else scalar"
     )
-    sampler: Literal["multijitter", "stratified", "independent"] = Field(
-        "multijitter", description="Mitsuba sampler; multijitter gives the least noise"
-    )
     threads: int = Field(
         0,
         ge=0,

@@ -67,7 +67,6 @@ class Passes:
         self._finishings: dict[int, Finishing] = {}
         self._worlds: dict[tuple[int, ...] | None, World] = {}
         self._camera = scene.camera
-        self._sampler = options.sampler
         self._count = -(-options.spp // SAMPLES_PER_PASS)
         self._integrator = mi.load_dict(
             {
@@ -191,7 +190,7 @@ class Passes:
                 "near_clip": place.near_m,
                 "far_clip": place.far_m,
                 "to_world": mi.ScalarTransform4f(to_world),
-                "sampler": {"type": self._sampler, "sample_count": SAMPLES_PER_PASS},
+                "sampler": {"type": "multijitter", "sample_count": SAMPLES_PER_PASS},
                 "film": {
                     "type": "hdrfilm",
                     "width": box.width,

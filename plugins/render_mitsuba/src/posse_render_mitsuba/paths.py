@@ -17,6 +17,7 @@ import numpy as np
 
 from posse_core import Camera, CraftState, R_with_z
 from posse_render_mitsuba.materials import Table
+from posse_render_mitsuba.strata import Strata
 from posse_render_mitsuba.world import Place
 
 FAR_M = 1e4
@@ -105,7 +106,7 @@ def sample_pixels(
     sun: Sun,
     brightest: Any,
     max_depth: int,
-    sampler: Any,
+    strata: Strata,
     x: Any,
     y: Any,
 ) -> list[Any]:
@@ -115,7 +116,8 @@ def sample_pixels(
         Per sample: radiance in three bands, coverage, 1, the sum of the bands clipped at
         ``brightest``, and the square of that sum. All are 0 where the radiance is not finite.
     """
-    rgb, covered = trace(scene, materials, sun, sampler, rays.ray(x, y, sampler.next_2d()), max_depth)
+    ray = rays.ray(x, y, strata.numbers(0).light)
+    rgb, covered = trace(scene, materials, sun, strata, ray, max_depth)
     clipped = dr.minimum(rgb.x + rgb.y + rgb.z, brightest)
     finite = dr.isfinite(rgb.x) & dr.isfinite(rgb.y) & dr.isfinite(rgb.z)
     values = [rgb.x, rgb.y, rgb.z, dr.select(covered, mi.Float(1), mi.Float(0)), mi.Float(1)]
@@ -125,7 +127,7 @@ def sample_pixels(
 
 @dr.syntax
 def trace(
-    scene: Any, materials: Table, sun: Sun, sampler: Any, ray: Any, max_depth: int
+    scene: Any, materials: Table, sun: Sun, strata: Strata, ray: Any, max_depth: int
 ) -> tuple[Any, Any]:
     """Radiance along camera rays, and whether they hit the spacecraft. The sky lights the spacecraft but
     is not itself seen.
@@ -153,8 +155,9 @@ def trace(
         covered |= on_craft & (depth == 0)
         goes_on = on_craft & (depth + 1 < max_depth)
         surface = materials.surface(hit, goes_on)
+        numbers = strata.numbers(depth + 1)
         # The Sun
-        to_sun = sun.direction(sampler.next_2d(goes_on))
+        to_sun = sun.direction(numbers.light)
         sunlight = sun.irradiance * surface.reflected(hit.to_local(to_sun))[0]
         sunlit = goes_on & dr.any(sunlight != 0)
         sunlit &= ~scene.ray_test(hit.spawn_ray_to(hit.p + to_sun * FAR_M), sunlit)
@@ -163,7 +166,7 @@ def trace(
         if dr.hint(sky is not None, mode="scalar"):
             sky_sampled = goes_on & ~sunlit
             if sky_sampled:
-                to_sky, skylight = sky.sample_direction(hit, sampler.next_2d())
+                to_sky, skylight = sky.sample_direction(hit, numbers.light)
                 value, value_pdf = surface.reflected(hit.to_local(to_sky.d))
                 clear = (to_sky.pdf > 0) & dr.any(value != 0)
                 clear &= ~scene.ray_test(hit.spawn_ray_to(to_sky.p), clear)
@@ -171,7 +174,7 @@ def trace(
                     clear, throughput * value * skylight * _power(to_sky.pdf, value_pdf), 0
                 )
         # The next segment
-        scattered = surface.scattered(sampler.next_1d(goes_on), sampler.next_2d(goes_on))
+        scattered = surface.scattered(numbers.choice, numbers.scattered)
         value, pdf = surface.reflected(scattered)
         throughput = dr.select(goes_on & (pdf > 0), throughput * value / pdf, 0)
         scatter_pdf = dr.select(goes_on, pdf, scatter_pdf)
@@ -180,10 +183,9 @@ def trace(
         depth += 1
         largest = dr.max(throughput)
         survival = dr.minimum(largest, 0.95)
-        drawn = sampler.next_1d(goes_on)
         roulette = depth >= ROULETTE_DEPTH
         throughput = dr.select(roulette & goes_on, throughput / survival, throughput)
-        active = goes_on & (largest > 0) & (~roulette | (drawn < survival))
+        active = goes_on & (largest > 0) & (~roulette | (numbers.roulette < survival))
     return radiance, covered
 
 

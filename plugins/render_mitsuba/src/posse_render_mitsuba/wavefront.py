@@ -39,7 +39,6 @@ class Wavefront:
 
     def __init__(self, scene: Scene, options: MitsubaOptions) -> None:
         import drjit as dr
-        import mitsuba as mi
 
         from posse_render_mitsuba.paths import sample_pixels
 
@@ -48,10 +47,8 @@ class Wavefront:
         self._camera = scene.camera
         # When the samples per pixel allow more than one round, those after the first go to noisy pixels.
         self._rounds = max(1.0, options.spp / ROUND_SPP)
-        spp = min(options.spp, ROUND_SPP)
-        self._sampler = mi.load_dict({"type": options.sampler, "sample_count": spp})
-        self._spp = int(self._sampler.sample_count())
-        self._sampler.set_samples_per_wavefront(self._spp)
+        self._digits = (min(options.spp, ROUND_SPP) - 1).bit_length()
+        self._spp = 1 << self._digits
         self._max_depth = options.max_depth
         # The kernel is traced once and then replayed, because tracing costs 0.1 s. Dr.Jit traces it
         # again if the number of samples equals the length of one of the scene's arrays, which happens
@@ -116,13 +113,13 @@ class Wavefront:
     ) -> FloatArray:
         """As :meth:`_pixels`, for any number of pixels: split into as many kernel calls as needed."""
         parts = [
-            self._pixels(sample_pixels, chunk_px, int(random.integers(2**31)))
+            self._pixels(sample_pixels, chunk_px, random)
             for chunk_px in _chunks(centres_px, SAMPLES_PER_CALL // self._spp)
         ]
         return np.concatenate([np.zeros((0, 6)), *parts])
 
     def _pixels(
-        self, sample_pixels: Callable[..., Any], centres_px: FloatArray, seed: int
+        self, sample_pixels: Callable[..., Any], centres_px: FloatArray, random: Any
     ) -> FloatArray:
         """Sample some pixels in one kernel call.
 
@@ -139,11 +136,18 @@ class Wavefront:
         import drjit as dr
         import mitsuba as mi
 
-        sampler = self._sampler.clone()
-        sampler.seed(dr.opaque(mi.UInt32, seed), len(centres_px) * self._spp)
+        from posse_render_mitsuba.strata import Strata
+
+        pixels = len(centres_px)
+        seeds = random.integers(2**32, size=pixels, dtype=np.uint32)
+        strata = Strata(
+            dr.repeat(mi.UInt32(seeds), self._spp),
+            dr.tile(dr.arange(mi.UInt32, self._spp), pixels),
+            self._digits,
+        )
         corner = (centres_px - [self._camera.cx_px, self._camera.cy_px] - 0.5) / self._camera.fx_px
         x, y = (dr.repeat(mi.Float(np.float32(column)), self._spp) for column in corner.T)
-        channels = sample_pixels(sampler, x, y)
+        channels = sample_pixels(strata, x, y)
         sums = [np.array(dr.block_sum(channel, self._spp), dtype=np.float64) for channel in channels]
         *image, count, clipped_sum, square_sum = sums
         divisor = np.maximum(count, 1)

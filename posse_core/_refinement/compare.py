@@ -24,6 +24,8 @@ _DETAIL_PX = 3.0
 """The same for windows of which the detail is judged,"""
 _BLOCK_PX = 8
 """and the side of the blocks in which it is compared."""
+_ALIKE = 0.05
+"""By so much of what is left the same look is drawn differently, as samples lie elsewhere."""
 _GAINS = (0.0, 3.0)
 """Least and greatest gain."""
 _NOISE = 4 / 255
@@ -93,9 +95,8 @@ class LitComparer(Comparer):
         what varies within a few pixels than this one's does at a pose.
 
         What is left squared is compared in blocks of pixels, whose differences count as independent of
-        each other (the test of Vuong, Econometrica 57, 1989, for models that are not nested). The block
-        that says most for the lead is left out: where all but the noise is explained by both, a few
-        blocks make up the difference.
+        each other (the test of Vuong, Econometrica 57, 1989, for models that are not nested). Drawings
+        of the same look differ a little too.
         """
         crop, finer = self._crop, self._crop.scale.finer
         there = LitComparer(crop, other._studio, other._light)
@@ -106,14 +107,14 @@ class LitComparer(Comparer):
         mine, theirs = (
             windows.explained(crop.seen, scene[..., None], _NOISE, _GAINS).residual for scene in scenes
         )
-        more = (theirs**2 - mine**2)[near].astype(np.float64)
-        by_block = np.bincount(blocks(near.shape, _BLOCK_PX)[near], more)
-        deviation = float(np.sqrt(np.sum(by_block**2)))
-        if deviation == 0:
-            return 0.0
-        sign = float(np.sign(by_block.sum()))
-        towards = sign * by_block
-        return sign * max(0.0, float(towards.sum() - towards.max())) / deviation
+        block = blocks(near.shape, _BLOCK_PX)[near]
+        left, others_left = (
+            np.bincount(block, (each[near] ** 2).astype(np.float64)) for each in (mine, theirs)
+        )
+        more = others_left - left
+        least = _ALIKE * min(left.sum(), others_left.sum())
+        deviation = float(np.sqrt(np.sum(more**2) + least**2))
+        return float(more.sum()) / deviation if deviation > 0 else 0.0
 
     def edge_correlation(self, placement: Placement) -> float:
         """0 … 1, how far the edges of the crop lie as those that are drawn: the geometric mean of the

@@ -19,8 +19,6 @@ _LEAST_OFF = 1e-3
 _COARSE_OFF = 0.02
 """The disagreement of the likeliest pose counts at least so much among others at the coarsest scale,
 where different ones may agree nearly as much."""
-_BY_CHANCE = 0.5
-"""So much of a lead, in standard deviations, tells nothing: poses that look alike differ by more."""
 RIVAL = 50.0
 """Poses whose chance is less by at most this factor may be the right one."""
 UNSEEN_FROM_ALL_SIDES = 2.0
@@ -88,8 +86,8 @@ class Telling(NamedTuple):
     """What an image tells of poses that were compared, and of those that were not.
 
     Attributes:
-        odds: logarithm of the odds, for each standard deviation of the lead after the first half one,
-            that the pose which leaves less of the detail is the right one.
+        odds: logarithm of the odds, for each standard deviation of the lead, that the pose which leaves
+            less of the detail is the right one.
         unseen: the chance of all poses that were not tried.
         refused: what is left of a start's certainty if nothing near it agrees enough.
     """
@@ -99,7 +97,7 @@ class Telling(NamedTuple):
     refused: float
 
 
-AS_DRAWN, ROUGHLY = Telling(2.5, 16.0, 0.3), Telling(1.0, 8.0, 0.7)
+AS_DRAWN, ROUGHLY = Telling(1.5, 16.0, 0.3), Telling(0.6, 8.0, 0.7)
 """Where light and materials are known, or else. Where they are, a right pose agrees so much that it is
 likely to have been left out if none does, and that it is hardly a start near which none does."""
 
@@ -178,10 +176,11 @@ def weighed(trails: Sequence[Trail], odds: float) -> list[Trail]:
     if len(trails) < 2:
         return list(trails)
     first = trails[0]
-    behind = [0.0]
-    for each in trails[1:]:
-        lead = first.comparer.lead(first.found.placement, each.comparer, each.found.placement)
-        behind.append(odds * math.copysign(max(0.0, abs(lead) - _BY_CHANCE), lead))
+    leads = [
+        first.comparer.lead(first.found.placement, each.comparer, each.found.placement)
+        for each in trails[1:]
+    ]
+    behind = [odds * lead for lead in (0.0, *leads)]
     return [
         replace(trail, share=math.exp(min(behind) - own))
         for trail, own in zip(trails, behind, strict=True)

@@ -45,15 +45,14 @@ def test_at_a_start_a_pose_is_as_likely_as_its_trust_says(certainty: float) -> N
 
 
 @pytest.mark.parametrize(
-    ("lead", "shares"),
-    [(0.0, (1, 1)), (0.5, (1, 1)), (-0.4, (1, 1)), (1.5, (1, np.exp(-2.5))), (-2.5, (np.exp(-5), 1))],
+    ("lead", "shares"), [(0.0, (1, 1)), (0.5, (1, np.exp(-0.75))), (-2.0, (np.exp(-3), 1))]
 )
-def test_half_a_standard_deviation_of_detail_tells_nothing(lead: float, shares: Any) -> None:
-    """Each further one multiplies the odds of the pose that leaves less by e^2.5, whichever it is."""
+def test_each_standard_deviation_of_detail_multiplies_the_odds(lead: float, shares: Any) -> None:
+    """Of the pose that leaves less, whichever it is."""
     comparer: Any = SimpleNamespace(lead=lambda placement, other, others: lead)
     found: Any = SimpleNamespace(placement=Placement(np.eye(3), HERE))
     trails = [
         Trail(found, comparer, np.array([0.0, 0.0, -1.0]), 0.7, False, 0, 1.0, 1.0, MATERIALS_KNOWN)
         for _ in range(2)
     ]
-    assert [each.share for each in weighed(trails, 2.5)] == pytest.approx(list(shares))
+    assert [each.share for each in weighed(trails, 1.5)] == pytest.approx(list(shares))

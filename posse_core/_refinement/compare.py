@@ -25,7 +25,8 @@ _DETAIL_PX = 3.0
 _BLOCK_PX = 8
 """and the side of the blocks in which it is compared."""
 _ALIKE = 0.05
-"""By so much of what is left the same look is drawn differently, as samples lie elsewhere."""
+"""Two drawings of the same look leave sums of squares that differ by about this share, as their samples
+lie elsewhere."""
 _GAINS = (0.0, 3.0)
 """Least and greatest gain."""
 _NOISE = 4 / 255
@@ -95,8 +96,8 @@ class LitComparer(Comparer):
         what varies within a few pixels than this one's does at a pose.
 
         What is left squared is compared in blocks of pixels, whose differences count as independent of
-        each other (the test of Vuong, Econometrica 57, 1989, for models that are not nested). Drawings
-        of the same look differ a little too.
+        each other (the test of Vuong, Econometrica 57, 1989, for models that are not nested). To the
+        deviation is added :data:`_ALIKE` of what the better one leaves.
         """
         crop, finer = self._crop, self._crop.scale.finer
         there = LitComparer(crop, other._studio, other._light)

@@ -89,3 +89,19 @@ def test_in_shadow_the_noise_is_that_of_eclipse() -> None:
     eclipsed = replace(FRAME, sun_irradiance_rgb_w_m2=np.zeros(3))
     shadow, eclipse = (rendered("auto", frame, sky(0.5), 2)[LIT] for frame in (behind, eclipsed))
     np.testing.assert_allclose(shadow.std(axis=0).mean(), eclipse.std(axis=0).mean(), rtol=0.02)
+
+
+def test_where_the_sun_is_half_hidden_the_light_is_still_that_of_sun_and_sky() -> None:
+    """In each of 108 parts of the image, most of them in the penumbra of a Sun that is 23° wide. Which
+    part of it is hidden says nothing of the sky."""
+    wide = replace(FRAME, sun_angular_radius_rad=0.2)
+    eclipsed = replace(wide, sun_irradiance_rgb_w_m2=np.zeros(3))
+    both, sun_alone, sky_alone = (
+        rendered("auto", frame, environment, 2, plate=MATT)
+        .mean(axis=0, dtype=np.float64)
+        .reshape(9, 8, 12, 8, 3)
+        .mean(axis=(1, 3))
+        for frame, environment in ((wide, sky(0.5)), (wide, None), (eclipsed, sky(0.5)))
+    )
+    expected = sun_alone + sky_alone
+    np.testing.assert_allclose(both, expected, rtol=0.03, atol=0.002 * expected.max())

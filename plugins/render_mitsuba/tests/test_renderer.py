@@ -49,12 +49,12 @@ def test_chunks_cover_the_box_once_in_order(x0: int, y0: int, w: int, size: int)
 
 
 @pytest.mark.parametrize("variant", ["auto", "scalar"])
-@pytest.mark.parametrize("spp", [9, 40], ids=["one round", "several rounds"])
+@pytest.mark.parametrize("spp", [16, 40], ids=["one round", "several rounds"])
 def test_a_box_of_several_parts_has_no_seam(
     monkeypatch: pytest.MonkeyPatch, variant: Literal["auto", "scalar"], spp: int
 ) -> None:
     """Lambert's law holds across the borders of kernel calls and tiles."""
-    monkeypatch.setattr("posse_render_mitsuba.wavefront.SAMPLES_PER_CALL", 9 * 3333)
+    monkeypatch.setattr("posse_render_mitsuba.wavefront.SAMPLES_PER_CALL", 16 * 1875)
     plate = scenes.rectangle("plate", "clay", u_m=(50, 0, 0), v_m=(0, 9, 0))
     camera = scenes.camera(600, 20, 1.0)
     renderer = MitsubaRenderer(MitsubaOptions(spp=spp, variant=variant))

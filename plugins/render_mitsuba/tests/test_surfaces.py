@@ -111,7 +111,10 @@ def texture(height: int, width: int, channels: int, seed: int) -> AnyArray:
     return np.random.default_rng(seed).integers(0, 256, shape, dtype=np.uint8)
 
 
-def test_textures_repeat_and_are_looked_up_between_their_texels() -> None:
+@pytest.mark.parametrize(
+    "sizes", [((4, 6), (5, 3), (2, 2)), ((4, 6), (4, 6), (4, 6))], ids=["several sizes", "one size"]
+)
+def test_textures_repeat_and_are_looked_up_between_their_texels(sizes: Any) -> None:
     """Of each mesh its own, of any size. A frame's finish multiplies them or brings a pattern."""
     import drjit as dr
     import mitsuba as mi
@@ -121,9 +124,9 @@ def test_textures_repeat_and_are_looked_up_between_their_texels() -> None:
 
     first = replace(
         MIXED,
-        base_color_texture=texture(4, 6, 3, 1),
-        metallic_roughness_texture=texture(5, 3, 2, 2),
-        normal_texture=texture(2, 2, 3, 3),
+        base_color_texture=texture(*sizes[0], 3, 1),
+        metallic_roughness_texture=texture(*sizes[1], 2, 2),
+        normal_texture=texture(*sizes[2], 3, 3),
         patterns=(texture(4, 6, 3, 4),),
     )
     parts = [scenes.rectangle("first", "mixed"), scenes.rectangle("second", "gold")]

@@ -38,7 +38,8 @@ class Table:
         of_shape: index of the material of each shape, by the shape's number in Mitsuba's registry.
         factors: :data:`FACTORS` numbers per material.
         textures: per material and one of :data:`CODES` four numbers: first texel, height, width, 0.
-        texels: two numbers per texel; the first row of a texture is at v = 0.
+        texels: two integers per texel: its eight bytes, the lowest first. The first row of a texture is
+            at v = 0.
         is_of_one_size: whether the textures of each material are of one size, so that their codes are in
             the same texels.
         linear: the 256 shares of white for which the codes of the base colour stand.
@@ -128,6 +129,7 @@ class Materials:
             for texture in (material.base_color_texture, *material.patterns)
         ]
         self._is_of_one_size = all(_is_of_one_size(_textures(look)) for look in looks)
+        # The textures of all patterns are stored now, since the kernel's texels stay as they are.
         self._rows(looks)
         pointers: Any = [dr.reinterpret_array(mi.UInt32, mi.ShapePtr(mesh)) for mesh, _ in shapes.meshes]
         numbers = [int(pointer[0]) for pointer in pointers]

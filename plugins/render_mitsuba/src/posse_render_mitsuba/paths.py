@@ -166,7 +166,8 @@ def trace(
         if dr.hint(sky is not None, mode="scalar"):
             sky_sampled = goes_on & ~sunlit
             if sky_sampled:
-                to_sky, skylight = sky.sample_direction(hit, numbers.light)
+                # Not those by which the Sun is hidden: they would look at a part of the sky alone.
+                to_sky, skylight = sky.sample_direction(hit, numbers.scattered)
                 value, value_pdf = surface.reflected(hit.to_local(to_sky.d))
                 clear = (to_sky.pdf > 0) & dr.any(value != 0)
                 clear &= ~scene.ray_test(hit.spawn_ray_to(to_sky.p), clear)

@@ -3,7 +3,8 @@ imported.
 
 They are computed from the pixel, the sample and the segment of the path by a hash, so that a kernel
 keeps no state of them. Over the samples of a pixel they fill the unit square evenly: their first digits,
-base 2, are those of a Hammersley set, in an order and with changed digits of each pixel and segment.
+base 2, are those of a Hammersley set. Each pixel and segment takes the set in another random order, and
+with some digits of y changed at random. The digits after the first ones are random.
 """
 
 from __future__ import annotations
@@ -15,20 +16,23 @@ import drjit as dr
 import mitsuba as mi
 
 _HALF, _MASK = 16, 0xFFFF
-"""A hashed word is two halves of so many digits: those of a number after the first ones."""
+"""A hashed word of 32 digits, base 2, is cut into two halves of so many. Each gives the digits of a
+number after the first ones."""
 _ORDERS = 0x9E3779B9
 """A number that no sample has."""
 
 
 @dataclass
 class Numbers:
-    """The random numbers of one segment of a path.
+    """The random numbers of one segment of each sample's path.
 
     Attributes:
-        light: in the unit square, for a direction to a light.
-        scattered: in the unit square, and
-        choice: 0 … 1, for the direction in which the path goes on.
-        roulette: 0 … 1, for whether it does. It is not spread evenly.
+        light: in the unit square, for the point of the Sun's disc; of segment 0 for the place in the
+            pixel.
+        scattered: in the unit square, for the direction in which the path goes on, and that to the sky,
+            which are terms of one sum.
+        choice: 0 … 1, for whether facets or the base scatter the path.
+        roulette: 0 … 1, for whether the path goes on. It is not spread evenly.
     """
 
     light: mi.Point2f
@@ -42,8 +46,9 @@ class Strata:
     """The samples of some pixels, 2 to the power of ``digits`` in each.
 
     Attributes:
-        pixel: a random number of each pixel, for each of its samples.
-        sample: number of the sample in its pixel.
+        pixel: of each sample, a random integer that all samples of its pixel share.
+        sample: of each sample, its number in its pixel, from 0.
+        digits: number of the first digits, by which samples are spread.
     """
 
     pixel: mi.UInt32
@@ -51,7 +56,8 @@ class Strata:
     digits: int
 
     def numbers(self, segment: Any) -> Numbers:
-        """The random numbers of a segment."""
+        """The random numbers of a segment: 0 is the camera's ray, and k what happens at the k-th surface
+        that a path hits."""
         orders = _hashed(self.pixel, segment, _ORDERS)
         words = _hashed(self.pixel, segment, self.sample)
         low, high = words & _MASK, words >> _HALF

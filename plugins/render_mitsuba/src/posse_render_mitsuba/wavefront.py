@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from posse_render_mitsuba.materials import Materials
 
 ROUND_SPP = 32
+"""Samples per pixel of one round, a power of two."""
 SAMPLES_PER_CALL = 1 << 20
 """Enough samples that the fixed cost of a call (0.01 s) is small; four times as many take 0.4 GB
 more."""
@@ -109,7 +110,7 @@ class Wavefront:
         return self._worlds[kind]
 
     def _round(
-        self, sample_pixels: Callable[..., Any], centres_px: FloatArray, random: Any
+        self, sample_pixels: Callable[..., Any], centres_px: FloatArray, random: np.random.Generator
     ) -> FloatArray:
         """As :meth:`_pixels`, for any number of pixels: split into as many kernel calls as needed."""
         parts = [
@@ -119,13 +120,14 @@ class Wavefront:
         return np.concatenate([np.zeros((0, 6)), *parts])
 
     def _pixels(
-        self, sample_pixels: Callable[..., Any], centres_px: FloatArray, random: Any
+        self, sample_pixels: Callable[..., Any], centres_px: FloatArray, random: np.random.Generator
     ) -> FloatArray:
         """Sample some pixels in one kernel call.
 
         Args:
             sample_pixels: :func:`posse_render_mitsuba.paths.sample_pixels` with a frame's arguments.
             centres_px: (n, 2) centres of the pixels, px.
+            random: makes a seed of each pixel.
 
         Returns:
             (n, 6): the sums of radiance (three bands) and coverage over the samples, the number of

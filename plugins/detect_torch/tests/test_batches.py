@@ -99,7 +99,7 @@ with Batches(Turns(), in_processes=True) as batches:
     print(sum(len(batch["picture"]) for batch in batches.of_epoch(0)))
 """
     done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=300, check=False
     )
     assert done.stdout.strip() == "8", done.stderr
 

@@ -141,7 +141,7 @@ class Follower:
         """
         tried = []
         for placement in placements:
-            crops = self._crops(placement, self.scales(placement)[scale])
+            crops = self._crops(placement, self._scale(placement, scale))
             if crops and self.has_time():
                 moved = [
                     self._registered(seen, placement, scale)
@@ -186,7 +186,7 @@ class Follower:
         """A pose under a light, moved to where its drawing lies; None if too little of it is in the
         image there."""
         there = seen.comparer.registered(seen.drawing, placement)
-        crops = self._crops(there.placement, self.scales(there.placement)[scale])
+        crops = self._crops(there.placement, self._scale(there.placement, scale))
         return self._tried(seen, there.placement, crops, there.rise) if crops else None
 
     def _tried(self, seen: _Seen, placement: Placement, crops: Sequence[Crop], rise: float) -> Tried:
@@ -252,6 +252,11 @@ class Follower:
 
     def scales(self, placement: Placement) -> list[Scale]:
         return scales(self.picture.extent_px(placement, self._studio.hull_m), self.sizes_px)
+
+    def _scale(self, placement: Placement, number: int) -> Scale:
+        """The scale of a number, from 0, or the finest where an image of few pixels has fewer."""
+        several = self.scales(placement)
+        return several[min(number, len(several) - 1)]
 
     def _crops(self, placement: Placement, scale: Scale) -> list[Crop]:
         """The part around the spacecraft, coded and linear; none if too little of it is in the image."""

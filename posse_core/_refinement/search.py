@@ -26,7 +26,7 @@ from posse_core._refinement.trail import (
     different,
     weighed,
 )
-from posse_core._refinement.turns import CLOSE, FAR, Around, half_turn_axes, half_turned, tilted
+from posse_core._refinement.turns import BESIDE, CLOSE, FAR, Around, half_turn_axes, half_turned, tilted
 
 _SURE, _CLEAR, _SETTLED = 0.95, 0.98, 0.99
 """With the first agreement at the coarsest scale, poses nearby are not tried; with the second at the
@@ -94,19 +94,21 @@ class Search:
             if looks:
                 found = self._compared([*found, *self._followed_to_the_finest(looks)])
         is_hopeful = self._is_sun_known and found[0].agreement > self._follower.followable
-        if is_hopeful and found[0].agreement < _SETTLED:
-            found = self._compared([*found, *self._slightly_turned(found[:1])])
         is_open = is_hopeful and found[0].agreement < _CLEAR
         # Where one half-turn was followed to its end and the other was not, detail tells nothing.
         if is_open or (looks and self._is_doubtful(found, _SOUGHT)):
             turned = self._followed_to_the_finest(self._half_turned(found[0], _TURNED_LATER))
             found = self._compared([*found, *turned])
         if is_hopeful and self._is_doubtful(found):
-            found = self._compared([*found, *self._slightly_turned(found[1:_SLIGHTLY])])
+            found = self._compared([*found, *self._slightly_turned(found, CLOSE)])
             if self._is_doubtful(found) and found[0].agreement < _CLEAR:
                 found += self._followed_to_the_finest(self._elsewhere(found, trails, firsts))
                 found = self._compared(found)
-                found = self._compared([*found, *self._slightly_turned(found[:_SLIGHTLY])])
+                found = self._compared([*found, *self._slightly_turned(found, CLOSE)])
+        if is_hopeful and found[0].agreement < _SETTLED:
+            rivals = [trail for trail in found if trail.chance >= found[0].chance / RIVAL]
+            beside = self._followed_to_the_finest(self._slightly_turned(rivals, BESIDE))
+            found = self._compared([*found, *beside])
         found, found_closer = self._compared_closer(found)
         best = found[0]
         self._follower.take_as(is_linear=best.is_linear)
@@ -175,13 +177,13 @@ class Search:
         sure = certainty(found, self._symmetries, self._follower.telling.unseen)
         return sure < least and is_possible and not is_sure
 
-    def _slightly_turned(self, found: Sequence[Trail]) -> list[Trail]:
-        """Trails at the finest scale from poses slightly turned from some, as steps end at any pose from
-        which all small ones make the agreement less."""
+    def _slightly_turned(self, found: Sequence[Trail], around: Around) -> list[Trail]:
+        """Trails from poses slightly turned from the first of some, as steps end at any pose from which
+        all small ones make the agreement less."""
         turned: list[Trail] = []
-        for trail in found:
-            turned += self._nearby(trail, trail.found.placement, CLOSE)
-        return self._followed_to_the_finest(turned) if turned else []
+        for trail in found[:_SLIGHTLY]:
+            turned += self._nearby(trail, trail.found.placement, around)
+        return turned
 
     def _followed_to_the_finest(self, trails: Sequence[Trail]) -> list[Trail]:
         """The likeliest of trails, followed to the finest scale and compared there."""

@@ -45,7 +45,8 @@ class Tried(NamedTuple):
 
 
 FAR = Around(((np.radians(12), 6), (np.radians(25), 8)), scale=0, followed=3)
-CLOSE = Around(((np.radians(10), 6),), scale=1, followed=3)
+CLOSE = Around(((np.radians(5), 6),), scale=2, followed=2)
+BESIDE = Around(((np.radians(10), 6),), scale=1, followed=3)
 
 
 def tilted(placement: Placement, around: Around) -> list[Placement]:

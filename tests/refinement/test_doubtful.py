@@ -14,7 +14,7 @@ from posse_core._frames import matrix_from_quaternion
 from posse_core._plugins.loading import load_plugins
 from posse_core._randomness import random_generator
 from posse_core._refinement.opening import open_refiner
-from posse_core._refinement.turns import CLOSE, FAR, Around, half_turn_axes, half_turned, tilted
+from posse_core._refinement.turns import BESIDE, CLOSE, FAR, Around, half_turn_axes, half_turned, tilted
 from posse_core._scenario.component import ComponentChoice
 from posse_core.testing import scenes
 from tests.support.raycast_images import CAMERA, HERE, SUN, light_of, needs_raster, with_booms
@@ -98,7 +98,9 @@ def test_steps_that_end_beside_the_right_pose_are_made_again_from_its_neighbours
     assert made.agreement > least_agreement
 
 
-@pytest.mark.parametrize(("around", "angles_deg"), [(FAR, [12] * 6 + [25] * 8), (CLOSE, [10] * 6)])
+@pytest.mark.parametrize(
+    ("around", "angles_deg"), [(FAR, [12] * 6 + [25] * 8), (CLOSE, [5] * 6), (BESIDE, [10] * 6)]
+)
 def test_poses_nearby_are_tilted_about_axes_across_the_line_of_sight(
     around: Around, angles_deg: list[float]
 ) -> None:

@@ -105,7 +105,7 @@ class Search:
                 found += self._followed_to_the_finest(self._elsewhere(found, trails, firsts))
                 found = self._compared(found)
                 found = self._compared([*found, *self._slightly_turned(found, CLOSE)])
-        if is_hopeful and found[0].agreement < _SETTLED:
+        elif is_hopeful and found[0].agreement < _SETTLED:
             rivals = [trail for trail in found if trail.chance >= found[0].chance / RIVAL]
             beside = self._followed_to_the_finest(self._slightly_turned(rivals, BESIDE))
             found = self._compared([*found, *beside])

@@ -253,10 +253,10 @@ class Follower:
     def scales(self, placement: Placement) -> list[Scale]:
         return scales(self.picture.extent_px(placement, self._studio.hull_m), self.sizes_px)
 
-    def _scale(self, placement: Placement, number: int) -> Scale:
-        """The scale of a number, from 0, or the finest where an image of few pixels has fewer."""
+    def _scale(self, placement: Placement, index: int) -> Scale:
+        """The scale of an index, or the finest where an image of few pixels has fewer."""
         several = self.scales(placement)
-        return several[min(number, len(several) - 1)]
+        return several[min(index, len(several) - 1)]
 
     def _crops(self, placement: Placement, scale: Scale) -> list[Crop]:
         """The part around the spacecraft, coded and linear; none if too little of it is in the image."""

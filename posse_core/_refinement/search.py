@@ -106,8 +106,7 @@ class Search:
                 found = self._compared(found)
                 found = self._compared([*found, *self._slightly_turned(found, CLOSE)])
         elif is_hopeful and found[0].agreement < _SETTLED:
-            rivals = [trail for trail in found if trail.chance >= found[0].chance / RIVAL]
-            beside = self._followed_to_the_finest(self._slightly_turned(rivals, BESIDE))
+            beside = self._followed_to_the_finest(self._slightly_turned(_rivals(found), BESIDE))
             found = self._compared([*found, *beside])
         found, found_closer = self._compared_closer(found)
         best = found[0]
@@ -206,7 +205,7 @@ class Search:
     def _compared_closer(self, found: Sequence[Trail]) -> tuple[list[Trail], Found]:
         """Trails of which those that rival the likeliest are weighed anew by detail, where the image
         shows more of it, and where the likeliest leads there."""
-        rivals = [trail for trail in found if trail.chance >= found[0].chance / RIVAL]
+        rivals = _rivals(found)
         closer = [self._follower.closer(trail) for trail in rivals]
         if len(rivals) > 1:
             told = weighed(closer, self._follower.telling.odds)
@@ -246,3 +245,8 @@ class Search:
                 break
             best, here = better, better.found.placement
         return trails
+
+
+def _rivals(found: Sequence[Trail]) -> list[Trail]:
+    """The likeliest of trails, which comes first, and those of which one may be right in its place."""
+    return [trail for trail in found if trail.chance >= found[0].chance / RIVAL]

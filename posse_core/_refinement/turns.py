@@ -21,7 +21,8 @@ class Around(NamedTuple):
 
     Attributes:
         tilts: by how much they are turned about axes across the line of sight, and about how many.
-        scale: index of the scale at which they are drawn, or of the finest where there are fewer.
+        scale: index of the scale at which they are drawn, -1 the finest, or the finest where there are
+            fewer.
         followed: how many of them are followed.
     """
 
@@ -45,7 +46,7 @@ class Tried(NamedTuple):
 
 
 FAR = Around(((np.radians(12), 6), (np.radians(25), 8)), scale=0, followed=3)
-CLOSE = Around(((np.radians(5), 6),), scale=2, followed=2)
+CLOSE = Around(((np.radians(5), 6),), scale=-1, followed=2)
 BESIDE = Around(((np.radians(10), 6),), scale=1, followed=3)
 
 

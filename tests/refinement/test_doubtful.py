@@ -3,21 +3,31 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from posse_core import CraftState, PixelBox, PoseEstimate, RenderRequest, Scene
+from posse_core import CraftState, PixelBox, PoseEstimate, Renderer, RenderRequest, Scene
 from posse_core._evaluation.poses import pose_errors
 from posse_core._frames import matrix_from_quaternion
+from posse_core._imaging.grey import to_grey
+from posse_core._interfaces.refiner import RefinerSetting
 from posse_core._plugins.loading import load_plugins
+from posse_core._plugins.registry import Registry
 from posse_core._randomness import random_generator
+from posse_core._refinement.follower import Follower
 from posse_core._refinement.opening import open_refiner
+from posse_core._refinement.placement import Placement
+from posse_core._refinement.studio import Studio
 from posse_core._refinement.turns import BESIDE, CLOSE, FAR, Around, half_turn_axes, half_turned, tilted
 from posse_core._scenario.component import ComponentChoice
 from posse_core.testing import scenes
 from tests.support.raycast_images import CAMERA, HERE, SUN, light_of, needs_raster, with_booms
+
+CLUSTERS_SUN = np.array([-0.335, -0.8133, -0.4757]) / np.linalg.norm([-0.335, -0.8133, -0.4757])
 
 
 @needs_raster
@@ -51,32 +61,68 @@ def test_a_trusted_start_that_leads_nowhere_does_not_hide_another() -> None:
 
 @needs_raster
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("range_m", "most_deg", "least_agreement"), [(58.83, 0.3, 0.977), (500.0, 12.1, 0.7)]
-)
-def test_steps_that_end_beside_the_right_pose_are_made_again_from_its_neighbours(
-    range_m: float, most_deg: float, least_agreement: float
+def test_steps_that_end_beside_the_right_pose_are_made_again_from_its_neighbours() -> None:
+    """Cluster in noise, a hundred pixels wide, from 12° off, from where steps alone end 0.4° off, at a
+    lesser agreement."""
+    registry, setting, image, right, start = _cluster(58.83)
+    choice = ComponentChoice(name="render-compare")
+    with contextlib.closing(
+        open_refiner(registry, choice, setting.spacecraft, setting.camera)
+    ) as refiner:
+        made = refiner.refine(image, [start], CLUSTERS_SUN)
+    _, e_q_rad = pose_errors(*right, made.pose.R_cam_from_body, made.pose.t_body_cam_m, ())
+    assert made.is_better
+    assert np.degrees(e_q_rad) < 0.3
+    assert made.agreement > 0.977
+
+
+@needs_raster
+@pytest.mark.parametrize(("range_m", "number_of_scales"), [(500.0, 1), (400.0, 2)])
+@pytest.mark.parametrize("around", [FAR, CLOSE, BESIDE])
+def test_of_few_pixels_poses_nearby_are_drawn_at_the_finest_scale_that_there_is(
+    range_m: float, number_of_scales: int, around: Around
 ) -> None:
-    """Cluster in noise, a hundred pixels wide or twelve, which are too few for a second scale, from 12°
-    off: where it has a hundred, steps from there alone end 0.4° off, at a lesser agreement."""
+    """Cluster, twelve pixels wide or fifteen."""
+    _, setting, image, right, start = _cluster(range_m)
+    with contextlib.closing(Studio(setting, ComponentChoice(name="raster"))) as studio:
+        follower = Follower(
+            setting, studio, to_grey(image), CLUSTERS_SUN, 192.0, 0.7, lambda: True, None
+        )
+        follower.starts = [start]
+        several = follower.scales(right)
+        assert len(several) == number_of_scales
+        (drawn,) = follower.drawn([right], around.scale, CLUSTERS_SUN)
+    index = around.scale if around.scale < number_of_scales else -1
+    assert {crop.scale for crop in drawn.crops} == {several[index]}
+
+
+def _cluster(
+    range_m: float,
+) -> tuple[Registry, RefinerSetting, np.ndarray, Placement, PoseEstimate]:
+    """Cluster in noise as an image (h, w), its pose in it, and a start 12° off."""
     registry = load_plugins().registry
+
+    def renderer(name: str, options: Mapping[str, Any], scene: Scene) -> Renderer:
+        made: Renderer = registry.create("renderer", name, registry.options("renderer", name, options))
+        made.open(scene)
+        return made
+
     craft = registry.create("scene", "cluster", registry.options("scene", "cluster", {})).build()
-    craft, camera = craft.welded(()), scenes.camera(256, 192, 2 * np.arctan(128 / 640))
+    setting = RefinerSetting(
+        craft.welded(()), scenes.camera(256, 192, 2 * np.arctan(128 / 640)), renderer
+    )
     R = matrix_from_quaternion(np.array([0.570042, -0.618009, -0.529651, 0.112195]))
-    t_m, sun = np.array([0.35, -0.19, range_m]), np.array([-0.335, -0.8133, -0.4757])
-    sun /= np.linalg.norm(sun)
+    t_m = np.array([0.35, -0.19, range_m])
     state = CraftState(
         R,
         t_m,
-        sun_direction_cam=sun,
+        sun_direction_cam=CLUSTERS_SUN,
         sun_irradiance_rgb_w_m2=np.full(3, np.pi),
         sun_angular_radius_rad=0.0047,
     )
-    box = PixelBox(0, 0, camera.width_px, camera.height_px)
-    renderer = registry.create("renderer", "raster", registry.options("renderer", "raster", {}))
-    renderer.open(Scene(craft, camera))
-    with contextlib.closing(renderer):
-        light = renderer.render(RenderRequest(state, box, None, 0)).radiance_rgb.mean(axis=-1)
+    box = PixelBox(0, 0, setting.camera.width_px, setting.camera.height_px)
+    with contextlib.closing(renderer("raster", {}, Scene(setting.spacecraft, setting.camera))) as by:
+        light = by.render(RenderRequest(state, box, None, 0)).radiance_rgb.mean(axis=-1)
     coded = 255 * np.clip(1.2 * light, 0, 1) ** (1 / 2.2)
     noise = np.random.default_rng(0).normal(0, 6, coded.shape)
     image = np.rint(np.clip(coded + noise, 0, 255)).astype(np.uint8)
@@ -89,12 +135,7 @@ def test_steps_that_end_beside_the_right_pose_are_made_again_from_its_neighbours
         1.0,
         certainty=0.9,
     )
-    choice = ComponentChoice(name="render-compare")
-    with contextlib.closing(open_refiner(registry, choice, craft, camera)) as refiner:
-        made = refiner.refine(image, [start], sun)
-    _, e_q_rad = pose_errors(R, t_m, made.pose.R_cam_from_body, made.pose.t_body_cam_m, ())
-    assert np.degrees(e_q_rad) < most_deg
-    assert made.agreement > least_agreement
+    return registry, setting, image, Placement(R, t_m), start
 
 
 @pytest.mark.parametrize(
